@@ -1,3 +1,3 @@
-"""What the robot sees: from camera frames to people with a place and a time."""
+"""Perception: from camera frames to faces, things and markers with a direction and a time; and from sound to phrases."""
 
 __project__ = "missiontree"

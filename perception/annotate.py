@@ -1,4 +1,4 @@
-"""Drawing what was seen onto a picture, for people to look at."""
+"""Drawing of detections onto a picture, for people."""
 
 from collections.abc import Iterable
 from math import isnan
@@ -10,15 +10,15 @@ from perception.api import Box, Image
 
 INK = (80, 220, 60)  # blue, green, red: a green that shows on skin and on walls
 MAX_PIXEL = 30_000
-"""Pixels beyond which nothing is drawn: OpenCV has no larger places."""
+"""Largest pixel coordinate that OpenCV can draw."""
 
 PAPER = (0, 0, 0)
 
 
 def annotate(image: Image, marks: Iterable[tuple[Box, str]]) -> Image:
-    """Return a copy of the picture with a frame around each box and its label, unless empty, above it.
+    """Return a copy of the picture with a frame around each box, and its label above unless empty.
 
-    Boxes may reach beyond the picture; labels are kept inside it. The lines grow with the picture.
+    Boxes may reach beyond the picture; labels are moved inside. Line widths scale with the picture.
     """
     drawn = np.ascontiguousarray(image).copy()
     line = max(1, round(min(drawn.shape[:2]) / 240))

@@ -1,7 +1,7 @@
-"""What perception deals in: frames, detections, and faces with a place and a time.
+"""Values and protocols of perception: frames, detections, and percepts with a direction and a time.
 
-Angles in radians with the axes of REP 103: ``yaw`` about z, positive left; ``pitch`` about y, positive down.
-Positions in a picture are pixels from its top left corner, x to the right, y down.
+Angles in radians with the axes of REP 103: ``yaw`` about z, positive left; ``pitch`` about y, positive down. Positions
+in a picture are pixels from its top left corner, x to the right, y down.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ TurnRate = Annotated[float, "turn rate"]
 
 
 class Frame(Protocol):
-    """One picture and when it was taken, in seconds on the run's clock."""
+    """A picture and its time, in seconds on the run's clock."""
 
     @property
     def image(self) -> Image:
@@ -37,7 +37,7 @@ class Frame(Protocol):
 
     @property
     def stamp(self) -> float:
-        """When it was taken."""
+        """Time of the exposure, in seconds."""
         ...
 
 
@@ -52,11 +52,11 @@ class Box:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The middle (x, y)."""
+        """Centre (x, y)."""
         return self.x + self.width / 2, self.y + self.height / 2
 
     def overlap(self, other: "Box") -> float:
-        """Intersection over union, 0..1."""
+        """Return intersection over union with ``other``, 0..1."""
         across = min(self.x + self.width, other.x + other.width) - max(self.x, other.x)
         down = min(self.y + self.height, other.y + other.height) - max(self.y, other.y)
         if across <= 0 or down <= 0:
@@ -67,9 +67,9 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """One thing found in one picture. ``score`` is the detector's own measure; higher is surer.
+    """Detection of one object in one picture. ``score`` is the detector's own measure; higher is surer.
 
-    ``roll`` is by how much a head leans to the right in the picture, in radians, as far as the detector tells.
+    ``roll`` is the angle by which a head leans to the right in the picture, in radians, if the detector measures it.
     """
 
     box: Box
@@ -79,9 +79,9 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Gaze:
-    """Which way the camera looked when a picture was taken, in the odometry frame.
+    """Direction of the camera when a picture was taken, in the odometry frame.
 
-    ``doubt`` is how far off the yaw may be, one sigma, as the time of the exposure is not known exactly.
+    ``doubt`` is the uncertainty of the yaw, one sigma, because the time of the exposure is not known exactly.
     """
 
     yaw: float
@@ -91,12 +91,12 @@ class Gaze:
 
 @dataclass(frozen=True, slots=True)
 class Percept:
-    """Something that is followed from frame to frame.
+    """An object that is tracked from frame to frame.
 
-    ``id`` stays while the track lives. ``stamp`` is the time of the frame that last showed it, ``box`` where in that
-    frame. ``bearing`` and ``elevation`` are its angles from that frame's optical axis: left is positive, and so is
-    *down*, as with every tilt and ``pitch`` (REP 103). ``yaw``, ``pitch`` (odometry frame) and their rates in rad/s are
-    filtered over time. ``distance`` is in metres.
+    ``id`` is constant while the track lives. ``stamp`` is the time of the frame that last showed it, ``box`` its place
+    in that frame. ``bearing`` and ``elevation`` are its angles from the optical axis of that frame: left is positive,
+    and so is *down*, as for every tilt and ``pitch`` (REP 103). ``yaw``, ``pitch`` (odometry frame) and their rates in
+    rad/s are filtered over time. ``distance`` is in metres.
     """
 
     id: int
@@ -111,35 +111,35 @@ class Percept:
     distance: Length
 
     def predict(self, time: float) -> tuple[float, float]:
-        """Return (yaw, pitch) at ``time``, if it goes on as it did."""
+        """Return (yaw, pitch) at ``time``, extrapolated at constant rates."""
         ahead = time - self.stamp
         return self.yaw + self.yaw_rate * ahead, self.pitch + self.pitch_rate * ahead
 
 
 UNKNOWN = "unknown"
-"""The name of somebody whom the robot does not know."""
+"""Name of a stranger."""
 
 
 @dataclass(frozen=True, slots=True)
 class Face(Percept):
-    """A person's face, detected or carried by optical flow; its distance is a guess from the size of the box.
+    """A person's face, detected or carried by optical flow; its distance is estimated from the size of the box.
 
-    ``name`` says whose it is: ``UNKNOWN`` for a stranger, empty while that is not decided or nobody asks.
+    ``name`` is the person's name: ``UNKNOWN`` for a stranger, empty while it is undecided or names are not used.
     """
 
     name: str = ""
 
 
 BALL, BOX, ANY = "ball", "box", "thing"
-"""The shapes of things: round from every side; with straight edges; whatever it has."""
+"""Shapes of things: round from every side; with straight edges; any."""
 
 
 @dataclass(frozen=True, slots=True)
 class ThingSpec:
-    """A coloured shape to look for, and the name that what is found will bear.
+    """Specification of a coloured shape to look for, and the name of things that match it.
 
-    ``colour`` is a name of the palette, ``shape`` one of ``BALL``, ``BOX`` and ``ANY``. ``size`` is its diameter or
-    width in metres, where that is known: from it follows how far away it is.
+    ``colour`` is a name of the palette, ``shape`` one of ``BALL``, ``BOX`` and ``ANY``. ``size`` is the diameter or
+    width in metres, if known; the distance is computed from it.
     """
 
     name: str
@@ -150,9 +150,9 @@ class ThingSpec:
 
 @dataclass(frozen=True, slots=True)
 class Thing(Percept):
-    """A coloured shape: ``colour`` and ``shape`` in words ("red", "box"), ``name`` as it was asked for.
+    """A coloured shape: ``colour`` and ``shape`` in words ("red", "box"), ``name`` as in its specification.
 
-    ``size`` is its width in metres, as far as that is known; else None, and the distance is not a number (NaN).
+    ``size`` is its width in metres. If it is None, the distance is NaN.
     """
 
     name: str
@@ -163,10 +163,10 @@ class Thing(Percept):
 
 @dataclass(frozen=True, slots=True)
 class Marker(Percept):
-    """A square marker on another robot: ``number`` is its own, ``name`` that of the robot, where it is known.
+    """A square marker on another robot, with its ``number``; ``name`` is that of the robot, if known.
 
-    ``heading`` in radians is which way the marker's face is turned as seen from here: 0 is towards the camera,
-    positive turned to its left.
+    ``heading`` in radians is the direction of the marker's face as seen from here: 0 is towards the camera, positive
+    turned to its own left.
     """
 
     number: int
@@ -176,11 +176,11 @@ class Marker(Percept):
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What one picture shows as a whole, in grey levels of 255.
+    """Properties of a whole picture, in grey levels of 255.
 
-    ``stamp`` is its frame's time, ``brightness`` its mean. ``contrast`` is how much neighbouring spots differ where
-    they do most: about 1 where it shows nothing but a blank wall or a covered lens, some tens for a room. ``motion`` is
-    the share 0..1 of it that has changed since the frame before, None where nobody asked.
+    ``stamp`` is the time of its frame, ``brightness`` its mean. ``contrast`` is the difference of neighbouring spots
+    where it is largest: about 1 for a blank wall or a covered lens, some tens for a room. ``motion`` is the share 0..1
+    that has changed since the frame before, None if motion is not used.
     """
 
     stamp: float
@@ -191,9 +191,10 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """All that the newest frame gave; one object, so that readers never see half of it. ``looked`` is its stamp.
+    """All results of the newest frame in one immutable value, so readers always get a consistent set.
 
-    ``spent`` are the seconds that the search took, by the run's clock: none where time is simulated.
+    ``looked`` is the stamp of the frame. ``spent`` is the duration of the search in seconds of the run's clock: 0 in
+    simulated time.
     """
 
     looked: float | None = None
@@ -205,36 +206,36 @@ class View:
 
 
 class Sight(Protocol):
-    """What a behaviour sees of perception: the newest percepts, ready at once; how old is too old, the caller says."""
+    """Access of a behaviour to the newest percepts, without waiting; the caller decides how old they may be."""
 
     def looked(self) -> float | None:
-        """The stamp of the newest frame that was searched, None before the first."""
+        """Return the stamp of the newest frame that was searched, None before the first."""
         ...
 
     def faces(self) -> Sequence[Face]:
-        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
+        """Return the faces tracked now, largest first, each with the stamp of the frame that last showed it."""
         ...
 
     def things(self) -> Sequence[Thing]:
-        """The coloured shapes followed now, largest first."""
+        """Return the coloured shapes tracked now, largest first."""
         ...
 
     def markers(self) -> Sequence[Marker]:
-        """The markers of other robots followed now, largest first."""
+        """Return the markers of other robots tracked now, largest first."""
         ...
 
     def scene(self) -> Scene | None:
-        """What the newest frame shows as a whole, or one of the last 0.2 s; None before the first."""
+        """Return the scene of the newest frame, or of one of the last 0.2 s; None before the first."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """Something said that was understood: one of the ``phrase``s that the mission listens for.
+    """An utterance that was recognised as one of the phrases that the mission listens for.
 
-    ``id`` counts them. ``start`` and ``stamp`` are when they began and ended, in seconds on the run's clock. ``score``
-    says how surely it was this phrase and not other speech: above 0 is more likely than not. ``who`` said it is known
-    only in simulation.
+    ``id`` counts the utterances. ``start`` and ``stamp`` are its begin and end, in seconds on the run's clock.
+    ``score`` is the certainty: above 0 the phrase is more likely than other speech. ``who`` is the speaker, known only
+    in simulation.
     """
 
     id: int
@@ -246,24 +247,24 @@ class Words:
 
 
 class Hearing(Protocol):
-    """What a behaviour hears: phrases that were understood, ready at once."""
+    """Access of a behaviour to recognised phrases, without waiting."""
 
     def listened(self) -> float | None:
-        """The time up to which it has listened, None before it could: old while the microphone is gone."""
+        """Return the time up to which it has listened, None before the start; it stops while disconnected."""
         ...
 
     def words(self) -> Sequence[Words]:
-        """The phrases of the last 30 s, newest first."""
+        """Return the phrases of the last 30 s, newest first."""
         ...
 
     def refused(self) -> Sequence[Words]:
-        """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
+        """Return the refused utterances of the last 30 s, newest first, each with the nearest phrase."""
         ...
 
     def level(self) -> Annotated[float, "unsampled"]:
-        """How loud it is now, in dBFS: 0 is the loudest that can be, -90 about silence."""
+        """Return the current sound level in dBFS: 0 is the maximum, -90 about silence."""
         ...
 
 
 def ignore(*_told: object) -> None:
-    """Do nothing: a callback of which nobody wants to be told."""
+    """Do nothing: the default of unused callbacks."""

@@ -1,6 +1,6 @@
-"""What a camera's lens is like, from pictures of a chessboard.
+"""Calibration of a camera's lens from pictures of a chessboard.
 
-After Zhang, "A flexible new technique for camera calibration" (2000), as OpenCV does it, for square pixels.
+After Zhang, "A flexible new technique for camera calibration" (2000), as in OpenCV, for square pixels.
 """
 
 from collections.abc import Sequence
@@ -15,20 +15,20 @@ from perception.api import Image
 from perception.image_preparation import GreyImage, to_grey
 
 Corners = npt.NDArray[np.float32]
-"""The inner corners of the board in one picture, row by row: shape (n, 1, 2), dtype float32, x then y in pixels."""
+"""Inner corners of the board in one picture, row by row: shape (n, 1, 2), dtype float32, x then y in pixels."""
 
 MIN_VIEWS = 8
 """Views of the board that a calibration needs."""
 
 MIN_VIEW_DISTANCE = 0.015
-"""How far the corners of two views lie apart in the mean, as a share of the longer side: a tilt alone is not more."""
+"""Smallest mean distance of the corners of two different views, as a share of the longer side, such as from a tilt."""
 
 
 @dataclass(frozen=True, slots=True)
 class Chessboard:
-    """A chessboard: its inner corners ``across`` and ``down``, and the side of a square in metres.
+    """A chessboard: number of inner corners ``across`` and ``down``, and the side of a square in metres.
 
-    Raises ValueError for fewer than three corners a side, or a square without a side.
+    Raises ValueError for fewer than three corners per direction, or a square without a side.
     """
 
     across: int
@@ -42,17 +42,17 @@ class Chessboard:
             raise ValueError(f"a board with squares of {self.square} m: they must be above 0 m")
 
     def points(self) -> Corners:
-        """Return its corners in metres on the plane z = 0: shape (n, 3), dtype float32."""
+        """Return the corners in metres on the plane z = 0: shape (n, 3), dtype float32."""
         places = [(x * self.square, y * self.square, 0.0) for y in range(self.down) for x in range(self.across)]
         return np.array(places, np.float32)
 
 
 @dataclass(frozen=True, slots=True)
 class LensCalibration:
-    """A lens as ``perception.geometry.Pinhole`` has it, and how it was found.
+    """Lens parameters as in ``perception.geometry.Pinhole``, and quality of the calibration.
 
-    ``error`` is by how far the board's corners miss it, RMS in pixels, ``views`` the number of pictures, ``nearest``
-    and ``farthest`` the distance of the board in them, in metres.
+    ``error`` is the reprojection error of the corners, RMS in pixels; ``views`` is the number of pictures; ``nearest``
+    and ``farthest`` are the distances of the board in them, in metres.
     """
 
     field_of_view: float
@@ -65,13 +65,13 @@ class LensCalibration:
 
 
 def find_board(image: Image | GreyImage, board: Chessboard) -> Corners | None:
-    """Return the inner corners of the board in a picture; None unless all of them are there."""
+    """Return the inner corners of the board in a picture; None unless all of them are visible."""
     found, corners = cv2.findChessboardCornersSB(to_grey(image), (board.across, board.down))
     return np.asarray(corners, np.float32).reshape(-1, 1, 2) if found else None
 
 
 class BoardViews:
-    """Gathers views of a board that differ from one another: a hundred pictures of one view teach no more than one."""
+    """Collects views of a board that differ from each other, because similar views add no information."""
 
     def __init__(self, board: Chessboard) -> None:
         self.board = board
@@ -79,9 +79,9 @@ class BoardViews:
         self.size = (0, 0)
 
     def add(self, image: Image | GreyImage) -> bool:
-        """Take in a picture; True when it shows the board as none before.
+        """Add a picture; return whether it shows the board in a new view.
 
-        Raises ValueError for a picture of another size than those before.
+        Raises ValueError for a picture of a different size.
         """
         size = image.shape[1], image.shape[0]
         if self.corners and size != self.size:
@@ -98,12 +98,12 @@ class BoardViews:
         return True
 
     def _corner_distance(self, some: Corners, others: Corners) -> float:
-        """Return the mean distance in pixels; of a board that may look the same upside down, the smaller one."""
+        """Return the mean corner distance in pixels, the smaller one if the board looks the same upside down."""
         return min(float(np.linalg.norm(some - turned, axis=2).mean()) for turned in (others, others[::-1]))
 
 
 def calibrate(views: BoardViews) -> LensCalibration:
-    """Return the lens that explains the views best. Raises ValueError for fewer than ``MIN_VIEWS`` of them."""
+    """Return the lens that fits the views best. Raises ValueError for fewer than ``MIN_VIEWS`` views."""
     if len(views.corners) < MIN_VIEWS:
         raise ValueError(f"calibration: {len(views.corners)} different views of the board, {MIN_VIEWS} are needed")
     return _solve(views.corners, views.board, views.size)

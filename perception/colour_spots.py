@@ -1,4 +1,4 @@
-"""Finding balls and boxes of given colours in one picture."""
+"""Detection of balls and boxes of given colours in one picture, and the sense for coloured things."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,28 +18,33 @@ from perception.tracks import BOX_WIDENING, MIN_SPOT_PIXELS, SEARCH_WIDTH, Colou
 # Which shape a spot of one colour has, judged by its outline.
 
 Contour = npt.NDArray[np.int32]
-"""The outline of a spot: shape (points, 1, 2), dtype int32, x and y in pixels."""
+"""Outline of a spot: shape (points, 1, 2), dtype int32, x and y in pixels."""
 
 MIN_SOLIDITY = 0.88
-"""The least share of its convex hull that a spot fills: what is looked for has no bays."""
+"""Smallest share of its convex hull that a spot fills: things have no concave parts."""
 
 MIN_ROUNDNESS = 0.81
-"""The least share of the smallest circle around it that a ball fills. A square fills 0.64 of it, a disc all of it, or
-0.85 where it is ten pixels wide; a cube seen from far above, 0.83: that may be taken for a ball."""
+"""Smallest share of the enclosing circle that a ball fills.
+
+A square fills 0.64 of it, a disc all of it, or 0.85 at a width of ten pixels. A cube seen from far above fills 0.83 and
+may be taken for a ball.
+"""
 
 MIN_SQUARENESS = 0.79
-"""The least share of the smallest rectangle around it that a box fills, seen from wherever. A disc fills 0.785, but is
-round first."""
+"""Smallest share of the enclosing rectangle that a box fills.
+
+A disc fills 0.785, but is tested for first.
+"""
 
 MAX_ELONGATION = 4.0
-"""The most times that a thing is as long as it is wide."""
+"""Largest ratio of length to width of a thing."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpotOutline:
-    """A spot's outline: the upright ``box`` around it, its ``shape``, and ``width`` in pixels as a measure of its size.
+    """Outline of a spot: the upright ``box`` around it, its ``shape``, and its ``width`` in pixels.
 
-    The width is the diameter of a ball, and for a box that of its front as far as that can be told.
+    The width is the diameter of a ball; for a box, that of its front as far as it can be measured.
     """
 
     box: Box
@@ -48,9 +53,9 @@ class SpotOutline:
 
 
 def judge_outline(contour: Contour) -> SpotOutline | None:
-    """Judge the outline of a spot; None where it is neither a ball nor a box.
+    """Return the shape of a spot; None if it is neither a ball nor a box.
 
-    A contour goes through the middles of the outermost pixels: half a pixel is added on each side.
+    A contour runs through the middles of the outermost pixels, so half a pixel is added on each side.
     """
     x, y, across, down = cv2.boundingRect(contour)
     hull = np.asarray(cv2.convexHull(contour), np.int32)
@@ -69,7 +74,7 @@ def judge_outline(contour: Contour) -> SpotOutline | None:
 
 
 def _filled_pixels(contour: Contour) -> float:
-    """Return how many pixels are on and within an outline (Pick: area within the middles, half the rim, and one)."""
+    """Return the number of pixels on and inside an outline, by Pick's theorem."""
     return cv2.contourArea(contour) + cv2.arcLength(contour, closed=True) / 2 + 1
 
 
@@ -77,33 +82,33 @@ Colour = tuple[int, int, int]
 """Red, green and blue, each 0..255."""
 
 DiscPlaces = npt.NDArray[np.float32]
-"""Places (x, y) in the disc of hues and saturations; shape (..., 2), dtype float32."""
+"""Positions (x, y) in the disc of hues and saturations; shape (..., 2), dtype float32."""
 
 Labels = npt.NDArray[np.uint8]
-"""For each spot the number of its colour; shape (height, width), dtype uint8."""
+"""Colour number of each pixel; shape (height, width), dtype uint8."""
 
 MAX_COLOUR_DISTANCE = 0.35
-"""How far from a colour in the disc of hues and saturations (of radius 1) a pixel may be and still have it."""
+"""Largest distance from a colour in the disc of hues and saturations (radius 1) of a pixel that has it."""
 
 MAX_PALE_SATURATION = 0.55
-"""The saturation above which a pixel is coloured whatever the light; a white wall in candle light has 0.5."""
+"""Saturation above which a pixel is coloured in any light; a white wall in candle light has 0.5."""
 
 MIN_PALE_SHARE = 0.05
-"""The share of a picture that must be paler than that to tell the light by it."""
+"""Smallest share of pale pixels in a picture for estimating the light."""
 
 GAIN_LIMITS = (0.6, 1.7)
-"""How much weaker or stronger a channel may be made: beyond, the picture is of one colour, and not the light."""
+"""Limits of the gain of a channel; beyond, the picture has one colour, rather than the light."""
 
 MIN_CHROMA = 9
-"""By how much (0..255) the strongest channel must exceed the weakest for there to be a hue: below there is noise."""
+"""Smallest difference (0..255) between strongest and weakest channel for a hue; below it is noise."""
 
 
 def balance_white(picture: Image) -> Image:
-    """Return the picture as in white light: what is grey in warm or cold light becomes grey.
+    """Return the picture as in white light.
 
-    The light is taken to have the colour of the picture's Minkowski mean of power 6 ("shades of grey", after Finlayson
-    and Trezzi, "Shades of gray and colour constancy", CIC 2004): between the mean of all and the brightest spots. What
-    is too colourful to be grey in any usual light does not count, or a large red box would make the light red.
+    The colour of the light is estimated as the Minkowski mean of power 6 ("shades of grey", after Finlayson and Trezzi,
+    "Shades of gray and colour constancy", CIC 2004), between the mean and the brightest spots. Pixels that are too
+    colourful to be grey in usual light are ignored; otherwise a large red box would make the light red.
     """
     some = np.stack([picture[::4, ::4, channel].ravel() for channel in range(3)]).astype(np.float32) / np.float32(255)
     high = np.maximum(np.maximum(some[0], some[1]), some[2])
@@ -118,10 +123,10 @@ def balance_white(picture: Image) -> Image:
 
 
 class Palette:
-    """Tells apart the colours of ``names``, and tells them from all that has no hue.
+    """Classifies pixels by the colours of ``names``, or as having no hue.
 
-    Compared are hue and saturation, as places in a disc: they stay where they are when the light fades. A spot has the
-    colour that is nearest; so the colours that are not looked for (brown wood, grey walls) keep theirs.
+    Hue and saturation are compared as positions in a disc, which do not change when the light fades. The nearest colour
+    wins, so colours that are not targets (brown wood, grey walls) are not confused with them.
     """
 
     def __init__(self, colours: Mapping[str, Colour]) -> None:
@@ -131,7 +136,7 @@ class Palette:
         self._table = _nearest_colour_table(self.places)
 
     def label(self, picture: Image) -> Labels:
-        """Return for each spot the number of its colour in ``names``; their count, where it has none of them."""
+        """Return the number of each pixel's colour in ``names``; ``len(names)`` for none of them."""
         hue, saturation, value = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2HSV))
         place = np.asarray(cv2.merge((saturation, hue))).view("<u2")[..., 0]  # hue << 8 | saturation
         labels: Labels = self._table.take(place)
@@ -141,9 +146,9 @@ class Palette:
 
 
 def to_colour_disc(picture: Image) -> DiscPlaces:
-    """Return where the colours of a picture lie in the disc of hues and saturations, whose radius is 1.
+    """Return the positions of a picture's colours in the disc of hues and saturations, whose radius is 1.
 
-    The hue is the angle: red 0, green a third of a turn. How bright a colour is does not matter.
+    The hue is the angle: red 0, green a third of a turn. The brightness of a colour is ignored.
     """
     hue, saturation, _ = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2HSV))
     angle = np.asarray(hue, np.float32) * np.float32(pi / 90)  # OpenCV counts in steps of 2 degrees
@@ -161,29 +166,29 @@ def _nearest_colour_table(places: DiscPlaces) -> Labels:
 
 
 MAX_SPOT_SHARE = 0.5
-"""The share of the picture above which a spot is a wall and no thing."""
+"""Share of the picture above which a spot is a wall and not a thing."""
 
 MAX_MEAN_DISTANCE = 0.22
-"""How far a thing's mean colour may be from the one looked for, in the disc of hues and saturations (radius 1)."""
+"""Largest distance of a thing's mean colour from its target, in the disc of hues and saturations (radius 1)."""
 
 MIN_SURROUND_DISTANCE = 0.2
-"""How far from it a colour is another, in the same disc."""
+"""Distance from that colour, in the same disc, from which on a colour is different."""
 
 MAX_LEAK_SHARE = 0.3
-"""The largest share of what is around a thing that has its colour too: else it is a part of something larger."""
+"""Largest share of the surroundings with the thing's colour; beyond, it is part of something larger."""
 
 SURROUND_PIXELS = 3
-"""Pixels around a thing that are taken for what is around it."""
+"""Width of the surroundings of a thing, in pixels."""
 
 _SURROUND_BRUSH = np.ones((2 * SURROUND_PIXELS + 1, 2 * SURROUND_PIXELS + 1), np.uint8)
 _BRUSH = np.ones((3, 3), np.uint8)
 
 
 class SpotFinder:
-    """Finds balls and boxes of the colours in ``wanted_objects``.
+    """Finds balls and boxes of the colours in ``targets``.
 
-    ``colours`` has these, and all that they may be mistaken for, as red, green and blue in full light.
-    Raises ValueError for a colour that is not among them.
+    ``colours`` has these and all colours that may be confused with them, as red, green and blue in full light. Raises
+    ValueError for a target that is not among them.
     """
 
     def __init__(self, colours: Mapping[str, Colour], targets: Sequence[str]) -> None:
@@ -208,7 +213,7 @@ class SpotFinder:
         return sorted(found, key=lambda spot: -spot.box.width * spot.box.height)
 
     def _is_distinct(self, picture: Image, contour: Contour, number: int) -> bool:
-        """Say whether a spot is of that colour as a whole, and little of what is around it is of its colour too."""
+        """Return whether a spot has that colour as a whole, and its surroundings mostly have not."""
         inside, around = _inside_and_around(picture, contour)
         mean = inside.mean(axis=0)
         if np.linalg.norm(mean - self._palette.places[number]) > MAX_MEAN_DISTANCE:
@@ -218,7 +223,7 @@ class SpotFinder:
 
 
 def _smooth(image: Image, scale: float) -> Image:
-    """Return the picture ``scale`` times smaller, with less noise."""
+    """Return the picture shrunk by the factor ``scale``, with less noise."""
     if scale > 1.0:
         size = round(image.shape[1] / scale), max(1, round(image.shape[0] / scale))
         image = cast(Image, cv2.resize(image, size, interpolation=cv2.INTER_AREA))
@@ -226,7 +231,7 @@ def _smooth(image: Image, scale: float) -> Image:
 
 
 def _find_contours(labels: Labels, number: int) -> Iterator[Contour]:
-    """Yield the contours of all spots with this label that may be things. What the rim cuts off, may be anything."""
+    """Yield the contours of all spots with this label that may be things; spots at the rim are skipped."""
     mask = np.equal(labels, number).view(np.uint8)
     mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _BRUSH), np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -239,9 +244,9 @@ def _find_contours(labels: Labels, number: int) -> Iterator[Contour]:
 
 
 def _inside_and_around(picture: Image, contour: Contour) -> tuple[DiscPlaces, DiscPlaces]:
-    """Return the colours (in the disc, of shape (pixels, 2)) within a contour, and in a band around it.
+    """Return the colours (in the disc, of shape (pixels, 2)) inside a contour, and in a band around it.
 
-    The band is a little away from the contour, where the colours mix.
+    The band starts a little away from the contour, where colours mix.
     """
     x, y, across, down = cv2.boundingRect(contour)
     x, y = max(0, x - SURROUND_PIXELS), max(0, y - SURROUND_PIXELS)
@@ -260,13 +265,13 @@ def _scale_box(box: Box, scale: float) -> Box:
 # The sense for coloured shapes: a red ball, a blue box, looked for by name and followed over time.
 
 MIN_DISTANCE, MAX_DISTANCE = 0.1, 8.0
-"""Metres. What would have to be nearer or farther away to be of the size that is looked for is something else."""
+"""Metres: a spot that would have to be nearer or farther away for its size is something else."""
 
 
 class ThingSense:
-    """Things, found by colour and shape and followed by name: a ``perception.senses.Sense[Thing]``.
+    """Detects coloured things by colour and shape and tracks them by name: a ``perception.senses.Sense[Thing]``.
 
-    ``colours`` are all that there is a name for, as red, green and blue; those of ``wanted`` among them.
+    ``colours`` are all named colours, as red, green and blue; they include those of ``specs``.
     """
 
     def __init__(self, specs: Sequence[ThingSpec], colours: Mapping[str, Colour]) -> None:
@@ -275,13 +280,12 @@ class ThingSense:
         self._tracker = Tracker[Thing]()
 
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Thing, ...]:
-        """Return the things followed now, largest first."""
         spots = self._finder.find(frame.image) if self._specs else ()
         sightings = [sighting for spot in spots for sighting in self._matching_sightings(spot, camera)]
         return self._tracker.update(sightings, camera=camera, gaze=gaze, stamp=frame.stamp)
 
     def _matching_sightings(self, spot: ColourSpot, camera: Pinhole) -> Iterator[ThingSighting]:
-        """Yield all that a spot can be."""
+        """Yield a sighting for each specification that the spot matches."""
         for wanted in self._specs:
             if wanted.colour == spot.colour and wanted.shape in (ANY, spot.shape):
                 sighting = ThingSighting(spot, wanted)

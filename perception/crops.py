@@ -1,4 +1,4 @@
-"""One face out of a picture, and all of one size, so that only what is its own tells it from another."""
+"""Crops of single faces, all of one size and alignment, for recognition."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,29 +15,31 @@ CROP_SIDE = 75
 """Pixels of a crop's side."""
 
 CROP_REACH = 1.2
-"""Side of a crop, in widths of the face's box: with some of the hair and the chin."""
+"""Side of a crop, in widths of the face's box: it includes some of the hair and the chin."""
 
 CENTRE_DROP = 0.02
-"""How much lower the middle of a crop is than that of the box, in heights of the box."""
+"""Distance from the middle of the box down to the middle of a crop, in heights of the box."""
 
 EYE_SPACING, EYE_HEIGHT = 0.327, 0.121
-"""Distance of the eyes, and of their middle from that of a crop, in widths of the face's box: medians of the Haar
-boxes of people of the ORL database (s1 to s10)."""
+"""Eye distance, and height of the eyes above the middle of a crop, in widths of the face's box.
+
+Medians of the Haar boxes of people of the ORL database (s1 to s10).
+"""
 
 MIN_SPACING, MAX_SPACING, MAX_ROLL = 0.25, 0.6, 25.0
-"""Distance of the eyes, in widths of the face's box, and their slope in degrees that two eyes of one face have."""
+"""Limits of the eye distance, in widths of the face's box, and of the slope in degrees, for two eyes of one face."""
 
 PORTRAIT_MARGIN = 1.6
 """Side of a portrait, in widths of the face."""
 
 MAX_FACE_PIXELS = 200
-"""Pixels to which the face in a portrait is shrunk: as many as any recogniser needs."""
+"""Pixels of the face's width in a portrait: as many as any recogniser needs."""
 
 
 def crop_face(image: Image | GreyImage, face: Box, *, roll: float = 0.0) -> GreyImage:
-    """Return the face in the box ``face``: (SIDE, SIDE), uint8; turned by ``roll`` degrees.
+    """Return a crop of the face in a box, rotated by ``roll`` degrees: (CROP_SIDE, CROP_SIDE), uint8.
 
-    Raises ValueError for what is not a picture, and for a box without pixels.
+    Raises ValueError for an invalid picture, and for a box without pixels.
     """
     picture = _cut_surroundings(image, face, 2 * CROP_SIDE / CROP_REACH)
     side, scale, (left, top) = face.width * picture.scale, picture.scale, picture.corner
@@ -50,9 +52,9 @@ def crop_face(image: Image | GreyImage, face: Box, *, roll: float = 0.0) -> Grey
 
 
 def align_by_eyes(face: Box, eyes: Sequence[Box]) -> tuple[Box, float] | None:
-    """Return the box and the roll (degrees) with which ``crop_face`` puts the eyes of a face where all crops have them.
+    """Return the box and the roll (degrees) with which ``crop_face`` aligns the eyes of a face.
 
-    ``eyes`` are as ``EyeFinder`` finds them, the left one in the picture first. None unless they are two of one face.
+    ``eyes`` come from ``EyeFinder``, the left one in the picture first. None unless they are two eyes of one face.
     """
     if len(eyes) != 2 or face.width <= 0:
         return None
@@ -67,9 +69,9 @@ def align_by_eyes(face: Box, eyes: Sequence[Box]) -> tuple[Box, float] | None:
 
 
 def make_portrait(image: Image, face: Box) -> Image:
-    """Return the face and a little around it, and nothing else of the picture: what is kept of somebody.
+    """Return the face with a small margin, which is all that is stored of a person's picture.
 
-    The face is in its middle (``portrait_face_box``), also where the picture cuts it off: there its edge goes on.
+    The face is in the middle (see ``portrait_face_box``). If the picture cuts it off, the edge pixels are repeated.
     Raises ValueError as ``crop_face`` does.
     """
     picture = _cut_surroundings(image, face, MAX_FACE_PIXELS)
@@ -81,7 +83,7 @@ def make_portrait(image: Image, face: Box) -> Image:
 
 
 def portrait_face_box(portrait: Image | GreyImage) -> Box:
-    """Return where the face is in a portrait."""
+    """Return the box of the face in a portrait."""
     height, width = portrait.shape[:2]
     side = width / PORTRAIT_MARGIN
     return Box((width - side) / 2, (height - side) / 2, side, side)
@@ -89,7 +91,7 @@ def portrait_face_box(portrait: Image | GreyImage) -> Box:
 
 @dataclass(frozen=True, slots=True)
 class _Surroundings:
-    """A part of a picture, ``scale`` times as large; ``corner`` is where its top left one was in the picture."""
+    """A part of a picture, scaled by ``scale``; ``corner`` is its top left corner in the picture."""
 
     image: Image | GreyImage
     scale: float
@@ -97,7 +99,7 @@ class _Surroundings:
 
 
 def _cut_surroundings(image: Image | GreyImage, face: Box, largest: float) -> _Surroundings:
-    """Cut the surroundings of a face out, and shrink it to ``largest`` pixels: what is turned must not flicker."""
+    """Return the surroundings of a face, shrunk to ``largest`` pixels, so that a rotation does not alias."""
     rows, columns = window_slices(image.shape, face, 2.0)
     region = image[rows, columns]
     if face.width <= 0 or region.size == 0:

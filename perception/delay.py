@@ -1,10 +1,10 @@
-"""How late a camera stamps its pictures, found from how the background shifts while the head or the base turns.
+"""Camera delay, estimated from the shift of the background while the head or the base turns.
 
-Webcams stamp a picture tens of milliseconds after its exposure, each model by another time, and not always by the same:
-stamps jitter. Between two pictures the background shifts by as much as the camera turned, whatever people do in front
-of it. For each delay that may be, the recorded poses of head and base say how far the camera turned between the two
-exposures. The likeliest delay is the one under which both agree over all pairs of pictures so far (``delay_grid``).
-What servos lag behind their recorded pose counts as delay, too: it has the same effect, and the same cure.
+Webcams stamp a picture tens of milliseconds after its exposure. The delay depends on the model, and stamps jitter.
+Between two pictures the background shifts by the turn of the camera, whatever people do in front of it. For each
+possible delay, the recorded poses of head and base give the turn between the two exposures. The most likely delay is
+the one under which both agree best over all pairs of pictures so far (``perception.delay_grid``). A lag of servos
+behind their recorded pose has the same effect, and is included in the delay.
 """
 
 from collections.abc import Callable
@@ -24,68 +24,71 @@ from perception.levelling import level_columns
 from perception.scene_motion import find_shift
 
 PRIOR_SPREAD = 0.1
-"""Seconds, one sigma: how far a delay may be from what it was believed to be."""
+"""Seconds, one sigma: uncertainty of the initial delay."""
 
 MIN_TURN = radians(0.4)
-"""Radians: from a pair of pictures between which all delays mean nearly the same turn, nothing can be learnt."""
+"""Radians: below this difference in turn between the delays, a pair of pictures has no information."""
 
 PROBE_INDICES = [0, len(GRID) // 2, len(GRID) - 1]
-"""The delays of ``GRID`` whose poses tell whether the camera turns."""
+"""Indices of the delays of ``GRID`` whose poses tell whether the camera turns."""
 
 MAX_PAIR_INTERVAL = 0.3
-"""Seconds between two pictures at most: after more, they show too little of the same."""
+"""Seconds between the two pictures of a pair; beyond it, too little overlaps."""
 
 GRID_MARGIN = 0.02
-"""Seconds: a delay this close to an end of ``GRID`` may be any beyond it, and is not used."""
+"""Seconds: a delay this close to the start of ``GRID`` may lie outside, and is not used."""
 
 MAX_USABLE_SPREAD = 0.02
-"""Seconds, one sigma, within which a delay must be known to count."""
+"""Seconds, one sigma: largest uncertainty of a usable delay."""
 
 MAX_STORABLE_SPREAD = 0.015
-"""Seconds, one sigma, within which a delay must be known to be stored, its jitter counted in."""
+"""Seconds, one sigma, including the jitter: largest uncertainty of a delay to be stored."""
 
 MAX_JITTER = 0.008
-"""Standard deviation in seconds from which on stamps are too irregular for that."""
+"""Standard deviation in seconds above which stamps are too irregular for storing."""
 
 CONTRADICTION_WINDOW, CONTRADICTION_PROBABILITY = 0.025, 0.01
-"""Seconds around a delay, and the probability of these below which it is contradicted."""
+"""Seconds around a delay, and their total probability, below which the delay is contradicted."""
 
 MIN_INFORMATIVE_PAIRS, MIN_COMPARED_PAIRS = 12, 40
-"""Pairs of pictures that must have told something of the delay, and pairs in all: a constant turn tells the jitter."""
+"""Smallest number of pairs with information about the delay, and of all pairs (a constant turn tells only the jitter).
+"""
 
 CLEAR_DEVIATIONS, MIN_CORRECTION_SHARE = 3.0, 0.1
-"""Standard deviations by which the likeliest delay must be off what counts to count at once. What is less clear counts
-by and by, at least by this share a pair: the first pairs are few, and a delay that wanders is a target that moves."""
+"""Standard deviations from which on a new estimate replaces the old one; and else the least share per pair.
+
+Early estimates rest on few pairs, and a delay that wanders makes targets seem to move.
+"""
 
 MAX_KNOWN_SPREAD = 0.005
-"""Seconds, one sigma, within which a delay is known well enough to be checked now and then only."""
+"""Seconds, one sigma: uncertainty below which a delay is only rechecked now and then."""
 
 MAX_STEADY_JITTER = 0.005
-"""Seconds, one sigma, by which stamps may jitter that are left alone."""
+"""Seconds, one sigma: jitter below which a delay is only rechecked now and then."""
 
 MIN_CHECKED_PAIRS = 20
-"""Pairs of pictures that must bear it out first."""
+"""Pairs of pictures that must confirm the delay before that."""
 
 ONSET_OFFSETS: Floats = np.array([-0.06, 0.0, 0.1])
-"""Seconds before an exposure at which poses tell whether the camera has just started to turn; shape (3,), float64."""
+"""Seconds before an exposure of three poses that show whether a turn has just begun; shape (3,), float64."""
 
 MAX_WATCHED_PICTURES = 2
-"""Pictures that are compared during a rest each time it does: there a changed delay shows first."""
+"""Pictures compared at the start of a turn during a rest: there a changed delay shows first."""
 
 SUSPICION_ODDS = 20 * CHANGE_ODDS
-"""Odds of a change that end a rest."""
+"""Odds of a change from which on a rest ends."""
 
 MAX_REST = 8.0
-"""Seconds from a check that bears a delay out to the next one."""
+"""Seconds from a check that confirms the delay to the next one."""
 
 
 class CameraDelay:
-    """How many ``seconds`` after its exposure a picture is stamped; ``spread`` is the uncertainty, one sigma.
+    """Estimate of the delay from exposure to stamp: ``seconds``, with the uncertainty ``spread`` (one sigma).
 
-    ``jitter`` is the standard deviation of the stamps in seconds, as far as learnt. ``informative_pairs`` counts the pairs of
-    pictures that told something of the delay. ``told`` is the value before that; it counts until another is known.
-    ``doubt`` is how far off the pose is that ``seconds`` means for the newest picture: radians, one sigma.
-    ``is_distrusted`` says that the delay has changed and is being learnt anew.
+    ``jitter`` is the standard deviation of the stamps in seconds, as far as known. ``informative_pairs`` counts the
+    pairs of pictures with information about the delay. ``initial`` is used until an estimate is good enough. ``doubt``
+    is the uncertainty of the pose for the newest picture: radians, one sigma. ``is_distrusted`` is True after a change,
+    until the delay is estimated again.
     """
 
     def __init__(self, initial: float = 0.0) -> None:
@@ -99,7 +102,7 @@ class CameraDelay:
 
     @property
     def is_known(self) -> bool:
-        """Whether it is known well enough to be stored: within ``MAX_STORABLE_SPREAD``, physically possible, from enough pairs."""
+        """True if the delay may be stored: within ``MAX_STORABLE_SPREAD``, plausible, from enough pairs."""
         possible = MIN_DELAY <= self.seconds <= MAX_DELAY and self.jitter <= MAX_JITTER
         return (
             self.spread <= MAX_STORABLE_SPREAD
@@ -110,27 +113,28 @@ class CameraDelay:
 
     @property
     def is_suspected(self) -> bool:
-        """Whether the newest pictures hint at another delay."""
+        """True if the newest pictures suggest that the delay has changed."""
         return self._grid.change_odds > SUSPICION_ODDS or self.is_distrusted
 
     def contradicts(self, seconds: float) -> bool:
-        """Say whether the pictures have shown that the delay is another than ``seconds``."""
+        """Return whether the pictures rule out the delay ``seconds``."""
         near = np.abs(GRID - seconds) <= CONTRADICTION_WINDOW
         return self.is_distrusted or float(self._grid.weights[:, near].sum()) < CONTRADICTION_PROBABILITY
 
     def start_chain(self, yaws: Floats) -> None:
-        """Start a chain of pictures with one that looks to one of ``yaws`` (radians) under each delay of ``GRID``."""
+        """Start a chain of pictures; the first one has these ``yaws`` (radians), one per delay of ``GRID``."""
         self._grid.start_chain(yaws)
         self.doubt = 0.0
 
     def learn(
         self, image_turn: float, pose_turns: Floats, yaws: Floats | None = None, unrecorded: Flags | None = None
     ) -> bool:
-        """Take in the next picture: since the one before, the background says ``turned``, each delay one of ``turns``.
+        """Process the next picture: ``image_turn`` by the background, ``pose_turns`` by the poses under each delay.
 
-        All in radians; ``turns`` has the shape of ``GRID``. ``yaws`` are where the picture looks under each delay;
-        without them a chain starts from rest. ``unrecorded`` is as for ``DelayGrid.update``. Say whether the delay is
-        known well enough to be left alone for a while: within ``MAX_KNOWN_SPREAD``, borne out by ``MIN_CHECKED_PAIRS`` pairs.
+        All in radians; ``pose_turns`` has the shape of ``GRID``. ``yaws`` are the directions of the picture under each
+        delay; without them a chain starts from rest. ``unrecorded`` is as for ``DelayGrid.update``. Returns True if the
+        delay needs no learning for a while: known within ``MAX_KNOWN_SPREAD``, confirmed by ``MIN_CHECKED_PAIRS``
+        pairs.
         """
         yaws = self._grid.yaws + pose_turns if yaws is None else yaws
         if max(abs(image_turn), float(np.abs(pose_turns).max())) < MIN_TURN:
@@ -150,11 +154,11 @@ class CameraDelay:
         )
 
     def require_check(self) -> None:
-        """Require ``MIN_CHECKED_PAIRS`` pairs anew before the delay is left alone again."""
+        """Require ``MIN_CHECKED_PAIRS`` new pairs before ``learn`` returns True again."""
         self._checked_pairs = 0
 
     def _estimate(self) -> None:
-        """Draw the likeliest delay from the evidence."""
+        """Update the estimate from the grid."""
         weights = self._grid.weights.sum(axis=0)
         self.jitter = float(self._grid.weights.sum(axis=1) @ JITTERS)
         mean = float(weights @ GRID)
@@ -178,7 +182,7 @@ class CameraDelay:
 
 @dataclass(frozen=True, slots=True)
 class ExposedFrame:
-    """A picture with the time of its exposure, in seconds on the run's clock: a ``perception.api.Frame``."""
+    """A ``perception.api.Frame`` whose stamp is the time of the exposure, in seconds on the run's clock."""
 
     image: Image
     stamp: float
@@ -186,10 +190,7 @@ class ExposedFrame:
 
 @dataclass(frozen=True, slots=True)
 class _TurnPicture:
-    """What is kept of a picture that was taken in a turn: its stamp, the yaw under each delay, the picture itself.
-
-    It is levelled once it is compared, which not all are.
-    """
+    """A picture taken during a turn: its stamp, the yaw under each delay, and the levelled picture, computed on demand."""
 
     stamp: float
     yaws: Floats
@@ -197,10 +198,10 @@ class _TurnPicture:
 
 
 class ExposureEstimator:
-    """Gives each frame the time of its exposure, and learns ``delay`` while the camera turns.
+    """Estimates the exposure time of each frame, and learns ``delay`` while the camera turns.
 
-    ``gaze(time)`` tells where the camera looked, and the newest for a later time; None where that is not known.
-    ``now`` tells the time; without it, poses are taken to be recorded at once.
+    ``gaze(time)`` returns the direction of the camera, the newest one for a later time, or None if unknown. ``now``
+    returns the time; without it, poses count as recorded at once.
     """
 
     def __init__(
@@ -218,27 +219,28 @@ class ExposureEstimator:
 
     @property
     def is_comparing(self) -> bool:
-        """Whether the next frame is to be compared with the newest."""
+        """True if the next frame must be compared with the newest."""
         return self._previous is not None
 
     def expose(self, frame: Frame, camera: Pinhole) -> Frame:
-        """Return ``frame`` with the time of its exposure, later than that of the frame before it."""
+        """Return ``frame`` with the time of its exposure, which increases from frame to frame."""
         self._learn_from(frame, camera)
         now = None if self._now is None else self._now()
         self._exposure = self._clock.expose(frame.stamp, self.delay.seconds, now)
         return ExposedFrame(frame.image, self._exposure.stamp)
 
     def gaze(self) -> Gaze | None:
-        """Return where the camera looked at the exposure of the newest frame, with the doubt about it.
+        """Return the direction of the camera at the exposure of the newest frame, with its doubt.
 
-        That is another time than its stamp where a correction of the delay would have put that before the last one.
+        That time differs from the frame's stamp if a correction of the delay would have moved the stamp before the last
+        one.
         """
         found = self._gaze(self._exposure.time)
         doubt = max(self._exposure.doubt, self.delay.doubt if self._is_chained else 0.0)
         return None if found is None else replace(found, doubt=doubt)
 
     def _learn_from(self, frame: Frame, camera: Pinhole) -> None:
-        """Compare a picture with the one before it, if either was taken in a turn, and there is something to learn."""
+        """Compare a picture with the one before, if one of them was taken in a turn and there is something to learn."""
         before, self._previous = self._previous, None
         if before is not None and not 0 < frame.stamp - before.stamp <= MAX_PAIR_INTERVAL:
             before = None
@@ -256,7 +258,7 @@ class ExposureEstimator:
             self._compare(before, now, camera, chained=chained)
 
     def _is_resting(self, stamp: float) -> bool:
-        """Say whether a picture of a turn need not be compared: the delay is known, and the turn goes on evenly."""
+        """Return whether a comparison is unnecessary: the delay is known, and no turn has just begun."""
         if not self._rest_from <= stamp < self._rest_until:  # a clock that was set back ends a rest, too
             return False
         yaws = self._yaws(stamp, self.delay.seconds + ONSET_OFFSETS)
@@ -266,7 +268,7 @@ class ExposureEstimator:
         return self._watched_pictures > MAX_WATCHED_PICTURES
 
     def _compare(self, before: _TurnPicture, now: _TurnPicture, camera: Pinhole, *, chained: bool) -> None:
-        """Learn from two pictures, of which at least one was taken in a turn; ``chained`` to the pair before it."""
+        """Learn from two pictures, one of them taken in a turn; ``chained`` if the pair before is adjacent."""
         one, other = before.picture(), now.picture()
         moved = find_shift(one, other) if one.shape == other.shape else None
         if moved is None:
@@ -290,7 +292,7 @@ class ExposureEstimator:
         return find_unrecorded(picture.yaws, newest.yaw, picture.stamp - GRID, self._now())
 
     def _is_turning(self, stamp: float) -> bool:
-        """Whether the camera turned about then, by a few of its poses: all of them would cost more."""
+        """Return whether the camera turned around ``stamp``, judged by a few poses: all of them would take longer."""
         yaws = self._yaws(stamp, GRID[PROBE_INDICES])
         return yaws is not None and float(np.ptp(yaws)) >= MIN_TURN
 

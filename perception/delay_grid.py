@@ -1,15 +1,15 @@
-"""Probabilities of camera delays and of the jitter of the stamps: a grid of Kalman filters.
+"""Probabilities of camera delay and stamp jitter: a grid of Kalman filters.
 
-A picture is stamped ``t + d + j``: exposure time, delay, jitter. The background tells how far the camera has turned
-since the first picture of a chain; the recorded poses tell where it looked at ``stamp - d``. Their difference, the
-level, is constant under the true delay, except for a random walk (errors of the background add up) and for the jitter,
-which shows as turn rate times ``j``. So each cell of the grid filters one level, and the likelihood of its innovations
+A picture is stamped ``t + d + j``: exposure time, delay, jitter. The background gives the turn of the camera since the
+first picture of a chain; the recorded poses give its direction at ``stamp - d``. Their difference, the level, is
+constant under the true delay, except for a random walk (errors of the background add up) and for the jitter, which
+appears as turn rate times ``j``. So each cell of the grid filters one level, and the likelihood of its innovations
 weighs the cell (Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", 1989, section 3.4).
 
-- The variance of a cell grows with its jitter and with the turn rate under its delay. A delay under which the camera
-  seems to stand still, or to turn more evenly, is therefore not preferred for that (errors in variables).
-- A constant turn shifts the levels of all delays alike. It tells the jitter, and no delay.
-- A change of the delay is found by the odds of "changed a moment ago" to "unchanged" (CUSUM: Page, 1954).
+- The variance of a cell grows with its jitter and with the turn rate under its delay. So a delay under which the camera
+  seems to stand still, or to turn more evenly, gets no advantage (errors in variables).
+- A constant turn shifts the levels of all delays alike. It has information about the jitter, but not about the delay.
+- A change of the delay is detected by the odds of "changed just now" to "unchanged" (CUSUM: Page, 1954).
 """
 
 from math import pi, radians, sqrt
@@ -24,64 +24,64 @@ DELAY_STEP = 0.01
 """Seconds between two delays of the grid."""
 
 GRID: Floats = np.arange(-0.12, 0.2701, DELAY_STEP)
-"""The delays of the grid, in seconds; shape (40,), dtype float64. Below 0 a picture is stamped before its exposure."""
+"""Delays of the grid, in seconds; shape (40,), dtype float64. A negative delay is a stamp before the exposure."""
 
 JITTERS: Floats = np.array([0.0, 0.004, 0.008, 0.014, 0.022])
 """Standard deviations of the stamps in seconds; shape (5,), dtype float64."""
 
 JITTER_PRIOR: Floats = np.array([0.3, 0.25, 0.2, 0.15, 0.1])
-"""Their probabilities before anything is measured; shape (5,), dtype float64."""
+"""Prior probabilities of ``JITTERS``; shape (5,), dtype float64."""
 
 FLOW_NOISE = radians(0.12)
-"""Error of the turn that the background tells between two pictures: radians, one sigma."""
+"""Error of the turn measured by the background between two pictures: radians, one sigma."""
 
 FLOW_SCALE = 0.1
-"""Error of that turn as a share of it, one sigma: the angle of view is known to some per cent."""
+"""Relative error of that turn, one sigma: the angle of view is known to a few per cent."""
 
 POSE_NOISE = radians(0.1)
 """Error of a recorded pose: radians, one sigma."""
 
 POSE_SCALE = 0.05
-"""Error of a recorded pose as a share of the turn since the picture before, one sigma."""
+"""Error of a recorded pose relative to the turn since the picture before, one sigma."""
 
 OUTLIER_SHARE = 0.03
-"""Share of pictures that fit no delay: a wrong stamp, or a person who walks by close in front of the camera."""
+"""Share of pictures that fit no delay: a wrong stamp, or a person who walks by close to the camera."""
 
 OUTLIER_RANGE = radians(20)
-"""Radians over which the innovations of such pictures are spread evenly."""
+"""Radians over which the innovations of outliers are uniformly distributed."""
 
 LIKELIHOOD_EXPONENT = 0.8
-"""Exponent of the likelihoods: the errors of successive pictures are not independent."""
+"""Exponent of the likelihoods, because the errors of successive pictures are correlated."""
 
 MEMORY_PICTURES = 150
-"""Pictures that tell something after which evidence has faded to a third: clocks drift."""
+"""Informative pictures after which evidence has decayed to a third, because clocks drift."""
 
 CHANGE_ODDS = 0.001
-"""Odds that the delay has changed, as long as the pictures say nothing about it."""
+"""Prior odds that the delay has changed."""
 
 CHANGE_WEIGHT = 5.0
-"""Weight of a possible change in the doubt: believing a wrong delay costs more than doubting a right one."""
+"""Weight of a possible change in the doubt: to trust a wrong delay costs more than to doubt a right one."""
 
 MIN_RATE_CHANGE = radians(5)
-"""Change of the turn rate (rad/s) within the span of the grid from which on a picture tells something of the delay."""
+"""Smallest change of the turn rate (rad/s) within the span of the grid of an informative picture."""
 
 STEP_RATE_CHANGE = 40.0
-"""How much more it must be for poses in steps: rad/s for each radian of their roughness."""
+"""Increase of that minimum for poses in steps: rad/s per radian of roughness."""
 
 RATE_WINDOW = 0.04
-"""Standard deviation in seconds of the window in which turn rates are averaged."""
+"""Standard deviation in seconds of the averaging window for turn rates."""
 
 UNRECORDED_LIKELIHOOD_SHARE = 0.8
-"""Likelihood of a delay whose poses are not recorded yet, as a share of the average: such delays fade."""
+"""Likelihood of a delay whose poses are not recorded yet, as a share of the average, so that it decays."""
 
 MAX_POSE_AGE = 0.05
-"""Seconds that a base or a head takes at most to report a pose."""
+"""Seconds that a base or a head takes to report a pose."""
 
 MIN_WEIGHT = 1e-12
-"""Least probability of a cell."""
+"""Smallest probability of a cell."""
 
 _PAD = 8
-"""Cells beyond each end of the grid, for the tails of the jitter."""
+"""Padding cells beyond each end of the grid, for the tails of the jitter."""
 
 _BEYOND: Floats = np.arange(1.0, _PAD + 1)
 
@@ -101,9 +101,9 @@ _RATE_KERNEL: Floats = (_kernel(RATE_WINDOW)[4:] - _kernel(RATE_WINDOW)[:-4]) / 
 class DelayGrid:
     """Filters all delays at once. ``weights`` are probabilities of shape (5, 40): jitter, delay; dtype float64.
 
-    ``prior`` are those of the delays before anything is measured, of the shape of ``GRID``, up to a factor.
-    ``change_odds`` are the odds that the delay has just changed; ``has_changed`` is true for one picture once they win.
-    ``is_informative`` says whether the newest picture told something of the delay. Angles are in radians.
+    ``prior`` are unnormalised prior probabilities of the delays, of the shape of ``GRID``. ``change_odds`` are the odds
+    that the delay has just changed; ``has_changed`` is True for the one picture at which a change is accepted.
+    ``is_informative`` is True if the newest picture had information about the delay. Angles are in radians.
     """
 
     def __init__(self, prior: Floats) -> None:
@@ -119,17 +119,17 @@ class DelayGrid:
         self._innovation = np.zeros_like(self.weights)
 
     def start_chain(self, yaws: Floats) -> None:
-        """Start a chain of pictures; under each delay of ``GRID`` the first one looks to one of ``yaws``."""
+        """Start a chain of pictures; the first one has these ``yaws``, one per delay of ``GRID``."""
         self.yaws, self._image_yaw = yaws, float(yaws[len(yaws) // 2])
         mean, variance, _ = self._smooth()
         self._level, self._variance = self._image_yaw - mean, variance + POSE_NOISE**2
         self._innovation = np.zeros_like(self.weights)
 
     def update(self, image_turn: float, yaws: Floats, unrecorded: Flags | None = None) -> None:
-        """Take in the next picture: the background has ``turned``, and each delay means one of ``yaws``.
+        """Process the next picture: the turn by the background, and the ``yaws`` under each delay.
 
-        ``unrecorded`` marks the delays whose poses are later than the newest recorded pose; those come first in
-        ``GRID``. There the turn is assumed to go on.
+        ``unrecorded`` marks the delays whose poses are not recorded yet, which are the first ones of ``GRID``. There
+        the turn is extrapolated.
         """
         if unrecorded is not None and unrecorded.any():
             yaws = _extrapolate(yaws, int(unrecorded.sum()))
@@ -158,7 +158,7 @@ class DelayGrid:
         self._update_weights(likelihood**LIKELIHOOD_EXPONENT)
 
     def doubt(self, delay: float) -> float:
-        """Return how far off (one sigma) the pose is that ``delay`` means for the newest picture."""
+        """Return the uncertainty (one sigma) of the pose for the newest picture under ``delay``."""
         weights = self.weights.sum(axis=0) + CHANGE_WEIGHT * self._weights_after_change.sum(axis=0)
         off = self.yaws - np.interp(delay, GRID, self.yaws)
         row = int(self.weights.sum(axis=1).argmax())
@@ -166,7 +166,7 @@ class DelayGrid:
         return sqrt(float(weights @ off**2 / weights.sum()) + surprise**2)
 
     def _update_weights(self, likelihood: Floats) -> None:
-        """Weigh the cells, without and with a recent change of the delay; change over when that is likelier."""
+        """Weigh the cells with and without a recent change of the delay; accept a change when it is more likely."""
         weights = (self.weights ** (1 - 1 / MEMORY_PICTURES) if self.is_informative else self.weights) * likelihood
         evidence = weights.sum()
         self.weights, self._weights_after_change = (
@@ -183,7 +183,8 @@ class DelayGrid:
     def _smooth(self) -> tuple[Floats, Floats, bool]:
         """Return mean and variance of the yaw in each cell, of shape (5, 40), and whether the turn rate has changed.
 
-        Poses in steps, as of servos that know whole degrees, are uncertain by about a step: their bends tell.
+        Poses in steps, as of servos with whole degrees, are uncertain by about a step, which shows in their second
+        differences.
         """
         yaws = self.yaws - self._image_yaw
         before, after = (yaws[0] - yaws[3]) / 3 * _BEYOND[::-1], (yaws[-1] - yaws[-4]) / 3 * _BEYOND
@@ -199,17 +200,17 @@ class DelayGrid:
 
 
 def find_unrecorded(yaws: Floats, newest: float, times: Floats, now: float) -> Flags:
-    """Return which of ``GRID``'s delays mean a pose that is not recorded yet: they come first, and have the newest yaw.
+    """Return which of ``GRID``'s delays need a pose that is not recorded yet: the first ones, with the newest yaw.
 
-    ``yaws`` belong to ``times``; ``newest`` is the newest recorded yaw. A camera that stands still has that yaw, too,
-    so only the last ``MAX_POSE_AGE`` seconds before ``now`` count.
+    ``yaws`` belong to ``times``; ``newest`` is the newest recorded yaw. A camera at rest has that yaw, too, so only the
+    last ``MAX_POSE_AGE`` seconds before ``now`` count.
     """
     found: Flags = np.logical_and.accumulate((yaws == newest) & (times > now - MAX_POSE_AGE))
     return found
 
 
 def _extrapolate(yaws: Floats, missing: int) -> Floats:
-    """Return ``yaws`` with the first ``missing`` ones on the straight line through those that follow."""
+    """Return ``yaws`` with the first ``missing`` ones replaced by the straight line through those that follow."""
     first = min(missing, len(yaws) - 4)
     found = yaws.copy()
     found[:first] = yaws[first] + (yaws[first] - yaws[first + 3]) / 3 * np.arange(first, 0, -1)

@@ -1,8 +1,7 @@
-"""Knowing people with dlib's face network, which the extra ``people`` installs with its models.
+"""Face recognition with dlib's network, which the extra ``people`` installs with its models.
 
-Five points of the face bring it upright, and a network of 29 layers (ResNet), trained on three million faces, makes 128
-numbers of it; two faces of one person are near each other (Davis King, High quality face recognition with deep
-metric learning, 2017).
+Five landmarks align the face. A network of 29 layers (ResNet), trained on three million faces, computes 128 features;
+faces of one person have similar features (Davis King, High quality face recognition with deep metric learning, 2017).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,37 +21,39 @@ from perception.identity import FaceMatch
 from perception.model_files import ModelFileError
 
 MAX_SAME_DISTANCE = 0.5
-"""Distance of two faces' features up to which they are of one person. The network's author has 0.6, which lets half of
-the looks at strangers pass where ten people are known and pictures are grey."""
+"""Largest distance between the features of two faces of one person.
+
+The network's author uses 0.6. With ten known people and grey pictures, that accepts half of the looks at strangers.
+"""
 
 MARGIN_PER_DISTANCE = 15.0
-"""What a difference of 1 in the distance is as a margin: looks at strangers vary by a fifteenth."""
+"""Margin per unit of distance: looks at strangers have a standard deviation of 1/15."""
 
 INSTALL_HINT = "pip install 'missiontree[people]'"
 
 MODELS_PACKAGE = "face_recognition_models"
-"""The package that carries the models; it is not imported (that takes setuptools), its folder is."""
+"""Package with the models. Only its folder is used: importing it needs setuptools."""
 
 LANDMARKS_FILE, NETWORK_FILE = "shape_predictor_5_face_landmarks.dat", "dlib_face_recognition_resnet_model_v1.dat"
 
 FEATURE_LENGTH = 128
 
 Feature = npt.NDArray[np.float64]
-"""What describes a face: shape (LENGTH,), float64."""
+"""Features of a face: shape (FEATURE_LENGTH,), float64."""
 
 
 Describer = Callable[[Image, Box], Feature]
-"""Makes a feature of the face in a box of a picture."""
+"""Computes the features of the face in a box of a picture."""
 
 Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
-"""Makes the features of the portraits of somebody, who is called so."""
+"""Computes the features of the portraits of the named person."""
 
 
 class DlibRecogniser:
-    """Knows people by dlib's network: a ``perception.identity.FaceRecogniser``. For one thread at a time.
+    """A ``perception.identity.FaceRecogniser`` with dlib's network. For one thread at a time.
 
-    ``portraits`` are those of ``perception.people.enrol``; they are learnt at the first look, by ``learn``, which
-    may have described them before; without it they are described now. What ``describe`` raises is passed on.
+    ``portraits`` come from ``perception.people.enrol``. They are described at the first look by ``learn``, which may
+    use a cache; by default by ``describe``. Errors of ``describe`` are passed on.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class DlibRecogniser:
         self._learn = learn or self._describe_all
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return who is nearest, and by how much; None for a box without pixels."""
+        """Return the nearest person and the margin; None for a box without pixels."""
         try:
             shown = make_portrait(image, face)
         except ValueError:
@@ -75,7 +76,7 @@ class DlibRecogniser:
 
     @cached_property
     def _people(self) -> Mapping[str, npt.NDArray[np.float64]]:
-        """The features of each person, a row for each portrait."""
+        """Features of each person, one row per portrait."""
         return {name: np.stack(self._learn(name, portraits)) for name, portraits in self._portraits.items()}
 
     def _describe_all(self, _: str, portraits: Sequence[Image]) -> list[Feature]:
@@ -83,10 +84,10 @@ class DlibRecogniser:
 
 
 class DlibDescriber:
-    """dlib and its models, read when the first face comes. Raises BadModel where they are missing or damaged."""
+    """dlib with its models, loaded for the first face. Raises ModelFileError if they are missing or damaged."""
 
     def __call__(self, image: Image, face: Box) -> Feature:
-        """Return what describes a face."""
+        """Return the features of a face."""
         dlib, points, network = self._dlib
         shown = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         left, top = round(face.x), round(face.y)
@@ -95,7 +96,7 @@ class DlibDescriber:
 
     @cached_property
     def model(self) -> str:
-        """By what its features are known to be of these very models, and of this dlib. Raises as a look."""
+        """Hash of the models and of dlib's version, as a cache key for features. Raises ModelFileError."""
         dlib, _, _ = self._dlib
         seen = sha256(str(dlib.__version__).encode())
         for name in (LANDMARKS_FILE, NETWORK_FILE):
@@ -104,7 +105,7 @@ class DlibDescriber:
 
     @cached_property
     def _dlib(self) -> tuple[Any, Any, Any]:
-        """The module, the finder of the five points, and the network."""
+        """The module, the landmark detector, and the network."""
         folder = models_folder()
         try:
             import dlib  # noqa: PLC0415 - an extra
@@ -118,7 +119,7 @@ class DlibDescriber:
 
 
 def models_folder() -> Path:
-    """Return where dlib's models are. Raises BadModel where they are not installed."""
+    """Return the folder of dlib's models. Raises ModelFileError if they are not installed."""
     found = find_spec(MODELS_PACKAGE)
     if found is None or not found.submodule_search_locations:
         raise ModelFileError(f"faces: dlib's models are not installed\n  try: {INSTALL_HINT}")

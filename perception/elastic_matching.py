@@ -1,12 +1,11 @@
-"""Who is it: each patch of a face is looked for in the pictures of each person, about where it should be.
+"""Face recognition by elastic matching: each patch of a face is searched near its place in pictures of each person.
 
-Faces differ in how they are turned, what they express, and how the detector has framed them, so a patch may lie a
-little beside its place (elastic matching: Hua and Akbarzadeh, 2009), and each may be found in another picture of the
-same person (image-to-class distance: Boiman, Shechtman and Irani, 2008). The likeness of a face to a person is 1 less
-the mean distance of the best matches, which heeds less than its square would the few patches that glasses or a shadow
-have changed. A face is seen by its box and, where both eyes are found, upright by them; the more alike sight counts.
-Of the likeness to the nearest person a part of that to the next one is taken: what is a little like
-everybody is a poor picture, or a stranger (cohort normalisation).
+Faces differ in pose, expression and framing, so a patch may be a little displaced (elastic matching: Hua and Akbarzadeh,
+2009), and each patch may match a different picture of the same person (image-to-class distance: Boiman, Shechtman and Irani,
+2008). The likeness of a face to a person is 1 minus the mean distance of the best matches, which is less sensitive to a few
+patches changed by glasses or a shadow than the mean square. A face is compared by its box and, if both eyes are found,
+upright; the better view counts. A part of the likeness to the second person is subtracted: a face that is a little like
+everyone is a poor picture, or a stranger (cohort normalisation).
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,60 +18,65 @@ from perception.identity import FaceMatch
 from perception.patches import CELLS, DEPTH, Patches
 
 SEARCH_REACH = 2
-"""Cells to each side of its place in which a patch is looked for."""
+"""Cells to each side of its place in which a patch is searched."""
 
 PATCH_SPACING = 3
-"""Cells from one patch of a face that is looked for to the next."""
+"""Cells between two patches of a face that are searched."""
 
 PATCHES_PER_SIDE = CELLS // PATCH_SPACING
-"""Patches of a face, along each side, that are looked for."""
+"""Patches along each side of a face that are searched."""
 
 Matches = npt.NDArray[np.float32]
-"""How well each patch of a face is found in each template, up to 1: shape (sights, templates, PLACES ** 2)."""
+"""Best match of each patch of a face in each template, at most 1: shape (views, templates, PATCHES_PER_SIDE ** 2)."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureDescription:
-    """One picture of a person: the ``views`` that a look at it would have, and the ``templates`` to compare with."""
+    """A picture of a person: the ``views`` to compare with others, and the ``templates`` that others are compared with."""
 
     views: Sequence[Patches]
     templates: Sequence[Patches]
 
 
 RIVAL_SHARE = 0.3
-"""The part of the likeness to the next person that is taken from that to the nearest."""
+"""Share of the likeness to the second person that is subtracted."""
 
 MIN_RIVAL_LIKENESS = 0.715
-"""Likeness to the next person that is assumed at least, also where only one is known: that of strangers mostly."""
+"""Smallest likeness assumed for the second person, or if there is none: typical of strangers."""
 
 STRANGER_MEAN, STRANGER_DEVIATION = 0.522, 0.0085
-"""Mean score of looks at strangers, and their standard deviation, as far as nothing else is known."""
+"""Prior mean score of looks at strangers, and their standard deviation."""
 
 PRIOR_LOOKS = 20
-"""Looks that those two are worth, beside the looks at its own people that a gallery has."""
+"""Number of looks that the prior counts for, against the looks at the people of the gallery."""
 
 THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
-"""Standard deviations above that mean from which on somebody is known: 1 in 100 strangers, were scores normal; and how
-many more where one person is compared, divided by the number of persons: few say little of what strangers score."""
+"""Standard deviations of the threshold above the mean of strangers, and extra ones divided by the number of people.
+
+2.33 would accept 1 in 100 strangers if scores were normally distributed. A few people say little about strangers.
+"""
 
 MIN_COMPARED_PEOPLE = 3
-"""Persons up from which their own looks may lower the mean and deviation of strangers below the usual."""
+"""People from which on their looks may lower mean and deviation of strangers below the prior."""
 
 OWN_SCORE_SHARE = 0.45
-"""How far the threshold of a person is from the mean of strangers to the score of known pictures (half the person's
-own, half all). Pictures that are alike, as those of one room and day, score high, and so do strangers in that room."""
+"""Position of a person's threshold between the mean of strangers and the score of known pictures (half own, half all).
+
+Pictures that are alike, as from one room and day, have high scores, and so do strangers in that room.
+"""
 
 MAX_THRESHOLD_DEVIATIONS = 7.0
-"""Standard deviations above the mean of strangers that ``OWN_SCORE_SHARE`` leads to at most."""
+"""Largest threshold by ``OWN_SCORE_SHARE``, in standard deviations above the mean of strangers."""
 
 
 @dataclass(frozen=True, slots=True)
 class GalleryCalibration:
-    """How well a gallery tells people apart, found by leaving out some of it in turn.
+    """Thresholds of a gallery and its error rates, found by leaving out parts of it in turn.
 
-    ``refusal_rate`` is the share 0..1 of looks at known people that did not give their name, ``acceptance_rate`` that of looks at
-    strangers that gave one: None where that could not be found out. ``look_count`` are how many looks at known people that
-    was asked of. ``threshold`` is the score from which on somebody is known.
+    ``refusal_rate`` is the share 0..1 of looks at known people without their name, ``acceptance_rate`` that of looks at
+    strangers with a name; None if unknown. ``look_count`` is the number of looks at known people. A score above
+    ``thresholds[name]`` means that person. ``uniform_people`` have nearly identical pictures. ``lookalikes`` maps a
+    person to one who is similar.
     """
 
     thresholds: Mapping[str, float]
@@ -84,10 +88,10 @@ class GalleryCalibration:
 
 
 class Gallery:
-    """Persons, each as the patches of their pictures. Its thresholds are made from them, and do not change after.
+    """People, each as the patches of their pictures, with thresholds computed at construction.
 
-    ``cohort`` are pictures of others who are strangers for sure: who is more like one of them is a stranger too.
-    Raises ValueError for nobody, and for a person without a picture.
+    ``cohort`` has pictures of certain strangers: a face that is nearest to one of them is a stranger. Raises ValueError
+    without people, and for a person without a picture.
     """
 
     def __init__(
@@ -108,7 +112,7 @@ class Gallery:
         self.calibration = self._calibrate(people)
 
     def match(self, face: Sequence[Patches]) -> FaceMatch:
-        """Return whom the sights of a face are most like.
+        """Return the person who is most like the views of a face.
 
         The margin is in standard deviations of looks at strangers.
         """
@@ -119,7 +123,7 @@ class Gallery:
         return FaceMatch(name, margin if name else -abs(margin))
 
     def _match_patches(self, face: Sequence[Patches]) -> Matches:
-        """Return how well the patches of each sight are found in each template."""
+        """Return the best match of the patches of each view in each template."""
         first, window, count = PATCH_SPACING // 2, 2 * SEARCH_REACH + 1, len(self._template_owners)
         found = np.empty((len(face), count, PATCHES_PER_SIDE**2), np.float32)
         for place in range(PATCHES_PER_SIDE**2):
@@ -131,7 +135,7 @@ class Gallery:
         return np.asarray(1 - np.sqrt(np.maximum(1 - found, 0)), np.float32)
 
     def _find_nearest(self, matches: Matches, among: npt.NDArray[np.bool_]) -> tuple[str, float]:
-        """Return who of the people with some templates ``among`` all is nearest, and the score; with nobody, ""."""
+        """Return the nearest person and the score among the templates ``among``; "" for the cohort."""
         owners = np.unique(self._template_owners[among])
         best = (matches[:, among & (self._template_owners == owner)].max(axis=1) for owner in owners)
         likeness = [float(each.mean(axis=1).max()) for each in best]
@@ -141,7 +145,7 @@ class Gallery:
         return self.names[first] if first < len(self.names) else "", likeness[order[0]] - RIVAL_SHARE * rival
 
     def _calibrate(self, people: Mapping[str, Sequence[PictureDescription]]) -> GalleryCalibration:
-        """Find what strangers score, and how surely people are known, by leaving out each picture and its person."""
+        """Return thresholds and error rates, by leaving out each picture and each person in turn."""
         strangers, known = list[tuple[str, str, float]](), list[tuple[str, bool, float]]()
         for owner, (name, pictures) in enumerate(people.items()):
             own = self._template_owners == owner
@@ -166,7 +170,7 @@ class Gallery:
         return GalleryCalibration(thresholds, _true_share(refused), _true_share(accepted), len(known), alike, near)
 
     def _thresholds(self, strangers: Sequence[float], known: Sequence[tuple[str, bool, float]]) -> Mapping[str, float]:
-        """Return the threshold of each person, from the scores of strangers and those of the pictures left out."""
+        """Return the threshold of each person, from the scores of strangers and of left-out known pictures."""
         mean, variance = STRANGER_MEAN, STRANGER_DEVIATION**2
         if strangers:
             seen = len(strangers)
@@ -188,5 +192,5 @@ class Gallery:
 
 
 def _true_share(hits: Sequence[bool]) -> float | None:
-    """Return the share of hits; None of nothing."""
+    """Return the share of True; None for an empty sequence."""
     return sum(hits) / len(hits) if hits else None

@@ -1,4 +1,4 @@
-"""Times of exposure from time stamps: they rise, and a stamp that cannot be right is replaced."""
+"""Exposure times from time stamps: they increase, and an impossible stamp is replaced."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -7,20 +7,23 @@ from math import inf, nextafter, radians
 from drivers.api.fast_dataclass import dataclass
 
 MAX_KEPT_AGES, MIN_AGES = 9, 5
-"""Pictures whose ages are remembered, and the fewest that tell the usual age."""
+"""Number of recent picture ages that are kept, and the number needed for their median."""
 
 MIN_AGE_DROP = 0.1
-"""Seconds by which a picture must be younger than usual for its stamp to be wrong: none comes sooner than it can."""
+"""Seconds by which a picture is younger than usual if its stamp is wrong: transport times do not shrink."""
 
 MAX_STEP_BACK = 0.03
-"""Seconds by which an exposure must be before the last one for its stamp to be wrong: jitter is less."""
+"""Seconds by which an exposure may precede the last one; jitter is smaller."""
 
 MIN_DELAY = -0.065
-"""Seconds: the least delay that counts as known. A picture that is stamped at the start of its exposure, of 1/15 s at
-most, is early by half of that; a pose that is reported 30 ms late adds to it. More is physically impossible."""
+"""Seconds: smallest plausible delay.
+
+A picture that is stamped at the start of its exposure of 1/15 s is early by half of that; a pose that is reported 30 ms
+late adds to it. More is physically impossible.
+"""
 
 MAX_DELAY = 0.25
-"""Seconds: the largest delay that counts as known: 0.02 before the end of ``perception.delay_grid.GRID``."""
+"""Seconds: largest plausible delay, 0.02 before the end of ``perception.delay_grid.GRID``."""
 
 WRONG_STAMP_DOUBT = radians(10)
 """Doubt about the direction of the camera for a picture with a wrong stamp: radians, one sigma."""
@@ -28,7 +31,7 @@ WRONG_STAMP_DOUBT = radians(10)
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """Time of an exposure in seconds. ``stamp`` rises from picture to picture; ``doubt`` is in radians."""
+    """Time of an exposure in seconds. ``stamp`` increases from picture to picture; ``doubt`` is in radians."""
 
     time: float
     stamp: float
@@ -36,14 +39,14 @@ class Exposure:
 
 
 class ExposureClock:
-    """Turns stamps into exposures, one picture after the other."""
+    """Converts stamps to exposures, in the order of the pictures."""
 
     def __init__(self) -> None:
         self._last_stamp = -inf
         self._ages: deque[float] = deque(maxlen=MAX_KEPT_AGES)
 
     def expose(self, stamp: float, delay: float, now: float | None) -> Exposure:
-        """Return the exposure of a picture that was stamped ``delay`` seconds late and is there ``now``.
+        """Return the exposure of a picture that was stamped ``delay`` seconds late and arrived ``now``.
 
         One wrong stamp in the future would otherwise hold up the stamps of all pictures until that time.
         """
@@ -59,7 +62,7 @@ class ExposureClock:
 
 
 def _median(values: Iterable[float]) -> float:
-    """Return the median; ``statistics`` would import ``decimal`` and ``fractions`` at each start."""
+    """Return the median. ``statistics`` would import ``decimal`` and ``fractions`` at each start."""
     ordered = sorted(values)
     half = len(ordered) // 2
     return (ordered[half] + ordered[~half]) / 2

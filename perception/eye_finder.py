@@ -1,4 +1,4 @@
-"""Finding the eyes in a face, with the Haar cascade for eyes that comes with OpenCV."""
+"""Detection of the eyes in a face, with OpenCV's Haar cascade for eyes."""
 
 from functools import cached_property
 from pathlib import Path
@@ -11,13 +11,13 @@ from perception.image_preparation import GreyImage, check_image, equalise, resiz
 
 CASCADE = "haarcascade_eye.xml"
 FACE_PIXELS = 120
-"""Pixels to which a face is scaled first: an eye of it is then as large as the cascade was trained for, and more."""
+"""Pixels to which a face is scaled, so that its eyes are at least as large as in the cascade's training."""
 
 EYE_BAND = (0.15, 0.6)
-"""Where eyes are, from the top of a face's box to its bottom."""
+"""Vertical range of the eyes, from the top of a face's box, as shares of its height."""
 
 EYE_WIDTHS = (0.17, 0.4)
-"""Width of an eye's box, as shares of the face's."""
+"""Smallest and largest width of an eye's box, as shares of the face's."""
 
 
 class EyeFinder:
@@ -26,8 +26,7 @@ class EyeFinder:
     def find(self, image: Image | GreyImage, face: Box) -> tuple[Box, ...]:
         """Return the boxes of the eyes in a face, the left one in the picture first.
 
-        At most one in each half of the face; of several, the one that the cascade is surest of.
-        Raises ValueError for what is not a picture.
+        At most one in each half of the face: the one with the largest weight. Raises ValueError for an invalid picture.
         """
         check_image(image)
         band = Box(face.x, face.y + EYE_BAND[0] * face.height, face.width, (EYE_BAND[1] - EYE_BAND[0]) * face.height)
@@ -54,7 +53,7 @@ class EyeFinder:
 
     @cached_property
     def _cascade(self) -> cv2.CascadeClassifier:
-        """The trained cascade, read from OpenCV's own folder when the first face comes."""
+        """The cascade, loaded from OpenCV's folder for the first face."""
         path = Path(cv2.data.haarcascades) / CASCADE
         if not path.is_file():
             raise FileNotFoundError(f"eyes: {path} is missing\n  try: pip install 'opencv-python-headless<5'")

@@ -1,4 +1,4 @@
-"""The robot's eyes: the newest frame in, the newest faces out; frame by frame, or on a thread of their own."""
+"""Vision: from the newest frame to the newest percepts, frame by frame or on a thread."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,31 +12,30 @@ from perception.scene_motion import measure_scene
 from perception.senses import ActiveSenses, FrameSkipper, FrameSource, NewestView, SkippableSource
 
 READ_TIMEOUT = 0.1
-"""Seconds to wait for a frame, and to rest after trouble: how long ``close`` may take."""
+"""Seconds to wait for a frame, and to pause after an error; ``close`` may take that long."""
 
 REST_AFTER = 2.0
-"""Seconds for which eyes that may rest look on though nobody asks what they see."""
+"""Seconds without a query after which eyes that may rest stop reading frames."""
 
 WARM_UP_PICTURES = 3
-"""Pictures that they have searched after a rest once what they see counts: as at first, close faces and those farther
-away are looked for one after the other."""
+"""Pictures to search after a rest until results are valid: near and far faces are searched in turn, as at the start."""
 
 WARM_UP_TIMEOUT = 1.0
-"""Seconds for which nobody waits for that longer: the camera may be away."""
+"""Seconds after which a query no longer waits for that, because the camera may be disconnected."""
 
 SCENE_LIFETIME = 0.2
-"""Seconds for which a scene that was measured holds, unless what moves in it is asked for."""
+"""Seconds for which a measured scene is valid, unless motion is used."""
 
 MAX_PICTURE_INTERVAL = 0.15
-"""Seconds from one picture to the next at most, however few are needed."""
+"""Seconds between two pictures, even if few are needed."""
 
 NO_FRAME_PAUSE = 0.005
-"""Seconds to rest when no frame came: a camera that is closed may say so at once."""
+"""Seconds to pause without a frame, because a closed camera returns at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class VisionEffort:
-    """What seeing has cost so far: frames searched, frames that failed, seconds of searching them."""
+    """Cost of vision so far: frames searched, frames that failed, seconds of searching."""
 
     frames: int = 0
     failed: int = 0
@@ -44,15 +43,14 @@ class VisionEffort:
 
 
 class Vision(NewestView):
-    """Searches the frames that it is given and keeps the newest result ready: a ``Sight``.
+    """Searches frames and keeps the newest result: a ``perception.api.Sight``.
 
-    ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``
-    (or what tells it by width and height of a picture), ``centre`` and ``distortion`` are the camera's, as
-    ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
-    to measure the effort. ``delay`` is how late pictures are stamped, and learns it; None where stamps are exact.
-    ``on_resume`` is called before the first frame after a rest, which shows something else than the one before it.
-    From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after each frame, then
-    ``on_frame(frame, gaze)`` with that frame itself, ``changed`` after that, ``on_trouble`` for an error.
+    ``gaze(stamp)`` returns the direction of the camera at a past time, or None. ``field_of_view`` (or a function of
+    width and height of a picture), ``centre`` and ``distortion`` are those of ``perception.geometry.Pinhole``. ``now``
+    returns the time. ``delay`` is the camera delay, which is also estimated; None if stamps are exact. ``on_resume`` is
+    called before the first frame after a rest. Callbacks run on the thread that passes the frames, and must return at
+    once: ``on_view(view)`` after each frame, then ``on_frame(frame, gaze)``, then ``changed``; ``on_trouble`` for an
+    error.
     """
 
     def __init__(
@@ -91,26 +89,26 @@ class Vision(NewestView):
 
     @property
     def effort(self) -> VisionEffort:
-        """What it has cost so far."""
+        """Cost so far."""
         return self._effort
 
     @property
     def last_error(self) -> Exception | None:
-        """Why the newest frame could not be searched; None when it could."""
+        """Error of the newest frame, or None."""
         return self._last_error
 
     def scene(self) -> Scene | None:
-        """What the newest frame shows as a whole, None before the first: measured at once for who asks first."""
+        """Return the scene of the newest frame, None before the first. The first call measures it at once."""
         view, frame, self._measures_scene = self._view, self._newest, True
         if view.scene is None and frame is not None:
             return measure_scene(frame.image, stamp=frame.stamp)
         return view.scene
 
     def see(self, frame: Frame) -> bool:
-        """Search one frame and publish what it shows; False when that went wrong.
+        """Search one frame and publish the result; return False for an error.
 
-        An error (in the frame, the detector or a callback) costs that frame: it is kept in ``last_error`` until a frame
-        succeeds, and reported when it is not the one before.
+        An error (of the frame, a detector or a callback) costs that frame. It is stored in ``last_error`` until a frame
+        succeeds, and reported if it differs from the one before.
         """
         try:
             self._search(frame)
@@ -153,7 +151,7 @@ class Vision(NewestView):
         return measure_scene(frame.image, stamp=frame.stamp)
 
     def skip_frames(self, limit: int) -> int:
-        """Return how many of the next frames, up to ``most``, nobody needs to hand in, and count them as searched."""
+        """Return how many of the next frames, at most ``limit``, may be skipped, and count them as searched."""
         senses, exposures = self._senses, self._exposures
         only_faces = senses.things is None and senses.markers is None and senses.scene is None
         comparing = exposures is not None and exposures.is_comparing
@@ -162,7 +160,7 @@ class Vision(NewestView):
         return self._frame_skipper.skip_frames(limit)
 
     def note_error(self, error: Exception) -> None:
-        """Keep an error, and report it unless it is the same as the last."""
+        """Store an error, and report it unless it equals the last one."""
         before, self._last_error = self._last_error, error
         self._effort = VisionEffort(self._effort.frames, self._effort.failed + 1, self._effort.seconds)
         if before is not None and (type(before), str(before)) == (type(error), str(error)):
@@ -174,10 +172,10 @@ class Vision(NewestView):
 
 
 class Eyes:
-    """Looks through ``source`` on a thread of its own, and gives every frame to ``vision``. Errors cost frames only.
+    """Reads ``source`` on its own thread and passes every frame to ``vision``. Errors only cost frames.
 
-    Eyes that ``may_rest`` read no frames while nobody has asked for ``REST_AFTER`` seconds what they see. They let
-    frames go by that nobody needs (``Vision.spare``), for ``MAX_PICTURE_INTERVAL`` at most.
+    With ``may_rest`` they read no frames after ``REST_AFTER`` seconds without a query. Frames that are not needed
+    (``Vision.skip_frames``) are skipped, for at most ``MAX_PICTURE_INTERVAL``.
     """
 
     def __init__(self, source: FrameSource, vision: Vision) -> None:
@@ -197,7 +195,7 @@ class Eyes:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Start looking; returns at once. Safe more than once."""
+        """Start the thread; returns at once. Safe more than once."""
         if self._thread is None:
             self._closing.clear()
             self._last_query_at = self.vision.now()
@@ -213,11 +211,11 @@ class Eyes:
             self._thread = None
 
     def looked(self) -> float | None:
-        """The stamp of the newest frame that was searched, None before the first."""
+        """Return the stamp of the newest frame that was searched, None before the first."""
         return self.vision.looked()
 
     def wake(self) -> bool:
-        """Somebody asks what they see, which ends a rest; say whether that is known. From any thread, at once."""
+        """End a rest because of a query; return whether results are valid. From any thread, without waiting."""
         before, self._last_query_at = self._last_query_at, self.vision.now()
         self._wake_up.set()
         if self._warm_pictures >= WARM_UP_PICTURES:
@@ -227,11 +225,11 @@ class Eyes:
         return self._last_query_at - self._warm_up_started_at > WARM_UP_TIMEOUT
 
     def is_awake(self) -> bool:
-        """Say whether what they see is known, without asking for it. From any thread, at once."""
+        """Return whether the results are valid, without ending a rest. From any thread, without waiting."""
         return self._warm_pictures >= WARM_UP_PICTURES
 
     def _rest(self) -> None:
-        """Look at nothing until somebody asks."""
+        """Wait until the next query."""
         self._warm_pictures = 0
         self._wake_up.clear()
         if self._is_idle and not self._closing.is_set():  # who asks meanwhile has said so before
@@ -263,7 +261,7 @@ class Eyes:
                 self._closing.wait(READ_TIMEOUT)
 
     def _skip_unneeded(self, stamp: float) -> None:
-        """Let as many of the next pictures go by as nobody needs; ``stamp`` is that of the newest."""
+        """Skip the next frames that are not needed; ``stamp`` is that of the newest."""
         period = (stamp - self._newest_stamp) / (self._skipped + 1)
         self._newest_stamp = stamp
         self._skipped = (

@@ -1,11 +1,10 @@
-"""Finding faces in frame after frame, for a small part of what a full search of each would cost.
+"""Face detection and tracking over frames, at a small part of the cost of searching each frame.
 
-The whole picture is searched until there is a face: in one frame for all but small ones, in the next for those, then
-for heads that lean, as the detector says. From then on optical flow carries its box from frame to frame, and now and
-then a search of the region around it confirms that it still is one: the more seldom, the better both agree. Now and
-then the whole picture is searched again, for newcomers; where nobody is, every second frame for near ones at first,
-then every eighth, and less often while all stays as it was. What was found counts as a face as long as more searches
-that are independent of the first agreed than not.
+The whole picture is searched until there is a face: one frame for all but small faces, the next for those, then for
+leaning heads, as the detector's search plan says. After that, optical flow carries the box from frame to frame. Now and
+then a search of the region around it confirms the face, less often the better both agree. The whole picture is searched
+for newcomers now and then. In an empty scene every second frame is searched at first, then every eighth, and fewer
+while nothing changes. A face counts as long as more independent confirmations succeeded than failed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,7 +26,7 @@ from perception.tracks import FaceSighting
 
 Floats = npt.NDArray[np.float32]
 Points = Floats
-"""Places in a picture: shape (n, 1, 2), dtype float32, x then y in pixels."""
+"""Positions in a picture: shape (n, 1, 2), dtype float32, x then y in pixels."""
 
 FLOW_REACH = (
     2.4  # how much of the picture is looked at, in widths of the box: it may move by 0.7 of one from frame to frame
@@ -44,10 +43,10 @@ MAX_RETURN_ERROR = 1.0  # pixels by which a point may miss its start when it is 
 
 
 def track_box(before: Image | GreyImage, after: Image | GreyImage, box: Box) -> Box | None:
-    """Return where the patch in ``box`` of ``before`` is in ``after``; None when it can't be followed.
+    """Return the place of the patch ``box`` of ``before`` in ``after``; None if it cannot be tracked.
 
-    Corners on the inner part of the box are followed with pyramidal Lucas-Kanade, forth and back; those that do not
-    return to their start are dropped, the median of the rest moves the box, the change of their spread scales it.
+    Corners on the inner part of the box are tracked forwards and backwards with pyramidal Lucas-Kanade. Those that do
+    not return to their start are dropped. The median of the rest moves the box, the change of their spread scales it.
     """
     if before.shape != after.shape or box.width <= 0:
         return None
@@ -67,9 +66,9 @@ def track_box(before: Image | GreyImage, after: Image | GreyImage, box: Box) -> 
 
 
 def _shrink(picture: GreyImage, scale: float) -> GreyImage:
-    """Return a picture ``scale`` times as large: halved first, as other averages take five times as long.
+    """Return a picture scaled by ``scale``: halved first, since other averages take five times as long.
 
-    Up to a pixel of the result is missing at the right and the bottom.
+    The result may lack a pixel at the right and the bottom.
     """
     part = 2 ** int(-log2(scale))
     height, width = (side // part for side in picture.shape[:2])
@@ -80,7 +79,7 @@ def _shrink(picture: GreyImage, scale: float) -> GreyImage:
 
 
 def _find_corners(picture: GreyImage, box: Box) -> Points | None:
-    """Points worth following on the inner part of the box, away from the background at its edges."""
+    """Return points for tracking on the inner part of the box, away from the background at its edges."""
     rows, columns = window_slices(picture.shape, box, INNER_SHARE)
     if picture[rows, columns].size == 0:
         return None
@@ -90,7 +89,7 @@ def _find_corners(picture: GreyImage, box: Box) -> Points | None:
 
 
 def _follow_points(old: GreyImage, new: GreyImage, start: Points) -> tuple[Points, Points] | None:
-    """The points that were followed forth and back, before and after, each of shape (n, 2)."""
+    """Return the points that were tracked forwards and backwards, before and after, each of shape (n, 2)."""
     there, seen, _ = cv2.calcOpticalFlowPyrLK(old, new, start, start.copy(), winSize=FLOW_WINDOW, maxLevel=3)
     back, seen_back, _ = cv2.calcOpticalFlowPyrLK(new, old, there, there.copy(), winSize=FLOW_WINDOW, maxLevel=3)
     missed_by = np.hypot(*(back - start).reshape(-1, 2).T)
@@ -101,7 +100,7 @@ def _follow_points(old: GreyImage, new: GreyImage, start: Points) -> tuple[Point
 
 
 def _move_box(box: Box, start: Points, there: Points, scale: float, shape: tuple[int, ...]) -> Box | None:
-    """Move and scale the box as the points did; None when it has left the picture."""
+    """Return the box moved and scaled as the points; None if it has left the picture."""
     middle, middle_there = _median(start), _median(there)
     spread = float(_median(np.hypot(*(start - middle).T)))
     spread_there = float(_median(np.hypot(*(there - middle_there).T)))
@@ -115,35 +114,37 @@ def _move_box(box: Box, start: Points, there: Points, scale: float, shape: tuple
 
 
 def _median(values: Floats) -> Floats:
-    """Return the (upper) median along the first axis; numpy's own takes ten times as long for so few."""
+    """Return the upper median along the first axis; numpy's own takes ten times as long for so few values."""
     return cast(Floats, np.sort(values, axis=0)[len(values) // 2])
 
 
 # One face that is followed: how often it was found and borne out, and when it is looked for again.
 
 SAME_FACE_OVERLAP = 0.3
-"""Overlap from which on two boxes are one face."""
+"""Overlap above which two boxes are one face."""
 
 AGREEMENT_OVERLAP = 0.6
-"""Overlap from which on the detector agrees with the flow: a Haar box jitters by a tenth of its width."""
+"""Overlap above which detector and flow agree: a Haar box jitters by a tenth of its width."""
 
 MAX_RESTED_FRAMES = 2
-"""Frames in a row in which flow may leave out a face of many."""
+"""Frames in a row in which a face of many may be extrapolated instead of tracked."""
 
 RETRY_INTERVAL = 5
 """Frames from a search that missed a face to the next."""
 
 MAX_TRUST = 3
-"""What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
+"""Largest trust of a face: one for each confirmed search, minus one for each failure."""
 
 
 @dataclass(slots=True)
 class FollowedFace:
-    """A face that is followed: ``found_count`` it was found, ``misses`` since, frames until its search is ``frames_to_search``.
+    """A face that is tracked from frame to frame.
 
-    ``search_interval`` is from one search to the next, in frames; ``trust`` the searches that agreed less those that did not.
-    ``last_measurement`` is the newest picture in which its place was found, and that place; ``rested_frames`` the frames since, and
-    ``drift`` how far it moved from frame to frame before, in pixels. It ``is_resting`` where no flow carries it now.
+    ``found_count`` counts its detections, ``misses`` the failed searches since, and ``frames_to_search`` the frames
+    until the next one. ``search_interval`` is from one search to the next, in frames; ``trust`` is confirmations minus
+    failures. ``last_measurement`` is the newest picture in which it was located, with its box; ``rested_frames`` counts
+    the frames since. ``drift`` is its motion per frame before, in pixels. ``is_resting`` is True if it is extrapolated
+    in this frame.
     """
 
     detection: Detection
@@ -161,14 +162,14 @@ class FollowedFace:
     rested_frames: int = 0
 
     def update_trust(self, confirmed: bool) -> None:
-        """Others were asked whether it is a face: while that is open, they are asked in each frame."""
+        """Count a confirmation or a failure. While the trust is undecided, the face is searched in each frame."""
         self.trust = min(max(self.trust + (1 if confirmed else -1), -MAX_TRUST), MAX_TRUST)
         self.is_believed |= self.trust > 0
         if -MAX_TRUST < self.trust <= 0:
             self.search_interval = self.frames_to_search = 1
 
     def track(self, before: Image | GreyImage, image: Image | GreyImage) -> bool:
-        """Bring it to the next frame by optical flow, from ``before`` at least; False where that fails."""
+        """Track the face to this frame by optical flow; return False if that fails."""
         shown, box = self.last_measurement or (before, self.detection.box)
         frames, self.rested_frames = self.rested_frames + 1, 0
         carried = track_box(shown, image, box)
@@ -180,7 +181,7 @@ class FollowedFace:
         return True
 
     def extrapolate(self) -> bool:
-        """Let it move on as before, without a look at the frame; False where one is due, or the last had none."""
+        """Move the face on at its drift, without tracking; return False if tracking is due."""
         if (
             self.trust <= 0
             or self.frames_to_search <= 1
@@ -194,13 +195,13 @@ class FollowedFace:
         return True
 
     def end_frame(self, image: Image | GreyImage) -> None:
-        """End a frame: its place was found in it, unless it rests."""
+        """Store the measurement of this frame, unless the face was extrapolated."""
         if not self.is_resting:
             self.last_measurement, self.rested_frames = (image, self.detection.box), 0
         self.is_resting = False
 
     def on_found(self, detection: Detection, max_interval: int) -> None:
-        """The detector has found it again."""
+        """Record that the detector has found the face again."""
         agrees = self.detection.box.overlap(detection.box) > AGREEMENT_OVERLAP
         self.search_interval = min(2 * self.search_interval, max_interval) if agrees else 1
         self.detection, self.found = detection, True
@@ -212,19 +213,19 @@ class FollowedFace:
         )
 
     def on_turned_aside(self) -> None:
-        """It looks to one side, where flow has carried it."""
+        """Record that the face is in profile at the place that flow has found."""
         self.aside_searches += 1
         self.search_interval, self.frames_to_search = 1, RETRY_INTERVAL
 
     def on_missed(self) -> None:
-        """The detector has not found it where the flow has carried it."""
+        """Record that the detector has not found the face at the place that flow has found."""
         self.misses += 1
         self.update_trust(False)
         self.search_interval, self.frames_to_search = 1, RETRY_INTERVAL
 
 
 def drop_duplicates(followed: Iterable[FollowedFace]) -> list[FollowedFace]:
-    """Return the faces; where two boxes have come to lie on one, that which is known for longer."""
+    """Return the faces without overlapping ones; of two, the one known for longer stays."""
     kept: list[FollowedFace] = []
     for known in followed:
         if all(known.detection.box.overlap(other.detection.box) <= SAME_FACE_OVERLAP for other in kept):
@@ -233,86 +234,86 @@ def drop_duplicates(followed: Iterable[FollowedFace]) -> list[FollowedFace]:
 
 
 LOST_FACE_FRAMES = 25
-"""Frames for which the whole picture is searched that often too, after a face was lost."""
+"""Frames for which the whole picture is searched more often after a face was lost."""
 
 NEWCOMER_INTERVAL = 40
-"""Frames from one search of the whole picture to the next while a face is known, where the detector does not say."""
+"""Default frames between two searches of the whole picture while a face is known."""
 
 FIRST_NEWCOMER_INTERVAL = 1
-"""Frames to the first search for others after somebody was found, as they may have come together; then 4 times that."""
+"""Frames to the first search for others after a new face, as people may come together; then it grows by a factor of 4.
+"""
 
 EMPTY_SEARCH_INTERVAL = 2
-"""The same where one of each kind has found no face, for the first ``LONG_EMPTY_SEARCH_INTERVAL`` frames: a head may be turned away."""
+"""Frames between searches after the search plan found no face: until ``LONG_EMPTY_SEARCH_INTERVAL`` empty frames."""
 
 LONG_EMPTY_SEARCH_INTERVAL = 8
-"""The same after that, and twice that where searches are dear; see Still for what stays as it was."""
+"""The same after that, doubled if searches are expensive; see ``StillPictureDetector`` for unchanged scenes."""
 
 MAX_ASIDE_SEARCHES = 6
-"""Searches in a row for which a face that looks to one side may be carried on."""
+"""Searches in a row for which a face in profile may be carried on."""
 
 MIN_CROWD = 3
-"""Known faces from which on flow carries all but the largest in every third frame only."""
+"""Number of faces from which on flow tracks all but the largest only in every third frame."""
 
 MAX_STEADY_SHIFT = 0.02
-"""How far a face may have moved from one frame to the next that stays in one place, in widths of it: 0.1 m/s."""
+"""Motion from one frame to the next of a face that stays in place, in widths of it: 0.1 m/s."""
 
 
 class FaceDetector(Protocol):
-    """What the finder needs: a search of a whole picture, and one around a known face."""
+    """Face detector for the finder: searches a whole picture, or near a known face."""
 
     def detect(
         self, image: Image | GreyImage, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
     ) -> Sequence[Detection]:
-        """Return the faces anywhere in the picture, those at least whose width is ``smallest``..``largest`` pixels.
+        """Return the faces anywhere in the picture, at least those whose width is ``smallest``..``largest`` pixels.
 
-        ``roll`` is by how much they lean to the right, in radians.
+        ``roll`` is the angle by which they lean to the right, in radians.
         """
         ...
 
     def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
-        """Return the face about where ``box`` is, None when there is none."""
+        """Return the face near ``box``, or None."""
         ...
 
 
 @runtime_checkable
 class ThoroughDetector(Protocol):
-    """What a detector may offer besides: a second opinion, other sights of a head, and what it looks for how often."""
+    """Optional abilities of a detector: confirmation, other poses of a head, and a search plan."""
 
     newcomer_interval: int
-    """Frames from one search of the whole picture to the next while a face is known."""
+    """Frames between two searches of the whole picture while a face is known."""
 
     search_plan: Sequence[FaceSearch]
-    """What it searches a whole picture for, the most frequent first; the others take turns between."""
+    """Searches of a whole picture, the most frequent first; the others alternate in between."""
 
     quick_search: FaceSearch
-    """What it searches a whole picture for where there is little time."""
+    """Search of a whole picture when there is little time."""
 
     def is_expensive(self, image: Image | GreyImage) -> bool:
-        """Whether to search such a picture costs far more than its size tells."""
+        """Return whether searching such a picture takes far longer than its size suggests."""
         ...
 
     def is_confirmed(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
-        """Whether searches that are independent of the first see a face at ``box`` too."""
+        """Return whether searches that are independent of the first see a face at ``box``, too."""
         ...
 
     def detect_leaning(self, image: Image | GreyImage, known: Detection) -> Iterable[Detection]:
-        """Yield where the face that was ``known`` may be, should it lean otherwise by now."""
+        """Yield places of the ``known`` face at other angles of lean."""
         ...
 
     def is_turned_aside(self, image: Image | GreyImage, box: Box) -> bool:
-        """Whether a face that was at ``box`` is there, but looks to one side."""
+        """Return whether a face at ``box`` is still there, but in profile."""
         ...
 
 
 class FaceFinder:
-    """Finds and follows faces through the frames of one camera or film. For one thread at a time.
+    """Finds and tracks faces in the frames of one camera or film. For one thread at a time.
 
-    ``every``: frames from one search of a face's region to the next, once it is sure. ``patience``: searches in a row
-    that may miss before a face is given up while flow still carries it (it has turned aside; or it never was one).
-    ``newcomer_interval``: frames from one search of the whole picture to the next while a face is known; else as the detector
-    says, which is more often for a network than for a cascade. A sighting counts as ``found`` where its detector found
-    it and, if that is ``ThoroughDetector``, is borne out; what is not is carried by flow until the next miss at most.
-    A new face is searched for again in the very next frame, and given up at the first miss: most false ones flicker.
+    ``confirm_interval``: frames between two searches near a certain face. ``max_misses``: failed searches in a row
+    until a face is dropped while flow still tracks it (in profile, or never a face). ``newcomer_interval``: frames
+    between two searches of the whole picture while a face is known; by default that of the detector. A sighting is
+    ``found`` if the detector found it and, for a ``ThoroughDetector``, it was confirmed. An unconfirmed face is
+    searched again in the next frame and dropped at the first miss, because most false ones flicker.
     """
 
     def __init__(
@@ -344,7 +345,7 @@ class FaceFinder:
         self._last_centres: list[tuple[float, float]] = []  # of known faces, as it was last asked what can be spared
 
     def find(self, image: Image | GreyImage) -> list[FaceSighting]:
-        """Return the faces in the next frame, largest first. Raises ValueError for what is not a picture."""
+        """Return the faces in the next frame, largest first. Raises ValueError for an invalid picture."""
         check_image(image)
         before, self._previous = self._previous, image
         followed = self._faces
@@ -381,10 +382,10 @@ class FaceFinder:
         return sorted(found, key=lambda sighting: -sighting.detection.box.width)
 
     def skip_frames(self, limit: int) -> int:
-        """Return how many of the next frames, up to ``most``, it need not be shown, and count them as if it had been.
+        """Return how many of the next frames, at most ``limit``, may be skipped, and count them as searched.
 
-        It would search none of them, and either nobody is there, or a third as many are spared since all known faces
-        have stayed in one place from the frame before to this one.
+        None of them would be searched. If there are faces, all of them must have stayed in place since the frame
+        before, and only a third of ``limit`` is skipped.
         """
         before, self._last_centres = self._last_centres, [known.detection.box.centre for known in self._faces]
         pause = self._search_interval()
@@ -401,14 +402,14 @@ class FaceFinder:
         return spared
 
     def _is_steady(self, before: Sequence[tuple[float, float]]) -> bool:
-        """Whether all known faces are beyond doubt, and where they were."""
+        """Return whether all faces are certain and have stayed in place."""
         return len(before) == len(self._faces) and all(
             known.trust > 0 and hypot(x - was_x, y - was_y) <= MAX_STEADY_SHIFT * known.detection.box.width
             for known, (x, y), (was_x, was_y) in zip(self._faces, self._last_centres, before, strict=True)
         )
 
     def reset(self) -> None:
-        """Forget everything: another film begins."""
+        """Forget all faces, for another film."""
         self._faces.clear()
         self._previous = None
         self._frames_since_search, self._search_count, self._lost_face_frames = 0, 0, 0
@@ -416,7 +417,7 @@ class FaceFinder:
         self._still_detector = StillPictureDetector()
 
     def _search_interval(self) -> int:
-        """Return how many frames after a search of the whole picture the next one is due."""
+        """Return the frames from one search of the whole picture to the next."""
         lost = self._lost_face_frames > 0
         if any(known.trust > 0 for known in self._faces):
             return RETRY_INTERVAL if lost else self._newcomer_wait
@@ -427,7 +428,7 @@ class FaceFinder:
         return EMPTY_SEARCH_INTERVAL if self._empty_frames < LONG_EMPTY_SEARCH_INTERVAL else LONG_EMPTY_SEARCH_INTERVAL
 
     def _next_search(self, image: Image | GreyImage) -> FaceSearch:
-        """Return what the whole picture is searched for next."""
+        """Return the next search of the whole picture, by the plan."""
         sure = [known for known in self._faces if known.trust > 0]
         if self._lost_face_frames > 0 and (sure or self._lost_face_frames % 2):
             return self._lost_face_search
@@ -442,11 +443,11 @@ class FaceFinder:
         return others[turn // 2 % len(others)] if turn % 2 and others else main
 
     def _search_for_face(self, face: Detection, image: Image | GreyImage) -> FaceSearch:
-        """Return the first search that would find such a face."""
+        """Return the first search of the plan that would find such a face."""
         return next((each for each in self._search_plan if each.fits(face, max(image.shape))), self._search_plan[0])
 
     def _on_found(self, known: FollowedFace, detection: Detection, image: Image | GreyImage) -> None:
-        """A search has found it again; others are asked as long as it is not beyond doubt."""
+        """Record a detection; confirm it while the face is not certain."""
         known.on_found(detection, self._confirm_interval)
         self._confirm(known, image)
 
@@ -458,12 +459,12 @@ class FaceFinder:
         return thorough.is_confirmed(image, found.box, roll=found.roll)
 
     def _expect_return(self, lost: FollowedFace, image: Image | GreyImage) -> None:
-        """Look for a lost face again soon, among those of its size: somebody may just have walked past it."""
+        """Search for a lost face soon, in its size: a person may just have walked past it."""
         self._lost_face_frames = LOST_FACE_FRAMES
         self._lost_face_search = self._search_for_face(lost.detection, image)
 
     def _track(self, known: FollowedFace, before: Image | GreyImage, image: Image | GreyImage, *, wait: bool) -> bool:
-        """Bring a face to the new frame; False when it is gone. Where it can ``wait``, its own search may follow."""
+        """Track a face to the new frame; return False if it is gone. With ``wait``, its own search may follow later."""
         known.found = False
         known.frames_to_search -= 1
         if known.is_resting:
@@ -474,7 +475,7 @@ class FaceFinder:
         return self._search_near(known, image, carried=carried)
 
     def _search_near(self, known: FollowedFace, image: Image | GreyImage, *, carried: bool) -> bool:
-        """Search for a known face where it should be; False when it is gone."""
+        """Search for a face at its place; return False if it is gone."""
         again = self._find_again(known, image)
         if again is not None:
             self._on_found(known, again, image)
@@ -486,7 +487,7 @@ class FaceFinder:
         return carried and known.trust > 0 and known.misses < self._max_misses
 
     def _find_again(self, known: FollowedFace, image: Image | GreyImage) -> Detection | None:
-        """Return a known face where it is now, upright or leaning as before; or as one that others see lean."""
+        """Return a face at its place: as before, or leaning otherwise if confirmed."""
         at, thorough = known.detection, self._thorough
         again = self._detector.detect_near(image, at.box, roll=at.roll)
         if again is not None or thorough is None or known.trust <= 0:
@@ -496,12 +497,12 @@ class FaceFinder:
         )
 
     def _is_turned_aside(self, known: FollowedFace, image: Image | GreyImage) -> bool:
-        """Whether a face that was beyond doubt has turned to one side: it is carried on for a while."""
+        """Return whether a certain face is now in profile; it is carried on for a while."""
         sure = self._thorough is not None and known.trust == MAX_TRUST and known.aside_searches < MAX_ASIDE_SEARCHES
         return sure and self._thorough is not None and self._thorough.is_turned_aside(image, known.detection.box)
 
     def _search_picture(self, image: Image | GreyImage, *, unless_still: bool) -> None:
-        """Look for newcomers, of one kind after the other; meet those already known."""
+        """Search the whole picture for newcomers by the next search of the plan, and match known faces."""
         self._frames_since_search = 0
         self._newcomer_wait = min(4 * self._newcomer_wait, self._newcomer_interval)
         due = self._next_search(image)

@@ -1,8 +1,8 @@
-"""From pixels to directions: the pinhole camera, and where it looks.
+"""Pinhole camera: conversion between pixels and directions.
 
-Directions are two angles, as of a head that first pans and then tilts: left about z, then down from the horizon of
-whoever looks. So ``direction_of`` at gaze zero changes nothing, and each pair of angles turns into a unit vector (x forward,
-y left, z up, REP 103) as (cos down cos left, cos down sin left, -sin down).
+Directions are two angles, as of a head that first pans and then tilts: left about z, then down from the horizon of the
+observer. So ``direction_of`` at gaze zero changes nothing. A pair of angles is the unit vector (cos down cos left, cos
+down sin left, -sin down), with x forward, y left, z up (REP 103).
 """
 
 from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan, tau
@@ -11,10 +11,10 @@ from drivers.api.fast_dataclass import dataclass
 from perception.api import Box, Gaze
 
 FACE_WIDTH = 0.17
-"""Metres of face in the width of a Haar box.
+"""Metres of a face that correspond to the width of a Haar box.
 
 Measured on three portraits as the box's width over the distance between the pupils, 0.063 m in the mean adult: 0.184,
-0.178 and 0.144 m. Expect a distance formed with it to be off by 20 %.
+0.178 and 0.144 m. A distance computed with it may be wrong by 20 %.
 """
 
 UNDISTORT_ITERATIONS = 12
@@ -28,12 +28,11 @@ def wrap_angle(angle: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pinhole:
-    """A camera: its picture in pixels, and the horizontal angle of view in radians that its focal length makes.
+    """A camera: size of its picture in pixels, and horizontal angle of view in radians.
 
-    ``centre`` is where the optical axis meets the picture, as shares of width and height. ``distortion`` is nothing,
-    or (k1, k2, p1, p2, k3) as OpenCV's calibration gives them: Brown's model, radial and tangential.
-    Raises ValueError for a picture without pixels, an angle that is not between 0 and pi, a centre outside the
-    picture, another number of coefficients.
+    ``centre`` is the optical axis in the picture, as shares of width and height. ``distortion`` is empty, or (k1, k2,
+    p1, p2, k3) as in OpenCV's calibration: Brown's model, radial and tangential. Raises ValueError for a picture
+    without pixels, an angle outside 0..pi, a centre outside the picture, or another number of coefficients.
     """
 
     width: int
@@ -54,11 +53,11 @@ class Pinhole:
 
     @property
     def focal(self) -> float:
-        """The focal length in pixels."""
+        """Focal length in pixels."""
         return self.width / 2 / tan(self.field_of_view / 2)
 
     def pixel_to_angles(self, x: float, y: float) -> tuple[float, float]:
-        """Return the (bearing, elevation) of a pixel from the optical axis, in radians, left and down positive."""
+        """Return (bearing, elevation) of a pixel from the optical axis, in radians, left and down positive."""
         right = (x - self.centre[0] * self.width) / self.focal
         down = (y - self.centre[1] * self.height) / self.focal
         if self.distortion:
@@ -79,7 +78,7 @@ class Pinhole:
         return self.centre[0] * self.width + self.focal * right, self.centre[1] * self.height + self.focal * down
 
     def _distort(self, x: float, y: float) -> tuple[float, float]:
-        """Return where the lens shows a point of the plane one focal length ahead, both in focal lengths."""
+        """Return the image of a point of the plane one focal length ahead, both in focal lengths."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -89,7 +88,7 @@ class Pinhole:
         )
 
     def _undistort(self, x: float, y: float) -> tuple[float, float]:
-        """Undo ``_distort`` by fixed-point iteration: a lens bends little enough for it to settle."""
+        """Invert ``_distort`` by fixed-point iteration, which converges for ordinary lenses."""
         true_x, true_y = x, y
         for _ in range(UNDISTORT_ITERATIONS):
             bent_x, bent_y = self._distort(true_x, true_y)
@@ -97,17 +96,17 @@ class Pinhole:
         return true_x, true_y
 
     def face_distance(self, face: Box) -> float:
-        """Guess how far away a face is, in metres, from the width of its Haar box. Raises ValueError for no width."""
+        """Return the distance of a face in metres, estimated from its box. Raises ValueError for no width."""
         if not (isfinite(face.width) and face.width > 0):
             raise ValueError(f"camera: a face {face.width} pixels wide has no distance")
         return FACE_WIDTH * self.focal / face.width
 
 
 def direction_of(gaze: Gaze, bearing: float, elevation: float) -> tuple[float, float]:
-    """Return the (yaw, pitch) of what a camera with this gaze sees at ``bearing`` and ``elevation``.
+    """Return (yaw, pitch) of an object at ``bearing`` and ``elevation`` from a camera with this gaze.
 
-    Exact: the direction is turned by the gaze's pitch about y, then by its yaw about z. Plain addition is 1.7 degrees
-    off where both the tilt and the bearing are 20 degrees. The yaw is not wrapped: it goes on as the gaze's does.
+    Exact: the direction is rotated by the gaze's pitch about y, then by its yaw about z. Plain addition is 1.7 degrees
+    off if both the tilt and the bearing are 20 degrees. The yaw is not wrapped: it continues that of the gaze.
     """
     forward, left, up = cos(elevation) * cos(bearing), cos(elevation) * sin(bearing), -sin(elevation)
     level = forward * cos(gaze.pitch) + up * sin(gaze.pitch)

@@ -1,4 +1,4 @@
-"""Finding faces in one picture, with the Haar cascade that comes with OpenCV, in parts of it cut as that wants them."""
+"""Face detection in one picture with the Haar cascade of OpenCV."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -28,10 +28,10 @@ from perception.image_preparation import (
 
 @dataclass(frozen=True, slots=True)
 class CascadeCrop:
-    """A part of a picture: what is ``image`` of it, and where that comes from.
+    """A part of a picture, prepared for a cascade.
 
-    It is ``scale`` times as large; its corner is at ``left``, ``top`` of the picture. Where ``roll`` (radians) is not
-    0, it was turned to the left by that, and ``inverse`` (shape (2, 3)) takes places in ``image`` to those before.
+    It is scaled by ``scale``; its corner is at ``left``, ``top`` of the picture. If ``roll`` (radians) is not 0, it was
+    rotated to the left by it, and ``inverse`` (shape (2, 3)) maps positions in ``image`` back.
     """
 
     image: GreyImage
@@ -42,7 +42,7 @@ class CascadeCrop:
     inverse: npt.NDArray[np.float64] | None = None
 
     def to_detection(self, box: Box, score: float) -> Detection:
-        """Take what was found in ``image`` to the picture; a square that was turned stays upright about its middle."""
+        """Return a box in the crop as a detection in the picture; a rotated square stays upright about its middle."""
         x, y = box.centre if self.inverse is None else (self.inverse @ (*box.centre, 1.0)).tolist()
         width, height = box.width / self.scale, box.height / self.scale
         corner = self.left + x / self.scale - width / 2, self.top + y / self.scale - height / 2
@@ -50,10 +50,10 @@ class CascadeCrop:
 
 
 def prepare_picture(image: Image | GreyImage, scale: float, roll: float = 0.0) -> CascadeCrop:
-    """Return a whole picture ``scale`` times as large. Raises ValueError for what is not a picture.
+    """Return a whole picture scaled by ``scale``, for a cascade. Raises ValueError for an invalid picture.
 
-    Its contrast is spread by half as much as around a face: a cascade then takes two thirds of the time, and finds 59
-    faces where it found 60.
+    Its contrast is equalised half as much as around a face. The cascade then takes two thirds of the time, and finds 59
+    faces instead of 60.
     """
     return _rotate_crop(CascadeCrop(equalise(resize(brighten(to_grey(image)), scale), tiles=8, limit=1.0), scale), roll)
 
@@ -61,9 +61,9 @@ def prepare_picture(image: Image | GreyImage, scale: float, roll: float = 0.0) -
 def prepare_region(
     image: Image | GreyImage, box: Box, grow: float, pixels: float, roll: float = 0.0
 ) -> CascadeCrop | None:
-    """Return what is about ``box``, ``grow`` times as large as it, so scaled that the box is ``pixels`` wide.
+    """Return the region ``grow`` times as large as ``box``, scaled so that the box is ``pixels`` wide.
 
-    None where nothing of the picture is there. Raises ValueError for what is not a picture.
+    None if it is outside the picture. Raises ValueError for an invalid picture.
     """
     rows, columns = window_slices(image.shape, box, grow)
     if box.width <= 0 or image[rows, columns].size == 0:
@@ -74,7 +74,7 @@ def prepare_region(
 
 
 def _rotate_crop(cut: CascadeCrop, roll: float) -> CascadeCrop:
-    """Turn a cut to the left by ``roll``; its corners fall away: to keep them costs as much again."""
+    """Rotate a crop to the left by ``roll``. Its corners are lost: keeping them would take twice as long."""
     if roll == 0.0:
         return cut
     height, width = cut.image.shape
@@ -88,23 +88,23 @@ CASCADE = "haarcascade_frontalface_default.xml"
 PROFILE = "haarcascade_profileface.xml"
 
 MAX_SIDE = 640
-"""Pixels along the longer side to which a larger picture is shrunk first: for this size the rest was measured."""
+"""Pixels of the longer side to which a larger picture is shrunk; all settings were measured for it."""
 
 MIN_SIDE = 320
-"""Pixels along it to which a smaller one is enlarged."""
+"""Pixels of the longer side to which a smaller picture is enlarged."""
 
 PICTURE_SEARCH = 1.2, 4
-"""Step of sizes, and neighbours that a face must have. With 3, 2 % more faces and 11 false ones instead of 2."""
+"""Scale step, and neighbours of a face. With 3 neighbours: 2 % more faces, and 11 false ones instead of 2."""
 
 FILM_SEARCH = 1.2, 3
-"""The same where others are asked besides."""
+"""The same if other cascades confirm the faces."""
 
 MIN_FACE_PIXELS = 28  # pixels: a face 3.5 m away for a camera of 640 pixels and 60 degrees
 CASCADE_WINDOW = 24  # pixels of the smallest face that the cascade knows
 MIN_LEANING_FACE_PIXELS = 35  # pixels to which leaning ones are shrunk
 
 ROLL_STEP = radians(22)
-"""By how much a head leans that is looked for in a turned picture: the cascade bears with half of it either way."""
+"""Angle of a rotated search, in radians; the cascade tolerates half of it either way."""
 
 SAME_FACE_OVERLAP = 0.3  # overlap from which on two boxes are one face
 REGION_WIDTHS = 1.7  # how much of the picture is searched around a known face, in widths of it
@@ -119,18 +119,18 @@ CONFIRMING_CASCADES = (
     ("haarcascade_frontalface_alt.xml", 64, 3, False),
     ("haarcascade_frontalface_alt2.xml", 64, 2, True),
 )
-"""Cascades trained apart from the first, pixels of the face, neighbours, whether they see it in the mirror.
+"""Independently trained cascades, pixels of the face, neighbours, and whether the picture is mirrored.
 
-All three agree on 90 of 100 true faces, many of them dark, and on 3 of 100 that the first cascade sees in gravel and
-coins; each of them alone on about 92 and on 11 to 23.
+All three accept 90 of 100 true faces, many of them dark, and 3 of 100 false ones that the first cascade sees in gravel
+and coins. Each of them alone accepts about 92, and 11 to 23.
 """
 
 
 class HaarFaceDetector:
-    """Finds faces that look towards the camera: upright ones, and where it is asked to, those that lean. One thread.
+    """Detects faces that look towards the camera, upright or, on request, leaning. For one thread.
 
-    A box reaches from ear to ear and from the hairline to the chin; its score is the weight of the cascade's last
-    stage (-1..10 for true faces). The contrast is evened out first. Takes pictures in colour or grey.
+    A box spans from ear to ear and from the hairline to the chin; its score is the weight of the cascade's last stage
+    (-1..10 for true faces). Contrast is equalised first. Takes colour or grey pictures. It is a ``ThoroughDetector``.
     """
 
     newcomer_interval = 40
@@ -143,7 +143,7 @@ class HaarFaceDetector:
     """Faces up to 3.3 m away, for an angle of view of 60 degrees; up to 4.2 m; leaning ones up to 1.7 m."""
 
     quick_search = FaceSearch(0.09)
-    """Upright ones up to 1.7 m: a third of the cost."""
+    """Upright faces up to 1.7 m away, at a third of the cost."""
 
     def __init__(self) -> None:
         self._other_cascades: dict[str, cv2.CascadeClassifier] = {}
@@ -153,8 +153,8 @@ class HaarFaceDetector:
     ) -> list[Detection]:
         """Return the faces anywhere in the picture, largest first, whose width is about ``smallest``..``largest`` px.
 
-        They lean by about ``roll`` (radians, to the right). To give ``smallest`` is for
-        films: then more is found, and more that is none. Raises ValueError for what is not a picture.
+        They lean by about ``roll`` (radians, to the right). A ``smallest`` above 0 is for films: it finds more faces,
+        and more false ones. Raises ValueError for an invalid picture.
         """
         check_image(image)
         side = max(image.shape)
@@ -170,14 +170,14 @@ class HaarFaceDetector:
         return [detection for detection in found if self._is_seen_closer(image, detection)]
 
     def is_expensive(self, image: Image | GreyImage) -> bool:
-        """Whether a picture is enlarged or brightened first, which takes two to five times as long."""
+        """Return whether a picture is enlarged or brightened first, which takes two to five times as long."""
         return max(image.shape) < MIN_SIDE or is_dark(image)
 
     def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
-        """Return the face that is about where and as large as ``box`` and leans by ``roll``, None when there is none.
+        """Return the face near ``box``, of similar size, that leans by ``roll``; None if there is none.
 
-        Costs a twentieth of ``detect`` and finds more, since it looks at every size in a small region, at a fixed
-        scale; where a quick look finds nothing, a more careful one. Raises ValueError for what is not a picture.
+        Takes a twentieth of the time of ``detect`` and finds more, since it searches every size in a small region at a
+        fixed scale: quickly first, then carefully. Raises ValueError for an invalid picture.
         """
         check_image(image)
         for pixels, step in REGION_SEARCHES:
@@ -190,13 +190,13 @@ class HaarFaceDetector:
         return None
 
     def detect_leaning(self, image: Image | GreyImage, known: Detection) -> Iterator[Detection]:
-        """Yield the face that was ``known`` where it leans otherwise by now; raises as ``detect_near``."""
+        """Yield the ``known`` face at other angles of lean; raises as ``detect_near``."""
         for roll in sorted((-ROLL_STEP, 0.0, ROLL_STEP), key=lambda roll: abs(roll - known.roll)):
             if roll != known.roll and (found := self.detect_near(image, known.box, roll=roll)) is not None:
                 yield found
 
     def is_turned_aside(self, image: Image | GreyImage, box: Box) -> bool:
-        """Whether a face that was at ``box`` is still there, but looks to one side: raises as ``detect_near``."""
+        """Return whether a face at ``box`` is still there, but in profile; raises as ``detect_near``."""
         check_image(image)
         pixels = 44
         cut = prepare_region(image, box, REGION_WIDTHS, pixels)
@@ -215,9 +215,9 @@ class HaarFaceDetector:
         )
 
     def is_confirmed(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
-        """Whether other cascades see a face where this one found ``box``, at other sizes and in the mirror.
+        """Return whether other cascades see a face at ``box``, at other sizes and in the mirrored picture.
 
-        Costs at most as much as two calls of ``detect_near``. Raises ValueError for what is not a picture.
+        Takes at most as long as two calls of ``detect_near``. Raises ValueError for an invalid picture.
         """
         check_image(image)
         return all(self._is_confirmed_by(image, box, roll, *witness) for witness in CONFIRMING_CASCADES)
@@ -225,7 +225,7 @@ class HaarFaceDetector:
     def _is_confirmed_by(
         self, image: Image | GreyImage, box: Box, roll: float, name: str, pixels: int, neighbours: int, mirrored: bool
     ) -> bool:
-        """Whether one other cascade sees a face at ``box``."""
+        """Return whether one other cascade sees a face at ``box``."""
         cut = prepare_region(image, box, REGION_WIDTHS, pixels, roll)
         if cut is None:
             return False
@@ -240,7 +240,7 @@ class HaarFaceDetector:
         return any(detection.box.overlap(box) > SAME_FACE_OVERLAP for detection in found)
 
     def _is_seen_closer(self, image: Image | GreyImage, found: Detection) -> bool:
-        """Whether a closer look sees a face there too: half of the false ones fail, and one true one in a hundred."""
+        """Return whether ``detect_near`` agrees: it rejects half of the false faces, and 1 % of the true ones."""
         closer = self.detect_near(image, found.box, roll=found.roll)
         return closer is not None and closer.box.overlap(found.box) > SAME_FACE_OVERLAP
 
@@ -254,7 +254,7 @@ class HaarFaceDetector:
         cascade: cv2.CascadeClassifier | None = None,
         mirrored: bool = False,
     ) -> list[Detection]:
-        """Run a cascade, the first one if none is given, over a cut; return what it finds of these ``sizes``."""
+        """Run a cascade, by default the main one, on a crop; return the faces of these ``sizes`` in pixels."""
         boxes, _, weights = (cascade or self._cascade).detectMultiScale3(
             np.ascontiguousarray(cut.image[:, ::-1]) if mirrored else cut.image,
             scaleFactor=step,
@@ -271,18 +271,18 @@ class HaarFaceDetector:
 
     @cached_property
     def _cascade(self) -> cv2.CascadeClassifier:
-        """The trained cascade, read from OpenCV's own folder when the first picture comes."""
+        """The main cascade, loaded from OpenCV's folder for the first picture."""
         return _read_cascade(CASCADE)
 
     def _other_cascade(self, name: str) -> cv2.CascadeClassifier:
-        """Another cascade, read when it is first asked."""
+        """Return another cascade, loaded at its first use."""
         if name not in self._other_cascades:
             self._other_cascades[name] = _read_cascade(name)
         return self._other_cascades[name]
 
 
 def _size_range(pixels: int) -> tuple[int, int]:
-    """Return the least and the greatest width of a face that is known to be ``pixels`` wide."""
+    """Return the smallest and the largest width of a face that is about ``pixels`` wide."""
     return round(pixels * REGION_SIZES[0]), round(pixels * REGION_SIZES[1])
 
 

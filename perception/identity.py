@@ -1,4 +1,4 @@
-"""Whose face it is: many looks at one face make a name, or leave it unknown. Nobody is forced to a name."""
+"""Names of tracked faces: several looks at one face decide on a name, or on unknown."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -11,30 +11,30 @@ from perception.geometry import Pinhole
 from perception.senses import FrameSkipper, Sense
 
 LOOK_INTERVAL = 0.15
-"""Seconds from one look at a face to the next: pictures that follow each other closely say the same."""
+"""Seconds between two looks at a face: consecutive pictures are too similar."""
 
 MAX_FACES = 3
-"""Faces of one picture that are looked at: the largest."""
+"""Number of faces per picture that are looked at: the largest."""
 
 MAX_KEPT_LOOKS = 8
-"""Looks at a face that count: the newest."""
+"""Number of newest looks at a face that count."""
 
 MIN_CLEAR_LOOKS, MIN_LOOKS = 3, 5
-"""Looks from which on a name is decided where they are clear, and where they are not."""
+"""Looks that decide on a name if they are clear, and otherwise."""
 
 MIN_CLEAR_MARGIN = 0.4
-"""Mean margin, either way, that is clear."""
+"""Smallest absolute mean margin of clear looks."""
 
 MAX_CONTRARY_LOOKS = 5
-"""Looks in a row that speak against a name before it is taken back."""
+"""Contradicting looks in a row after which a name is dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceMatch:
-    """What one look at a face says: the ``name`` of the nearest person, empty where there are none.
+    """Result of one look at a face: the ``name`` of the nearest person, empty if there is none.
 
-    ``margin`` is above zero for somebody who is near enough to be that person, below for a stranger: how far that is
-    from the threshold, in standard deviations of looks at strangers.
+    ``margin`` is the distance from the threshold in standard deviations of looks at strangers: above zero it is that
+    person, below zero a stranger.
     """
 
     name: str
@@ -42,14 +42,14 @@ class FaceMatch:
 
     @property
     def verdict(self) -> str:
-        """What it would be if it were the only look."""
+        """Name by this look alone."""
         return self.name if self.margin > 0 else UNKNOWN
 
 
 def combine_matches(matches: Collection[FaceMatch]) -> FaceMatch:
-    """Return what looks at one face say together, one at least: the name that was nearest most often.
+    """Return the combined result of one or more looks at one face: the name that was nearest most often.
 
-    The margin is the mean of theirs, where a look at somebody else speaks against.
+    The margin is the mean; a look with another name counts as negative.
     """
     name = Counter(look.name for look in matches).most_common(1)[0][0]
     margins = [look.margin if look.name == name else -abs(look.margin) for look in matches]
@@ -57,24 +57,23 @@ def combine_matches(matches: Collection[FaceMatch]) -> FaceMatch:
 
 
 class FaceRecogniser(Protocol):
-    """Knows some people by their faces. For one thread at a time."""
+    """Recognises known people by their faces. For one thread at a time."""
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return what the face in a box looks like; None where it cannot be judged."""
+        """Return the nearest person for the face in a box; None if the face cannot be judged."""
         ...
 
 
 class NullRecogniser:
-    """Knows nobody: everybody is a stranger. A ``FaceRecogniser``."""
+    """A ``FaceRecogniser`` for which all people are strangers."""
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return that it is a stranger."""
         del image, face
         return FaceMatch("", -1.0)
 
 
 class _Ballot:
-    """The looks at one face, and the name that they have made."""
+    """Looks at one face, and the resulting name."""
 
     def __init__(self) -> None:
         self.name = ""
@@ -100,13 +99,13 @@ class _Ballot:
 
 
 class NameVotes:
-    """Makes names of looks, face by face; ``id`` is that of the track, which no other face ever has."""
+    """Names of faces by their looks; ``id`` is that of the track, which is never reused."""
 
     def __init__(self) -> None:
         self._ballots: dict[int, _Ballot] = {}
 
     def start_look(self, id: int, stamp: float, interval: float) -> bool:  # noqa: A002 - as percepts have it
-        """Say whether a face should be looked at in the picture of ``stamp``, and take it that it is."""
+        """Return whether a face is due for a look in the picture of ``stamp``; if so, record that look."""
         ballot = self._ballots.setdefault(id, _Ballot())
         if ballot.last_look_at is not None and stamp - ballot.last_look_at < interval - 1e-6:
             return False
@@ -118,7 +117,7 @@ class NameVotes:
         self._ballots.setdefault(id, _Ballot()).vote(match)
 
     def name(self, id: int) -> str:  # noqa: A002
-        """Return whose face it is: a name, ``UNKNOWN``, or an empty text while that is not decided."""
+        """Return the name of a face: a person's, ``UNKNOWN``, or an empty text while undecided."""
         ballot = self._ballots.get(id)
         return "" if ballot is None else ballot.name
 
@@ -129,16 +128,16 @@ class NameVotes:
 
 
 class FaceNamer:
-    """Puts names on the faces that are followed. For one thread at a time."""
+    """Names tracked faces. For one thread at a time."""
 
     def __init__(self, interval: float = LOOK_INTERVAL) -> None:
         self._interval = interval
         self._votes = NameVotes()
 
     def name(self, faces: Sequence[Face], stamp: float, match: Callable[[Box], FaceMatch | None]) -> tuple[Face, ...]:
-        """Return ``faces``, largest first, each with its name as far as that is decided.
+        """Return ``faces``, largest first, with their names as far as decided.
 
-        Those that the picture of ``stamp`` itself shows are looked at with ``match``, which gets the face's box in it.
+        Faces that the picture of ``stamp`` shows are looked at with ``match``, which gets the face's box in it.
         """
         votes = self._votes
         votes.keep_only(face.id for face in faces)
@@ -152,7 +151,7 @@ class FaceNamer:
 
 
 class NamedFaceSense:
-    """The sense for faces, with names on them: a ``perception.senses.Sense[Face]`` around another."""
+    """Sense for faces with names: a ``perception.senses.Sense[Face]`` around another."""
 
     def __init__(self, faces: Sense[Face], recogniser: FaceRecogniser, interval: float = LOOK_INTERVAL) -> None:
         self._faces = faces
@@ -160,10 +159,8 @@ class NamedFaceSense:
         self._naming = FaceNamer(interval)
 
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Face, ...]:
-        """Return the faces followed now, largest first."""
         faces = self._faces.sense(frame, camera, gaze)
         return self._naming.name(faces, frame.stamp, lambda box: self._recogniser.match(frame.image, box))
 
     def skip_frames(self, limit: int) -> int:
-        """Return how many of the next frames it can do without: see ``perception.senses.FrameSkipper``."""
         return self._faces.skip_frames(limit) if isinstance(self._faces, FrameSkipper) else 0

@@ -1,4 +1,4 @@
-"""Small pictures in which each column is as many degrees wide as the next."""
+"""Small pictures with the same angle per column."""
 
 from functools import lru_cache
 from typing import cast
@@ -14,9 +14,9 @@ from perception.scene_motion import shrink
 
 
 def level_columns(image: Image, camera: Pinhole) -> GreyImage:
-    """Return a small picture in grey levels in which each column is as many degrees wide as the next.
+    """Return a small grey picture in which each column spans the same angle.
 
-    In it a turn of the camera shifts everything alike; a lens shows more pixels of a degree at the sides of a picture.
+    In it a turn of the camera shifts everything alike. A lens shows more pixels per degree at the sides of a picture.
     """
     picture = shrink(image)
     return cast(GreyImage, cv2.remap(picture, *_columns(camera, *picture.shape), cv2.INTER_LINEAR))
@@ -24,7 +24,7 @@ def level_columns(image: Image, camera: Pinhole) -> GreyImage:
 
 @lru_cache(maxsize=4)
 def _columns(camera: Pinhole, height: int, width: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return from where (x, y) each pixel of a levelled picture is taken; two arrays of shape (height, width)."""
+    """Return the source position (x, y) of each pixel of a levelled picture; two arrays of shape (height, width)."""
     angles = (0.5 - (np.arange(width) + 0.5) / width) * camera.field_of_view
     across = np.array([camera.angles_to_pixel(float(angle), 0.0)[0] for angle in angles]) * width / camera.width - 0.5
     down = np.arange(height, dtype=np.float32)[:, None]

@@ -1,4 +1,4 @@
-"""The sense for other robots: square markers, each with a number, as they are printed for ArUco and AprilTag."""
+"""Sense for other robots: square numbered markers of ArUco and AprilTag."""
 
 from math import atan2, cos, remainder, sin, sqrt, tan, tau
 
@@ -12,13 +12,13 @@ from perception.image_preparation import to_grey
 from perception.tracks import MarkerSet, MarkerSighting, Tracker
 
 Corners = npt.NDArray[np.float32]
-"""The corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from its own top left."""
+"""Corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from its own top left."""
 
 
 class MarkerSense:
-    """Markers, found by their frames and numbers: a ``perception.senses.Sense[Marker]``.
+    """Detects and tracks markers: a ``perception.senses.Sense[Marker]``.
 
-    Of a robot that shows several of its sides, the marker that looks largest counts.
+    If several sides of a robot are visible, the largest marker counts.
     """
 
     def __init__(self, kind: MarkerSet) -> None:
@@ -33,7 +33,6 @@ class MarkerSense:
         self._tracker = Tracker[Marker]()
 
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Marker, ...]:
-        """Return the markers followed now, largest first."""
         largest: dict[int, Corners] = {}
         for number, corners in self.find(frame.image):
             if number not in largest or _area(corners) > _area(largest[number]):
@@ -76,11 +75,11 @@ def _area(corners: Corners) -> float:
 
 
 def _pose(corners: Corners, camera: Pinhole, size: float) -> tuple[list[float], list[float]]:
-    """Return where a marker's middle is, in metres, and its outward normal, both in camera axes: right, down, forward.
+    """Return position in metres and outward normal of a marker, both in camera axes: right, down, forward.
 
-    The corners become directions first, so that whatever the camera knows of its lens counts. Of the two poses that
-    show a square almost alike (Collins and Bartoli, "Infinitesimal plane-based pose estimation", 2014), the one that
-    fits better is taken.
+    The corners are converted to directions first, so that the lens distortion is corrected. Two poses show a square
+    almost alike (Collins and Bartoli, "Infinitesimal plane-based pose estimation", 2014); the one that fits better is
+    returned.
     """
     angles = [camera.pixel_to_angles(float(x), float(y)) for x, y in corners]
     directions = np.array([(-tan(bearing), tan(elevation) / cos(bearing)) for bearing, elevation in angles])
@@ -92,9 +91,9 @@ def _pose(corners: Corners, camera: Pinhole, size: float) -> tuple[list[float], 
 
 
 def _heading(place: list[float], normal: list[float], pitch: float) -> float:
-    """Return which way a marker is turned about the vertical, from towards the camera, positive to its own left.
+    """Return the heading of a marker about the vertical, 0 towards the camera, positive to its own left.
 
-    ``pitch`` is how far down the camera looks: with it, the axes of the camera are turned upright.
+    ``pitch`` is that of the camera; with it, the camera axes are levelled.
     """
 
     def level(vector: list[float]) -> tuple[float, float]:

@@ -1,11 +1,10 @@
-"""What a face is made of, patch by patch: which way its edges run, whatever the light.
+"""Patch features of a face: directions of its edges, independent of the light.
 
-The light is taken out first (Tan and Triggs: Enhanced local texture feature sets for face recognition under difficult
-lighting conditions, 2010): a root brings dark parts forward, the surroundings of each pixel are taken from it, and the
-contrast is made the same everywhere. What is left is described as by dense SIFT (Lowe, 2004), and square roots are
-taken of it (Arandjelović and Zisserman, 2012). What all pictures have in common says nothing about a face, such as
-that edges go on beside themselves: it is whitened away. What that is, noise tells that is as rough as nature (1/f:
-Field, 1987), so that no face is needed for it.
+The light is removed first (Tan and Triggs: Enhanced local texture feature sets for face recognition under difficult
+lighting conditions, 2010): a root brightens dark parts, the mean of the surroundings is subtracted from each pixel, and
+the contrast is normalised. The rest is described by dense SIFT (Lowe, 2004) with square roots (Arandjelović and
+Zisserman, 2012). Properties common to all pictures, such as continuing edges, are removed by whitening. It is computed
+from noise with the roughness of nature (1/f: Field, 1987), so no faces are needed.
 """
 
 from functools import cache
@@ -18,36 +17,36 @@ from perception.crops import CROP_SIDE
 from perception.image_preparation import GreyImage
 
 Patches = npt.NDArray[np.float32]
-"""The patches of a face: shape (CELLS, CELLS, DEPTH), float32, each of length 1 (or 0 where there is no edge)."""
+"""Patches of a face: shape (CELLS, CELLS, DEPTH), float32, each of length 1 (or 0 without an edge)."""
 
 PATCH_STEP = 3
-"""Pixels of a crop from one patch to the next."""
+"""Pixels between two patches of a crop."""
 
 DIRECTIONS = 8
-"""Directions of edges that are told apart, over a whole turn."""
+"""Number of edge directions in a full turn."""
 
 PARTS_PER_SIDE, PART_SPACING = 4, 4
-"""Points along each side of a patch at which its edges are taken, and pixels between them."""
+"""Points along each side of a patch at which edges are sampled, and pixels between them."""
 
 BLUR_SIGMA = 1.5
-"""Pixels (sigma) around such a point over which edges are gathered."""
+"""Pixels (sigma) around such a point over which edges are summed."""
 
 DEPTH = PARTS_PER_SIDE * PARTS_PER_SIDE * DIRECTIONS
 
 NOISE_CROPS = 16
-"""Crops of noise from which the whitening is made: 7056 patches."""
+"""Crops of noise for the whitening: 7056 patches."""
 
 VARIANCE_FLOOR = 0.1
-"""What is added to the variance of each component before it is made 1, as a share of their mean."""
+"""Addition to the variance of each component before whitening, as a share of their mean."""
 
 _PATCH_RADIUS = PART_SPACING * (PARTS_PER_SIDE - 1) // 2  # pixels from the middle of a patch to its outermost points
 CELLS = (CROP_SIDE - 2 * _PATCH_RADIUS) // PATCH_STEP
 
 FINE_SIGMA, WIDE_SIGMA = 1.0, 4.5
-"""Pixels (sigma) by which a crop is smoothed, and over which the surroundings of a pixel reach."""
+"""Pixels (sigma) of the smoothing of a crop, and of the surroundings of a pixel."""
 
 LIGHT_ROOT, CONTRAST_POWER, MAX_CONTRAST = 0.2, 0.1, 10.0
-"""Tan and Triggs' own: the root that is taken of the light, the power by which contrast is averaged, and its bound."""
+"""Constants of Tan and Triggs: root of the light, power for averaging the contrast, and limit of the contrast."""
 
 
 def describe_face(crop: GreyImage) -> Patches:
@@ -56,7 +55,7 @@ def describe_face(crop: GreyImage) -> Patches:
 
 
 def _raw_patches(crop: GreyImage) -> Patches:
-    """Return the patches of a crop as they are before they are whitened."""
+    """Return the patches of a crop before whitening."""
     even = cv2.GaussianBlur(normalise_light(crop), (0, 0), FINE_SIGMA)
     across, down = (cv2.Sobel(even, cv2.CV_32F, *order, ksize=1) for order in ((1, 0), (0, 1)))
     strength, angle = cv2.cartToPolar(across, down)
@@ -73,7 +72,7 @@ def _raw_patches(crop: GreyImage) -> Patches:
 
 
 def likeness(one: Patches, other: Patches) -> float:
-    """Return how alike two pictures are, patch by patch at the same places: 1 where they are the same."""
+    """Return the similarity of two faces, patch by patch at the same places: 1 if they are equal."""
     return float(np.mean(1 - np.sqrt(np.maximum(1 - (one * other).sum(axis=2), 0))))
 
 
@@ -87,18 +86,18 @@ def normalise_light(crop: GreyImage) -> npt.NDArray[np.float32]:
 
 
 def _mean_contrast(contrast: npt.NDArray[np.float32]) -> float:
-    """Return the mean contrast, in which strong edges count little."""
+    """Return the mean contrast, in which strong edges have little weight."""
     return float(np.mean(contrast**CONTRAST_POWER) ** (1 / CONTRAST_POWER)) + 1e-9
 
 
 def _to_unit_length(patches: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return patches of length 1; one without an edge stays without."""
+    """Return patches of length 1; those without an edge stay 0."""
     return np.asarray(patches / (np.linalg.norm(patches, axis=-1, keepdims=True) + 1e-6), np.float32)
 
 
 @cache
 def _whitening() -> npt.NDArray[np.float32]:
-    """Return what gives each component of patches of noise about the same variance: (DEPTH, DEPTH)."""
+    """Return the matrix (DEPTH, DEPTH) that equalises the variances of the components for noise."""
     random = np.random.default_rng(0)
     waves = np.hypot(*np.meshgrid(np.fft.fftfreq(CROP_SIDE), np.fft.fftfreq(CROP_SIDE)))
     waves[0, 0] = 1 / CROP_SIDE
@@ -111,5 +110,5 @@ def _whitening() -> npt.NDArray[np.float32]:
 
 @cache
 def _part_pixels() -> npt.NDArray[np.int64]:
-    """Return in which rows, and so columns, of a crop the points of each patch are: (CELLS, PARTS)."""
+    """Return the rows, and columns, of a crop at which the points of each patch lie: (CELLS, PARTS_PER_SIDE)."""
     return np.arange(CELLS)[:, None] * PATCH_STEP + np.arange(PARTS_PER_SIDE)[None] * PART_SPACING

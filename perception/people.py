@@ -1,4 +1,4 @@
-"""From pictures of people to what recognises them."""
+"""Enrolment of people, and face recognition by patches."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,24 +14,26 @@ from perception.image_preparation import GreyImage
 from perception.patches import describe_face
 
 MIN_PICTURES = 3
-"""Pictures of a person that teach something."""
+"""Smallest useful number of pictures of a person."""
 
 RECOMMENDED_PICTURES = 6
 """Pictures of a person, from different sides, after which more of the same day add little (docs/people.md)."""
 
 MAX_PICTURES, MAX_PICTURES_TOGETHER = 24, 240
-"""Pictures of one person, and of all together, that are learnt from."""
+"""Pictures of one person, and of all together, that are used."""
 
 MAX_TEMPLATES = 240
-"""Pictures and variants of all together that are compared: 271 kB each, and what a look costs is in proportion."""
+"""Pictures and variants of all people that are compared: 271 kB each, and the time of a look is proportional."""
 
 MAX_VARIANTS = 4
-"""How a picture is shown at most: by its box, upright by its eyes, and both in the mirror, which shows a head that is
-turned the other way, and lit from the other side."""
+"""Variants of a picture: by its box, upright by its eyes, and both mirrored.
+
+A mirrored picture shows a head turned the other way, and lit from the other side.
+"""
 
 
 class NotOneFaceError(ValueError):
-    """A picture that does not show one face: ``face_count`` says how many it shows, ``hint`` what to do."""
+    """A picture does not show exactly one face: ``face_count`` is the number of faces, ``hint`` the remedy."""
 
     def __init__(self, face_count: int) -> None:
         super().__init__("there is no face in it" if face_count == 0 else f"there are {face_count} faces in it")
@@ -40,7 +42,7 @@ class NotOneFaceError(ValueError):
 
 
 def enrol(image: Image, detector: FaceDetector) -> Image:
-    """Return the portrait of the one person whom a picture shows. Raises NotOneFace, and ValueError for no picture."""
+    """Return the portrait of the one person in a picture. Raises NotOneFaceError, ValueError."""
     faces = detector.detect(image)
     if len(faces) != 1:
         raise NotOneFaceError(len(faces))
@@ -48,10 +50,10 @@ def enrol(image: Image, detector: FaceDetector) -> Image:
 
 
 class PatchRecogniser:
-    """Knows people by the patches of their faces: a ``perception.identity.FaceRecogniser``.
+    """A ``perception.identity.FaceRecogniser`` by the patches of faces.
 
-    Learns from their ``portraits`` (``enrol``); ``cohort`` are those of others who are strangers for sure.
-    Raises ValueError for nobody, or somebody without a portrait.
+    Learns from ``portraits`` (see ``enrol``); ``cohort`` has portraits of certain strangers. Raises ValueError without
+    people, or for a person without a portrait.
     """
 
     def __init__(self, portraits: Mapping[str, Sequence[Image]], cohort: Sequence[Sequence[Image]] = ()) -> None:
@@ -63,7 +65,7 @@ class PatchRecogniser:
         self._gallery = gallery
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return who is nearest, and by how much within the threshold; None for a box without pixels."""
+        """Return the nearest person, with the margin to the threshold; None for a box without pixels."""
         try:
             return self._gallery.match([describe_face(each) for each in face_crops(image, face, self._eyes)])
         except ValueError:
@@ -71,9 +73,9 @@ class PatchRecogniser:
 
 
 def describe_portraits(portraits: Sequence[Image], share: int, eyes: EyeFinder) -> list[PictureDescription]:
-    """Return the descriptions of a person's portraits and of their variants: about ``share`` in all.
+    """Return the descriptions of a person's portraits and their variants, about ``share`` in all.
 
-    Of more portraits some are taken, spread over all of them.
+    If there are too many portraits, a subset is used, spread over all of them.
     """
     count = min(len(portraits), share)
     taken = [portraits[place * len(portraits) // count] for place in range(count)]
@@ -81,7 +83,7 @@ def describe_portraits(portraits: Sequence[Image], share: int, eyes: EyeFinder) 
 
 
 def _describe_portrait(portrait: Image, count: int, eyes: EyeFinder) -> PictureDescription:
-    """Return how a portrait is described, with ``count`` templates at most."""
+    """Return the description of a portrait, with at most ``count`` templates."""
     crops = face_crops(portrait, portrait_face_box(portrait), eyes)
     seen = [describe_face(each) for each in crops]
     missing = max(0, min(MAX_VARIANTS, count) - len(seen))
@@ -90,7 +92,7 @@ def _describe_portrait(portrait: Image, count: int, eyes: EyeFinder) -> PictureD
 
 
 def face_crops(image: Image, face: Box, eyes: EyeFinder) -> list[GreyImage]:
-    """Return the crops of a face: by its box and, where both eyes are found, upright by them. Raises as ``crop``."""
+    """Return the crops of a face: by its box and, if both eyes are found, upright. Raises as ``crop_face``."""
     shown = [crop_face(image, face)]
     found = align_by_eyes(face, eyes.find(image, face))
     return shown if found is None else [*shown, crop_face(image, found[0], roll=found[1])]

@@ -1,6 +1,7 @@
-"""A picture as a whole: its edges and brightness; and the sense for motion, how much of it has changed.
+"""Measurement of whole pictures: brightness, contrast, and the motion sense.
 
-A covered lens and a blank wall have no edges, a room has. Motion is what has changed whatever the robot's head does.
+A covered lens and a blank wall have no edges, a room has. Motion is the change that remains after compensating the
+motion of the head.
 """
 
 from dataclasses import replace
@@ -14,35 +15,35 @@ from perception.api import Frame, Image, Scene
 from perception.image_preparation import GreyImage, cell_means, shrink_to, to_grey
 
 COMPARE_WIDTH = 160
-"""Pixels of the width to which pictures are shrunk to be compared: little noise is left, and a hand still shows."""
+"""Pixels of width at which pictures are compared: little noise is left, and a hand is still visible."""
 
 MAX_SHIFT = 0.25
-"""The share of the picture by which it may have shifted: beyond, too little of it can be compared."""
+"""Largest shift, as a share of the picture; beyond it, too little overlaps."""
 
 MIN_CORRELATION_PEAK = 0.2
-"""The least peak (0..1) of the correlation from which on a shift is one. A cut to another scene has about 0.05."""
+"""Smallest peak (0..1) of the correlation for a valid shift; a cut to another scene has about 0.05."""
 
 MIN_DIFFERENCE = 14.0
-"""Grey levels (of 255) by which a spot must differ to have changed."""
+"""Grey levels (of 255) by which a changed spot differs."""
 
 _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 
 
 class MotionSense:
-    """Measures a scene, and what moves in it: a ``perception.senses.SceneSense``.
+    """Measures a scene and its motion: a ``perception.senses.SceneSense``.
 
-    A camera that turns shifts the whole picture. The shift is found by phase correlation, the picture before is moved
-    along, and only what both show is compared. A spot has changed when it is brighter or darker than all that was
-    about there before, so that most of what the shift does not explain (the sides of a picture shift more than its
-    middle) is no motion: 0.2 % is left of a head that turns at 10 degrees/s, 1 % at 60, as of somebody who walks by.
-    Where the two have no shift in common, nothing is said to move: a robot that whirls about sees no motion.
+    A turning camera shifts the whole picture. Phase correlation finds the shift, the previous picture is moved by it,
+    and the overlap is compared. A spot has changed if it is brighter or darker than everything around it before. So
+    most of the remaining shift (the sides of a picture shift more than its middle) does not count: 0.2 % is left for a
+    head that turns at 10 degrees/s, and 1 % at 60, as for a person who walks by. Without a valid shift no motion is
+    reported, as in a fast turn.
     """
 
     def __init__(self) -> None:
         self._previous: GreyImage | None = None
 
     def measure(self, frame: Frame) -> Scene:
-        """Return what the next frame shows as a whole, ``motion`` with it: 0 for the first one."""
+        """Return the scene of the next frame with its ``motion``; 0 for the first one."""
         picture = shrink(frame.image)
         before, self._previous = self._previous, picture
         same_size = before is not None and before.shape == picture.shape
@@ -51,16 +52,16 @@ class MotionSense:
 
 
 def changed_share(before: GreyImage, after: GreyImage) -> float:
-    """Return the share 0..1 of ``after`` that differs from ``before``, apart from a shift of the whole, and its light.
+    """Return the share 0..1 of ``after`` that differs from ``before``, apart from a common shift and the light.
 
-    Both are of the same shape (height, width).
+    Both have the same shape (height, width).
     """
     moved = find_shift(before, after)
     return 0.0 if moved is None else _differing_share(before, after, moved)
 
 
 def find_shift(before: GreyImage, after: GreyImage) -> tuple[float, float] | None:
-    """Return by how many spots the picture has moved to the right and down; None where that cannot be told."""
+    """Return the shift of the picture to the right and down, in pixels; None if it is unclear."""
     height, width = after.shape
     window = cv2.createHanningWindow((width, height), cv2.CV_32F)
     (right, down), peak = cv2.phaseCorrelate(before.astype(np.float32), after.astype(np.float32), window)
@@ -70,7 +71,7 @@ def find_shift(before: GreyImage, after: GreyImage) -> tuple[float, float] | Non
 
 
 def _translate(picture: GreyImage, shift: tuple[float, float]) -> GreyImage:
-    """Return a picture moved to the right and down; what was not in it is black."""
+    """Return a picture shifted to the right and down, with black borders."""
     right, down = shift
     height, width = picture.shape
     move = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
@@ -78,7 +79,7 @@ def _translate(picture: GreyImage, shift: tuple[float, float]) -> GreyImage:
 
 
 def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, float]) -> float:
-    """Return the share of what both show, ``before`` being moved, that differs."""
+    """Return the share of the overlap that differs, after shifting ``before``."""
     height, width = after.shape
     margin_x, margin_y = int(abs(shift[0])) + 2, int(abs(shift[1])) + 2
     both = (slice(margin_y, height - margin_y), slice(margin_x, width - margin_x))
@@ -91,12 +92,12 @@ def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, fl
 
 
 def _exposure_ratio(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
-    """Return by how much the light, or the camera's exposure, has grown: what most spots agree on."""
+    """Return the ratio of brightness, as the median over all spots."""
     return float(np.median((now + 1.0) / (then + 1.0)))
 
 
 def shrink(image: Image) -> GreyImage:
-    """Return a picture shrunk to ``COMPARE_WIDTH`` pixels across, in grey levels."""
+    """Return a grey picture shrunk to ``COMPARE_WIDTH`` pixels across."""
     height, width = image.shape[:2]
     if width <= COMPARE_WIDTH:
         return to_grey(image)
@@ -104,15 +105,15 @@ def shrink(image: Image) -> GreyImage:
 
 
 EDGE_SHARE = 0.01
-"""The share of neighbouring cells that may differ by more than the contrast: a few hot pixels are no scene."""
+"""Share of neighbouring cells that may differ by more than the contrast, because of a few hot pixels."""
 
 
 def measure_scene(image: Image | GreyImage, *, stamp: float) -> Scene:
-    """Return what a picture of shape (height, width, 3) or (height, width) shows as a whole.
+    """Return the scene of a picture of shape (height, width, 3) or (height, width), without motion.
 
-    The contrast is the 99th percentile of the differences between cells side by side. A smooth shade makes a large
-    spread of brightness but no such steps, so a wall that is lit from one side is as uniform as it looks.
-    Raises ValueError for what is not a picture.
+    The contrast is the 99th percentile of the differences between neighbouring cells. A smooth gradient has a large
+    spread of brightness but no such steps, so a wall that is lit from one side counts as uniform. Raises ValueError for
+    an invalid picture.
     """
     means = cell_means(image).astype(np.int16)
     steps = np.concatenate([np.abs(np.diff(means, axis=axis)).ravel() for axis in (0, 1)])

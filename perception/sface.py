@@ -1,6 +1,6 @@
-"""Knowing people with SFace, a network of the OpenCV Zoo, where the user gives its file.
+"""Face recognition with SFace, a network of the OpenCV Zoo, whose file the user provides.
 
-It is cut to the face by five points (eyes, nose, corners of the mouth), which YuNet finds: so it needs its file too.
+A face is aligned by five points (eyes, nose, corners of the mouth) from YuNet, whose file is needed, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,33 +19,33 @@ from perception.model_files import ModelFileError, check_model_size
 from perception.yunet import YuNetFaceDetector
 
 MIN_SAME_COSINE = 0.363
-"""Cosine of two faces' features from which on they are of one person, as the network's authors have it."""
+"""Smallest cosine between the features of two faces of one person, as the network's authors specify."""
 
 MARGIN_PER_COSINE = 10.0
-"""What a difference of 1 in the cosine is as a margin: looks at strangers vary by about a tenth (not measured here)."""
+"""Margin per unit of cosine: looks at strangers vary by about a tenth (not measured here)."""
 
 
 FETCH_HINT = "fetch SFace's file again"
 
 
 class _Network(Protocol):
-    """``cv2.FaceRecognizerSF``, as far as it is used."""
+    """The used part of ``cv2.FaceRecognizerSF``."""
 
     def alignCrop(self, image: Image, row: npt.NDArray[np.float32]) -> Image:  # noqa: N802 - OpenCV's name
         """Return the face of a row of YuNet's, upright, (112, 112, 3)."""
         ...
 
     def feature(self, face: Image) -> npt.NDArray[np.float32]:
-        """Return what describes such a face: (1, 128)."""
+        """Return the features of an aligned face: (1, 128)."""
         ...
 
 
 class SFaceRecogniser:
-    """Knows people by the network in the file ``model``: a ``perception.identity.FaceRecogniser``. For one thread.
+    """A ``perception.identity.FaceRecogniser`` with the network in the file ``model``. For one thread.
 
-    ``faces`` is YuNet, ``portraits`` are those of ``perception.people.enrol``. Files are read and people learnt at the
-    first look: it raises FileNotFoundError and BadModel for the files, ValueError for somebody whose portraits do not
-    show a face to YuNet.
+    ``faces`` is YuNet, ``portraits`` come from ``perception.people.enrol``. Files are read and portraits described at
+    the first look. It raises FileNotFoundError and ModelFileError for the files, ValueError for a person in whose
+    portraits YuNet finds no face.
     """
 
     def __init__(self, model: Path, faces: YuNetFaceDetector, portraits: Mapping[str, Sequence[Image]]) -> None:
@@ -54,7 +54,7 @@ class SFaceRecogniser:
         self._portraits = portraits
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return who is nearest, and by how much; None where YuNet sees no face there."""
+        """Return the nearest person and the margin; None if YuNet finds no face there."""
         people, feature = self._people, self._feature(image, face)
         if feature is None:
             return None
@@ -64,7 +64,7 @@ class SFaceRecogniser:
 
     @cached_property
     def _people(self) -> Mapping[str, npt.NDArray[np.float32]]:
-        """The features of each person, a row for each portrait that YuNet sees a face in."""
+        """Features of each person, one row per portrait in which YuNet finds a face."""
         found = {}
         for name, portraits in self._portraits.items():
             features = [self._feature(each, portrait_face_box(each)) for each in portraits]
@@ -76,7 +76,7 @@ class SFaceRecogniser:
         return found
 
     def _feature(self, image: Image, face: Box) -> npt.NDArray[np.float32] | None:
-        """Return what describes a face, of length 1; None where YuNet sees none."""
+        """Return the features of a face, normalised to length 1; None if YuNet finds none."""
         row = self._faces.find_landmarks(image, face)
         if row is None:
             return None

@@ -1,9 +1,9 @@
-"""From what single frames show to what is followed over time, each with an id, a direction and its rate.
+"""Tracking: from sightings in single frames to percepts with an id, a direction and its rate.
 
-An angle's motion is a Kalman filter with a constant rate, for measurements at any times. After Bar-Shalom, Li and
-Kirubarajan, "Estimation with Applications to Tracking and Navigation", section 6.3: the piecewise constant acceleration
-model, with two states. How exactly angles are measured is learnt. Somebody who sets off, stops or turns about is known
-by how far he is from where he was expected (section 11.2: adjustable process noise).
+Each angle is filtered by a Kalman filter with two states and a constant rate, for measurements at any times: the
+piecewise constant acceleration model of Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and
+Navigation", section 6.3. The measurement noise is learnt. A target that starts, stops or turns round is detected by its
+distance from the prediction (section 11.2: adjustable process noise).
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,39 +16,43 @@ from perception.api import Box, Detection, Face, Gaze, Marker, Percept, Thing, T
 from perception.geometry import Pinhole, direction_of, wrap_angle
 
 INITIAL_NOISE = radians(0.4)
-"""Standard deviation of a measured angle, until it is learnt: two or three pixels of 640 over 60 degrees."""
+"""Initial standard deviation of a measured angle: two or three pixels of 640 over 60 degrees."""
 
 MIN_NOISE = radians(0.1)
-"""The least that it is taken for."""
+"""Smallest standard deviation of a measured angle."""
 
 PRIOR_COUNT, MAX_COUNT = 3, 20
-"""For how many measurements that counts which is believed before any, and how many are remembered."""
+"""Number of measurements that the initial noise counts for, and largest number of measurements averaged."""
 
 TURN_NOISE_SHARE = 0.4
-"""Standard deviation of an angle as a share of what the camera has turned since the measurement before: servos stand
-beside the way that they are sent, and when a picture was taken is known to some ten milliseconds."""
+"""Standard deviation of an angle as a share of the camera's turn since the last measurement.
+
+Servos deviate from their setpoints, and the time of a picture is known to some ten milliseconds.
+"""
 
 MAX_STILL_TURN, TURN_DECAY = radians(0.1), 0.5
-"""Radians: a camera that has turned less stands; by and by, as the second number says."""
+"""Radians that a camera at rest may turn; and decay of earlier turns per measurement."""
 
 ACCELERATION = 2.0
-"""Standard deviation in rad/s^2 of how the rate changes: someone who walks at 20 degrees/s turns about in 0.35 s."""
+"""Standard deviation of rate changes in rad/s^2: a person who walks at 20 degrees/s turns round in 0.35 s."""
 
 INITIAL_RATE_DEVIATION = 1.0
-"""Standard deviation in rad/s of the rate before a second measurement, and of one that has become another."""
+"""Standard deviation in rad/s of the rate before the second measurement, and after a manoeuvre."""
 
 MIN_JUMP = radians(4), radians(100)
-"""An angle farther than so many radians, and rad/s, from where it was expected has jumped, unless it was known so badly
-that this is within ``JUMP_DEVIATIONS`` standard deviations. It begins anew there: a jump tells no rate."""
+"""Radians, and rad/s, of a deviation from the prediction that restarts the filter at the new angle.
+
+The deviation must also exceed ``JUMP_DEVIATIONS`` standard deviations. A jump has no information about the rate.
+"""
 
 JUMP_DEVIATIONS = 3.0
 
 MANOEUVRE_DEVIATIONS = 3.0
-"""Standard deviations: who is farther from where he was expected, before a camera that stands, has another rate now."""
+"""Standard deviations from the prediction that indicate a new rate, for a camera at rest."""
 
 
 class AngleFilter:
-    """The filtered ``angle`` in radians and ``rate`` in rad/s at the last measurement. The angle does not wrap."""
+    """Filtered ``angle`` in radians and ``rate`` in rad/s at the last measurement. The angle does not wrap."""
 
     def __init__(self, angle: float) -> None:
         self._noise, self._count = INITIAL_NOISE**2, PRIOR_COUNT
@@ -56,7 +60,7 @@ class AngleFilter:
         self._restart(angle)
 
     def _restart(self, angle: float) -> None:
-        """Know where it is, and nothing of its rate."""
+        """Set the angle, with an unknown rate."""
         self.angle = angle
         self.rate = 0.0
         self._angle_variance = self._noise
@@ -65,10 +69,10 @@ class AngleFilter:
         self._recent_angles = [(angle, 0.0)]
 
     def update(self, angle: float, elapsed: float, camera_turn: float = 0.0, doubt: float = 0.0) -> None:
-        """Take in an angle measured ``after`` seconds, whole turns aside; the camera ``turned`` (radians) meanwhile.
+        """Process an angle measured ``elapsed`` seconds later, modulo full turns, during a ``camera_turn`` (radians).
 
-        ``doubt`` (radians, one sigma) is what the direction of the camera adds to the noise.
-        Raises ValueError for a negative time.
+        ``doubt`` (radians, one sigma) is the uncertainty of the camera's direction, added to the noise. Raises
+        ValueError for a negative time.
         """
         if elapsed < 0:
             raise ValueError(f"motion: a measurement cannot come {-elapsed} s before the last one")
@@ -92,7 +96,7 @@ class AngleFilter:
         self._angle_variance *= 1 - gain
 
     def _predict(self, after: float) -> None:
-        """Predict: the angle moves on at its rate, and both become less certain."""
+        """Prediction step: move the angle at its rate, and increase the uncertainty."""
         jolt = (ACCELERATION * after) ** 2
         self.angle += self.rate * after
         self._angle_variance += after * (2 * self._covariance + after * self._rate_variance) + jolt * after**2 / 4
@@ -100,13 +104,13 @@ class AngleFilter:
         self._rate_variance += jolt
 
     def _add_rate_variance(self, after: float, more: float) -> None:
-        """The rate became less certain ``after`` seconds ago, by a variance of so much ``more``."""
+        """Add the variance ``more`` to that of the rate, ``after`` seconds ago."""
         self._angle_variance += after**2 * more
         self._covariance += after * more
         self._rate_variance += more
 
     def _learn_noise(self, angle: float, after: float, turned: float) -> None:
-        """Learn how exactly angles are measured: by how far the middle one of three is off the line of the others."""
+        """Update the measurement noise by the distance of the middle of three angles from the line through the others."""
         if after <= 0.0 or turned > MAX_STILL_TURN:
             self._recent_angles = [(angle, after)]
             return
@@ -123,10 +127,10 @@ P = TypeVar("P", bound=Percept)
 P_co = TypeVar("P_co", bound=Percept, covariant=True)
 
 TRACK_TIMEOUT = 1.0
-"""Seconds for which what is not seen keeps its id."""
+"""Seconds without a sighting after which a track ends."""
 
 MIN_DETECTIONS = 2
-"""Detections that make a track. A detector errs in some frames of a hundred, seldom twice in one place."""
+"""Detections that confirm a track: a detector errs in a few frames of a hundred, seldom twice in one place."""
 
 CONFIRM_TIMEOUT = 0.5
 """Seconds within which they must come."""
@@ -137,34 +141,34 @@ COAST_TIME = 0.3  # seconds for which someone out of sight is taken to go on as 
 
 
 class TrackableSighting(Protocol[P_co]):
-    """Something that one frame shows."""
+    """Sighting of an object in one frame."""
 
     @property
     def box(self) -> Box:
-        """Where in the frame."""
+        """Place in the frame."""
         ...
 
     @property
     def found(self) -> bool:
-        """Whether its detector found it in this frame; else it was carried here, which confirms nothing."""
+        """True if the detector found it in this frame; False if it was only carried there, which confirms nothing."""
         ...
 
     @property
     def kind(self) -> str:
-        """The kind of the track: it can only be followed as that."""
+        """Kind of the track, which only sightings of the same kind can continue."""
         ...
 
     def distance(self, camera: Pinhole) -> float:
-        """Return how far away it is in metres; NaN where that is not known."""
+        """Return the distance in metres, NaN if unknown."""
         ...
 
     def percept(self, base: Percept) -> P_co:
-        """Return what others are told of it, ``followed`` being what all percepts have in common."""
+        """Return the percept of the track; ``base`` has the common fields."""
         ...
 
 
 def common_fields(percept: Percept) -> dict[str, Any]:
-    """Return what all percepts have in common, by name: the arguments of each of them."""
+    """Return the fields common to all percepts, by name, as arguments of their classes."""
     return {field.name: getattr(percept, field.name) for field in fields(Percept)}
 
 
@@ -172,7 +176,7 @@ def common_fields(percept: Percept) -> dict[str, Any]:
 class _Measurement(Generic[P]):
     """A sighting with its directions in radians: from the optical axis, and in the odometry frame.
 
-    ``doubt`` is that about the direction of the camera.
+    ``doubt`` is the uncertainty of the camera's direction.
     """
 
     sighting: TrackableSighting[P]
@@ -185,7 +189,7 @@ class _Measurement(Generic[P]):
 
 
 class _Track(Generic[P]):
-    """A thing over time, perhaps not confirmed yet (then its ``id`` is None)."""
+    """Track of an object; its ``id`` is None until it is confirmed."""
 
     def __init__(self, measured: _Measurement[P], stamp: float) -> None:
         self.id: int | None = None
@@ -196,7 +200,7 @@ class _Track(Generic[P]):
         self._pitch = AngleFilter(measured.pitch)
 
     def deviation(self, measured: _Measurement[P], stamp: float) -> float:
-        """Return how far a measurement is from where this is expected, in radians."""
+        """Return the distance of a measurement from the prediction, in radians."""
         ahead = min(max(stamp - self.stamp, 0.0), COAST_TIME)
         return hypot(
             wrap_angle(measured.yaw - self._yaw.angle - self._yaw.rate * ahead),
@@ -204,12 +208,12 @@ class _Track(Generic[P]):
         )
 
     def accepts(self, measured: _Measurement[P], deviation: float, stamp: float) -> bool:
-        """Say whether a measurement that is ``deviation`` by so many radians may be of this."""
+        """Return whether a measurement at that distance from the prediction (radians) may belong to the track."""
         gate = GATE_ANGLE + GATE_GROWTH * max(0.0, stamp - self.stamp)
         return deviation <= gate and measured.sighting.kind == self.last_measurement.sighting.kind
 
     def update(self, measured: _Measurement[P], stamp: float) -> None:
-        """Take in that it was seen again."""
+        """Process a new measurement of the object."""
         after = max(0.0, stamp - self.stamp)
         before = self.last_measurement
         across = wrap_angle(measured.yaw - measured.bearing - before.yaw + before.bearing)
@@ -220,11 +224,11 @@ class _Track(Generic[P]):
         self.stamp, self.last_measurement = stamp, measured
 
     def is_alive(self, stamp: float) -> bool:
-        """Whether it may still come back."""
+        """Return whether the track has not timed out."""
         return stamp - self.stamp <= (CONFIRM_TIMEOUT if self.id is None else TRACK_TIMEOUT)
 
     def percept(self, number: int) -> P:
-        """Return what others are told of it."""
+        """Return the percept of the track."""
         followed = Percept(
             id=number,
             stamp=self.stamp,
@@ -241,11 +245,11 @@ class _Track(Generic[P]):
 
 
 class Tracker(Generic[P]):
-    """Follows things of one sort through time: nearest first within a gate, each filtered, ids never reused.
+    """Tracks objects of one sort: nearest neighbour within a gate, with filtered angles; ids are never reused.
 
-    Ids count from 1. A track begins with a detection and is told of from the second one on, also when nothing else is
-    known: one frame later at best, but a robot that searches does not greet the wallpaper. It ends ``TRACK_TIMEOUT``
-    seconds after it was last seen. For one thread at a time.
+    Ids count from 1. A track starts with a detection and is returned from the second one on, even if there is no other:
+    that costs one frame, but a searching robot does not greet the wallpaper. It ends ``TRACK_TIMEOUT`` seconds after
+    the last sighting. For one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -255,10 +259,10 @@ class Tracker(Generic[P]):
     def update(
         self, sightings: Sequence[TrackableSighting[P]], *, camera: Pinhole, gaze: Gaze | None, stamp: float
     ) -> tuple[P, ...]:
-        """Take in what one frame shows and return all that is followed now, largest first.
+        """Process the sightings of one frame and return all confirmed tracks, largest first.
 
-        ``gaze`` is where the camera looked at ``stamp``, the time of the frame; None, not known, counts as straight on.
-        A frame no newer than the last one refreshes the tracks without moving them on.
+        ``gaze`` is the direction of the camera at ``stamp``, the time of the frame; None counts as straight ahead. A
+        frame no newer than the last one refreshes the tracks without moving them.
         """
         if not (sightings or self._tracks):
             return ()
@@ -269,7 +273,7 @@ class Tracker(Generic[P]):
         return self._percepts()
 
     def _match(self, measured: list[_Measurement[P]], stamp: float) -> list[_Measurement[P]]:
-        """Give each track the measurement nearest to it; return those that nobody took."""
+        """Assign each track its nearest measurement; return the unassigned ones."""
         pairs = sorted(
             (
                 (track.deviation(one, stamp), i, j)
@@ -287,7 +291,7 @@ class Tracker(Generic[P]):
         return [one for j, one in enumerate(measured) if j not in taken]
 
     def _percepts(self) -> tuple[P, ...]:
-        """Number the tracks that are confirmed by now, and tell of them."""
+        """Number the newly confirmed tracks, and return the percepts of all confirmed ones."""
         found: list[P] = []
         for track in self._tracks:
             if track.id is None and track.detection_count >= MIN_DETECTIONS:
@@ -299,7 +303,7 @@ class Tracker(Generic[P]):
 
 
 def _measure(sighting: TrackableSighting[P], camera: Pinhole, gaze: Gaze) -> _Measurement[P]:
-    """Turn a box in the picture into directions."""
+    """Convert the box of a sighting to directions."""
     bearing, elevation = camera.pixel_to_angles(*sighting.box.centre)
     yaw, pitch = direction_of(gaze, bearing, elevation)
     return _Measurement(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera), gaze.doubt)
@@ -308,13 +312,13 @@ def _measure(sighting: TrackableSighting[P], camera: Pinhole, gaze: Gaze) -> _Me
 # What finders tell of one frame: faces, spots and things of one colour, markers. Plain values, without arrays.
 
 SEARCH_WIDTH = 320
-"""Pixels of the width to which a picture is shrunk before it is searched: a quarter of the work, half of the noise."""
+"""Pixels of width to which a picture is shrunk before the search: a quarter of the work, half of the noise."""
 
 MIN_SPOT_PIXELS = 8
-"""Pixels of that by which a thing must be wide and high for its shape to be seen."""
+"""Smallest width and height of a thing in that picture, for its shape to be visible."""
 
 BOX_WIDENING = 1.2
-"""A box looks wider than its front when it is turned: by 1 to 1.41 times for a square one, this in the middle."""
+"""Ratio of the visible width of a box to its front: 1 to 1.41 for a square one, depending on its turn."""
 
 MARKER_FAMILIES = (
     "4x4_50",
@@ -325,15 +329,15 @@ MARKER_FAMILIES = (
     "apriltag_25h9",
     "apriltag_36h11",
 )
-"""The families of markers by the names that robot files give them; those of OpenCV's dictionaries."""
+"""Marker families as in robot files; those of OpenCV's dictionaries."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceSighting:
-    """Where a face is in one frame: ``found`` there by the detector, or else carried there by optical flow.
+    """A face in one frame: ``found`` by the detector, or carried there by optical flow.
 
-    One that is not ``is_believed`` is a candidate: so far only the search that found it takes it for a face. ``person`` is
-    whose it truly is, which only simulated eyes know.
+    If not ``is_believed``, it is a candidate that no independent search has confirmed. ``person`` is the true name,
+    known only to simulated eyes.
     """
 
     detection: Detection
@@ -343,26 +347,22 @@ class FaceSighting:
 
     @property
     def box(self) -> Box:
-        """Where in the frame."""
         return self.detection.box
 
     @property
     def kind(self) -> str:
-        """What it can be followed as: any face may be that of anybody."""
         return "face"
 
     def distance(self, camera: Pinhole) -> float:
-        """Guess how far away it is, in metres."""
         return camera.face_distance(self.box)
 
     def percept(self, base: Percept) -> Face:
-        """Return what others are told of it."""
         return Face(**common_fields(base))
 
 
 @dataclass(frozen=True, slots=True)
 class ColourSpot:
-    """What was found in one picture: where, in its pixels; its colour; its shape, and its width as ``Outline`` has it.
+    """A spot of one colour in a picture: its box in pixels, colour, shape, and width as in ``SpotOutline``.
 
     ``width`` is in pixels of the picture.
     """
@@ -375,7 +375,7 @@ class ColourSpot:
 
 @dataclass(frozen=True, slots=True)
 class ThingSighting:
-    """A spot in one frame that is what was looked for."""
+    """A spot in one frame that matches a specification."""
 
     spot: ColourSpot
     spec: ThingSpec
@@ -383,18 +383,16 @@ class ThingSighting:
 
     @property
     def box(self) -> Box:
-        """Where in the frame."""
         return self.spot.box
 
     @property
     def kind(self) -> str:
-        """What it can be followed as."""
         return self.spec.name
 
     def distance(self, camera: Pinhole) -> float:
-        """Return how far away it is in metres, by its size; NaN where that is not known.
+        """Return the distance in metres by the specified size; NaN if that is unknown.
 
-        A ball's is off by 3 %, a box's by 20 %, as boxes look wider when they are turned.
+        It is wrong by 3 % for a ball, and by 20 % for a box, as boxes look wider when turned.
         """
         if self.spec.size is None:
             return nan
@@ -402,7 +400,6 @@ class ThingSighting:
         return self.spec.size * camera.focal / self.spot.width / (cos(bearing) * cos(elevation))
 
     def percept(self, base: Percept) -> Thing:
-        """Return what others are told of it."""
         wanted = self.spec
         return Thing(
             **common_fields(base), name=wanted.name, colour=wanted.colour, shape=self.spot.shape, size=wanted.size
@@ -411,9 +408,9 @@ class ThingSighting:
 
 @dataclass(frozen=True, slots=True)
 class MarkerSet:
-    """The markers that robots wear: their family, the side of their black frame in metres, and whose is which.
+    """Markers of the robots: their family, the side of their black frame in metres, and robot names by number.
 
-    ``robots`` are names by number. Raises ValueError for a family that is not known and a side that is not above 0.
+    Raises ValueError for an unknown family and a side of 0 or less.
     """
 
     family: str = "4x4_50"
@@ -429,7 +426,7 @@ class MarkerSet:
 
 @dataclass(frozen=True, slots=True)
 class MarkerSighting:
-    """A marker in one frame: its ``range`` in metres from the lens, and its ``heading`` as ``Marker`` has it."""
+    """A marker in one frame: its ``range`` in metres from the lens, and its ``heading`` as in ``Marker``."""
 
     number: int
     name: str
@@ -440,14 +437,11 @@ class MarkerSighting:
 
     @property
     def kind(self) -> str:
-        """What it can be followed as."""
         return str(self.number)
 
     def distance(self, camera: Pinhole) -> float:
-        """Return how far away it is in metres."""
         del camera  # the range was found with all four corners
         return self.range
 
     def percept(self, base: Percept) -> Marker:
-        """Return what others are told of it."""
         return Marker(**common_fields(base), number=self.number, name=self.name, heading=self.heading)

@@ -1,6 +1,6 @@
-"""Finding faces with YuNet, a small network of the OpenCV Zoo, where its file was fetched.
+"""Face detection with YuNet, a small network of the OpenCV Zoo, whose file is fetched separately.
 
-It finds faces that are dark, turned or rolled, for a fraction of what the Haar cascade costs.
+It finds faces that are dark, turned or rolled, for a fraction of the cost of the Haar cascade.
 """
 
 from math import inf
@@ -17,13 +17,13 @@ from perception.image_preparation import GreyImage, brighten, check_image, resiz
 from perception.model_files import ModelFileError, check_model_size
 
 MIN_FACE_SHARE = 28 / 640
-"""Width of a face, as a share of the picture's longer side, from which on it is looked for."""
+"""Smallest width of a face, as a share of the picture's longer side."""
 
 MIN_FACE_PIXELS = 14
-"""Pixels of a face's width that the network needs: a picture is shrunk until the smallest face looked for has them."""
+"""Pixels of a face's width that the network needs; a picture is shrunk until the smallest face has them."""
 
 MIN_SCORE = 0.6
-"""Score (0..1) from which on a face counts."""
+"""Smallest score (0..1) of a face."""
 
 REGION_WIDTHS = 2.0  # how much of the picture is searched around a known face, in widths of it
 REGION_FACE_PIXELS = 31  # pixels to which that face is scaled then: its region fits into two steps
@@ -32,31 +32,31 @@ SAME_FACE_OVERLAP = 0.3  # overlap from which on two boxes are one face
 LANDMARK_FACE_PIXELS = 112  # the same where eyes, nose and mouth are asked for: as large as SFace has faces
 
 SIZE_STEP = 32
-"""Pixels of which the sides of a picture are multiples for the network: what is smaller has a rim."""
+"""The sides of the network's input are multiples of this many pixels; smaller pictures get a border."""
 
 MIN_SIDE = 2 * SIZE_STEP  # pixels of a side at least
 
 MAX_NETWORKS = 4
-"""Sizes of pictures for which a network of its own is kept: to change its size costs as much as to search 90 x 90."""
+"""Number of cached networks of different input sizes: changing the size takes as long as searching 90 x 90 pixels."""
 
 HAAR_SIDE_RATIO = 0.97
-"""Side of a face's Haar box over the height of its YuNet box: median of 53 faces, give or take 0.04."""
+"""Side of a face's Haar box over the height of its YuNet box: median of 53 faces, within 0.04."""
 
 FETCH_HINT = "mission robot models fetch yunet"
 
 
 class _Network(Protocol):
-    """``cv2.FaceDetectorYN``, as far as it is used."""
+    """The used part of ``cv2.FaceDetectorYN``."""
 
     def detect(self, image: Image) -> tuple[int, npt.NDArray[np.float32] | None]:
-        """Return rows of x, y, width, height, ten places of eyes, nose and mouth, and the score; None for none."""
+        """Return rows of x, y, width, height, ten coordinates of eyes, nose and mouth, and the score; or None."""
         ...
 
 
 class YuNetFaceDetector:
-    """Finds faces with the network in the file ``model``: a ``perception.face_finder.FaceDetector``. For one thread.
+    """A ``perception.face_finder.FaceDetector`` with the network in the file ``model``. For one thread.
 
-    Its boxes are those that the Haar cascade would draw, so that distances come out alike; the score is 0..1.
+    Its boxes are converted to those of the Haar cascade, so that distances agree; the score is 0..1.
     """
 
     newcomer_interval = 10
@@ -72,8 +72,8 @@ class YuNetFaceDetector:
     ) -> list[Detection]:
         """Return the faces anywhere in the picture, largest first, whose width is about ``smallest``..``largest`` px.
 
-        Those that lean are among them, by whatever ``roll``. Raises ValueError for what is not a picture,
-        FileNotFoundError and BadModel for the model's file.
+        Leaning faces are included, whatever ``roll`` is. Raises ValueError for an invalid picture, FileNotFoundError
+        and ModelFileError for the model's file.
         """
         del roll
         check_image(image)
@@ -82,11 +82,11 @@ class YuNetFaceDetector:
         return [detection for detection in found if smallest <= detection.box.width <= largest]
 
     def is_expensive(self, _: Image | GreyImage) -> bool:
-        """Return False: it takes as long for every picture, however dark, and enlarges none."""
+        """Return False: every picture takes the same time, and none is enlarged."""
         return False
 
     def detect_near(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> Detection | None:
-        """Return the face about where and as large as ``box``, None when there is none; raises as ``detect``."""
+        """Return the face near ``box``, of similar size, or None; raises as ``detect``."""
         del roll
         check_image(image)
         rows, columns = window_slices(image.shape, box, REGION_WIDTHS)
@@ -97,15 +97,15 @@ class YuNetFaceDetector:
         return max(found, key=lambda detection: detection.box.overlap(box), default=None)
 
     def detect_leaning(self, *_: object) -> tuple[Detection, ...]:
-        """Return nothing: ``detect_near`` has seen it, however it leans."""
+        """Return nothing: ``detect_near`` finds leaning faces, too."""
         return ()
 
     def is_turned_aside(self, *_: object) -> bool:
-        """Return False: ``detect_near`` has seen it, wherever it looks."""
+        """Return False: ``detect_near`` finds turned faces, too."""
         return False
 
     def is_confirmed(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
-        """Whether the network sees the face at ``box`` in the mirror too, and larger; raises as ``detect``."""
+        """Return whether the network sees the face in the mirrored, larger picture, too; raises as ``detect``."""
         del roll
         check_image(image)
         rows, columns = window_slices(image.shape, box, REGION_WIDTHS)
@@ -117,10 +117,10 @@ class YuNetFaceDetector:
         return any(detection.box.overlap(there) > SAME_FACE_OVERLAP for detection in found)
 
     def find_landmarks(self, image: Image | GreyImage, box: Box) -> npt.NDArray[np.float32] | None:
-        """Return what the network says of the face about where ``box`` is: one row as ``cv2.FaceRecognizerSF`` has it.
+        """Return the row of the face near ``box`` for ``cv2.FaceRecognizerSF``; raises as ``detect``.
 
         That is x, y, width, height, (x, y) of right eye, left eye, nose and corners of the mouth, and the score, in
-        pixels of the picture. None when there is no face; raises as ``detect``.
+        pixels of the picture. None if there is no face.
         """
         check_image(image)
         rows, columns = window_slices(image.shape, box, REGION_WIDTHS)
@@ -138,7 +138,7 @@ class YuNetFaceDetector:
         return np.asarray(found[int(np.argmax(overlaps))], np.float32)
 
     def _run_network(self, picture: Image | GreyImage, scale: float) -> npt.NDArray[np.float32]:
-        """Show a picture to the network, ``scale`` times as large, and return its rows in pixels of what was shown."""
+        """Return the network's rows for a picture scaled by ``scale``, in pixels of the scaled picture."""
         colour = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture
         shown = brighten(resize(np.asarray(colour, np.uint8), scale))
         height, width = (max(MIN_SIDE, -(-side // SIZE_STEP) * SIZE_STEP) for side in shown.shape[:2])
@@ -151,7 +151,7 @@ class YuNetFaceDetector:
         return np.empty((0, 15), np.float32) if rows is None else rows
 
     def _search(self, picture: Image | GreyImage, scale: float, left: float, top: float) -> list[Detection]:
-        """Show a part of the picture to the network, ``scale`` times as large; ``left``, ``top`` are its corner."""
+        """Return the faces in a part of the picture, scaled by ``scale``; ``left``, ``top`` are its corner."""
         found = []
         for x, y, width, height, *_, score in self._run_network(picture, scale).tolist():
             side = HAAR_SIDE_RATIO * height / scale
@@ -160,7 +160,7 @@ class YuNetFaceDetector:
         return sorted(found, key=lambda detection: -detection.box.width)
 
     def _network_for(self, width: int, height: int) -> _Network:
-        """Return the network for pictures of a size, read when the first one comes."""
+        """Return the network for pictures of a size, from the cache or the file."""
         found = self._networks.pop((width, height), None) or self._read_network(width, height)
         self._networks[width, height] = found
         if len(self._networks) > MAX_NETWORKS:

@@ -1,4 +1,4 @@
-"""Why an address gives no pictures, in words, and what to type next: by status codes, errors and the log of FFmpeg."""
+"""Causes of a missing picture, with hints, from HTTP status codes, errors and the log of FFmpeg."""
 
 import errno
 import re
@@ -25,7 +25,7 @@ _DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
 _SUPPORTED_AUTH = (
     r"""basic\b|digest (?!.*algorithm="?(?!(?:md5|sha)"?(?:[,\s]|$)))(?!.*qop="?auth-int"?(?:[,\s]|$)).*="""
 )
-"""The ways to sign in that ``urllib`` knows."""
+"""Authentication methods that ``urllib`` supports."""
 
 _FFMPEG_LOG_PATTERNS = (
     (r"(?:failed: |error )(401|403|404|503)\b", 0),
@@ -34,16 +34,16 @@ _FFMPEG_LOG_PATTERNS = (
     (r"no route|unreachable", errno.EHOSTUNREACH),
     (r"resolve", socket.EAI_NONAME),
 )
-"""What FFmpeg writes in its log, and what that is."""
+"""Patterns of FFmpeg's log, and their status code (0: the match) or error number."""
 
 
 def source_error(name: str, source: Source, cause: Cause) -> NotConnected:
-    """Return the error for a source that is not there for a cause."""
+    """Return the error of an unavailable source."""
     return NotConnected(f"{name}: {display_name(source)}: {cause[0]}", hint=cause[1])
 
 
 def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected:
-    """Return the error with what the log of FFmpeg says of an address; the same where it says nothing."""
+    """Return ``failure`` with the cause from FFmpeg's log, if the source is an address and the log has one."""
     if source_kind(source) is not SourceKind.URL:
         return failure
     text = log.decode("utf-8", "replace")
@@ -58,7 +58,7 @@ def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected
 
 
 def cause_of_status(status: int, source: Source, has_credentials: bool | None = None) -> Cause:
-    """Return what a status code means; ``given`` says whether the address has a name and a password."""
+    """Return the cause of an HTTP status code; ``has_credentials`` says whether the request had a name and a password."""
     told = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
     scheme, rest = str(source).split("://", 1)
     if status == HTTPStatus.UNAUTHORIZED:
@@ -84,7 +84,7 @@ def cause_of_status(status: int, source: Source, has_credentials: bool | None = 
 
 
 def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
-    """Return what it means that a camera offers only these ``ways`` to sign in; None where one of them is known."""
+    """Return the cause if a camera offers only unsupported authentication ``methods``, else None."""
     if not methods or any(re.match(_SUPPORTED_AUTH, way, re.IGNORECASE) for way in methods):
         return None
     names = ", ".join(repr(way[:60]) for way in methods)
@@ -93,7 +93,7 @@ def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
 
 
 def cause_of_page(page: str) -> Cause:
-    """Return what a web page in the place of pictures means."""
+    """Return the cause of a web page instead of pictures."""
     title = re.search(r"<title[^>]*>\s*([^<]{1,60})", page, re.IGNORECASE)
     named = f": {title[1].strip()!r}" if title else ""
     if re.search(r"type\s*=\s*[\"']?password|log.?in|sign.?in", page, re.IGNORECASE):
@@ -103,7 +103,7 @@ def cause_of_page(page: str) -> Cause:
 
 
 def cause_of_error(error: Exception, source: Source) -> Cause:
-    """Return what an error of a connection means."""
+    """Return the cause of a connection error."""
     try:
         parts = urlsplit(str(source))
         host, port = parts.hostname or "", parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 0)

@@ -1,4 +1,4 @@
-"""How a camera is: whether pictures come, how many a second, and whether anything can be seen on them."""
+"""Checkup of a camera: picture rate and exposure."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -12,26 +12,26 @@ from drivers.camera.source import SourceKind, is_number, source_kind
 from drivers.pictures.capture import NOT_YET_TEXT
 
 FIRST_PICTURE_TIMEOUT = 6.0
-"""Seconds in which the first picture must come: a camera in the network says why not within 5 s."""
+"""Seconds until the first picture: a network camera reports an error within 5 s."""
 
 FAILURE_TIMEOUT = 2.0
-"""Seconds after which a camera is not waited for that has said why it shows nothing."""
+"""Seconds to wait for pictures after a camera has reported an error."""
 
 RATE_WINDOW = 1.0
-"""Seconds for which pictures are counted."""
+"""Seconds over which pictures are counted."""
 
 MIN_RATE = 12.0
-"""Pictures a second below which a head that follows is late."""
+"""Pictures per second below which a head follows faces late."""
 
 MAX_BLACK_BRIGHTNESS, MAX_DARK_BRIGHTNESS, MIN_OVEREXPOSED_BRIGHTNESS = 6.0, 35.0, 225.0
-"""Mean brightness, of 255: a lid on the lens, a dark room, a lamp in the picture."""
+"""Limits of the mean brightness, of 255: covered lens, dark room, lamp in the picture."""
 
 MIN_CONTRAST = 2.0
-"""Grey levels by which a picture of anything differs from its mean, at the least."""
+"""Smallest standard deviation of a picture that shows anything, in grey levels."""
 
 
 def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
-    """Look through it for a second."""
+    """Read pictures for a second and yield the findings."""
     frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
     if source_kind(keys.source) is SourceKind.DEVICE and not Path(device).exists():
         yield failure("pictures", f"{device} is not there", "mission robot camera list")
@@ -65,7 +65,7 @@ def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
 
 
 def _check_rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterator[Finding]:
-    """Judge how many pictures come, by their numbers: one that nobody took in time came too."""
+    """Yield the picture rate, computed from frame numbers, so that pictures that were not read in time count too."""
     first, last = frames[0], frames[-1]
     span = last.stamp - first.stamp
     rate = (last.number - first.number) / span if span > 0 else 0.0

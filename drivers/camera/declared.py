@@ -1,4 +1,4 @@
-"""Cameras as OpenCV reads them, and recordings, as a driver of cameras."""
+"""Declaration of the camera driver for devices, recordings and addresses."""
 
 from drivers.api.driver import Driver
 from drivers.api.sensor_sections import CameraKeys

@@ -1,6 +1,6 @@
-"""Pictures out of a stream of JPEGs (MJPEG), whatever stands between them: nothing, or the heads of parts (HTTP).
+"""JPEG pictures from a byte stream (MJPEG), with or without part headers of HTTP in between.
 
-Only whole pictures come out: one that was cut off is dropped as the next one begins.
+Only complete pictures are returned: a truncated one is dropped when the next one begins.
 """
 
 import re
@@ -15,24 +15,24 @@ from drivers.camera.opencv import VideoFeed
 from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
 MAX_PICTURE_BYTES = 32_000_000
-"""Bytes that a picture may have; what is longer is no picture."""
+"""Bytes of a picture; longer data is not a picture."""
 
 JPEG_START = b"\xff\xd8\xff"
-"""How a JPEG begins."""
+"""First bytes of a JPEG."""
 
 _EOI, _SOI, _SOS = 0xD9, 0xD8, 0xDA
 _SEGMENTLESS_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 """Markers without a segment."""
 
 _THUMBNAIL_MARKERS = frozenset({0xE1, 0xE2})
-"""The segments that may hold another picture: a small one of the same."""
+"""Segments that may contain another picture: a thumbnail."""
 
 _SCAN_END = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
-"""What ends the data of a scan: in it, 0xff stands before 0 or the number of a restart."""
+"""Matches the end of scan data, in which 0xff is followed by 0 or the number of a restart."""
 
 
 class JpegFinder:
-    """Finds the pictures in bytes that are cut anywhere."""
+    """Finds JPEG pictures in chunks of a byte stream."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -55,7 +55,7 @@ class JpegFinder:
                 self._drop(-end)
 
     def _find_start(self) -> bool:
-        """Have the next picture at the beginning; False where none has begun."""
+        """Drop the bytes before the next picture; return False if none has begun."""
         if self._position:
             return True
         place = self._data.find(JPEG_START)
@@ -71,7 +71,7 @@ class JpegFinder:
         self._position, self._is_in_scan = 0, False
 
     def _find_end(self) -> int | None:
-        """Return where the picture ends; None for not yet; below 0, how many bytes are none of a picture."""
+        """Return the end of the picture; None if it is incomplete; below 0, the number of invalid bytes to drop."""
         data = self._data
         while True:
             if self._is_in_scan:
@@ -107,18 +107,18 @@ class JpegFinder:
 # A camera that is read by TCP, as ``rpicam-vid --listen`` sends it: JPEG after JPEG, or a stream for FFmpeg.
 
 ANSWER_TIMEOUT = 5.0
-"""Seconds that a camera has to take the connection, and to send more."""
+"""Seconds for the connection, and for further data."""
 
 MAX_BACKLOG_BYTES = 4_000_000
-"""Bytes that are read on while more lies ready, to get to the newest picture."""
+"""Bytes read in one go while more is available, to reach the newest picture."""
 
 _READ_SIZE = 262144
 
 
 class TcpFeed:
-    """A ``drivers.camera.reader_process.BlockingFeed`` of an address of tcp.
+    """A ``drivers.camera.reader_process.BlockingFeed`` of a tcp address.
 
-    It has one connection: such a sender takes no second one, and ends with the first.
+    It uses one connection: such a sender accepts no second one, and ends with the first.
     """
 
     def __init__(self, name: str, source: str) -> None:
@@ -129,7 +129,7 @@ class TcpFeed:
         self._video_feed: VideoFeed | None = None
 
     def start(self) -> float | None:
-        """Connect, and look at the first bytes. Raises NotConnected with the reason."""
+        """Connect, and detect the format by the first bytes. Raises NotConnected with the reason."""
         try:
             parts = urlsplit(self._source)
             place = parts.hostname, parts.port
@@ -150,7 +150,6 @@ class TcpFeed:
         return self._video_feed.start()
 
     def grab(self, is_needed: Callable[[], bool]) -> Image | None:
-        """Return the next picture that can be decoded; None when there is no more: see BlockingFeed."""
         if self._video_feed is not None:
             return self._video_feed.grab(is_needed)
         while found := self._read_pictures():
@@ -162,7 +161,6 @@ class TcpFeed:
         return None
 
     def stop(self) -> None:
-        """Close the connection."""
         film, self._video_feed = self._video_feed, None
         if film is not None:
             film.stop()
@@ -171,7 +169,7 @@ class TcpFeed:
             connection.close()
 
     def _read_pictures(self) -> list[bytes]:
-        """Return the pictures that come next, oldest first; none at the end."""
+        """Return the next pictures, oldest first; an empty list at the end of the stream."""
         found, size = list[bytes](), 0
         while self._socket is not None:
             if found and (size > MAX_BACKLOG_BYTES or not select.select([self._socket], [], [], 0)[0]):

@@ -1,4 +1,4 @@
-"""From the keys of a robot file to a camera."""
+"""Makes cameras from the keys of a robot file."""
 
 from math import radians
 
@@ -25,12 +25,12 @@ def open_source(
     report: StatusCallback = ignore,
     turn: ImageOrientation = UPRIGHT,
 ) -> ThreadedCamera:
-    """Return a camera over ``source``, not opened yet: a number or path of a device, an address, a video, pictures.
+    """Return a camera, not opened yet, for ``source``: number or path of a device, address, video or pictures.
 
-    ``size`` (width, height in pixels) is asked of devices, ``loop`` is for recordings: a clip stands in for a camera
-    that goes on. ``turn`` is applied to each picture. Pictures come at ``rate`` a second, a film at its own. Stamps are
-    the time at which the picture arrived, a few tens of milliseconds after its exposure. Raises BadRequest unless
-    ``rate`` > 0.
+    ``size`` (width, height in pixels) is requested from devices. ``loop`` repeats recordings, so that a clip replaces a
+    live camera. ``turn`` is applied to each picture. Pictures of a folder come at ``rate`` per second, a film at its
+    own rate. Stamps are arrival times, a few tens of milliseconds after the exposure. Raises BadRequest unless ``rate``
+    > 0.
     """
     if rate <= 0:
         raise BadRequest(f"camera: {rate} pictures a second: must be above 0")
@@ -47,7 +47,7 @@ def open_source(
 
 
 def make(keys: CameraKeys, site: DriverContext) -> ThreadedCamera:
-    """Return the camera on the source of the keys: an index, a device, a file, a URL or a folder."""
+    """Return the camera of a robot file's section."""
     return open_source(
         keys.source,
         site.clock,

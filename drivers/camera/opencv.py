@@ -1,4 +1,4 @@
-"""Pictures through OpenCV: of a webcam, a stream from the network, or a film. It waits in C: see ``reader``."""
+"""Pictures through OpenCV: of a webcam, a network stream, or a film. It blocks in C: see ``drivers.camera.reader``."""
 
 import os
 import sys
@@ -21,7 +21,8 @@ _STREAM_TIMEOUT_MS = 3000
 class VideoFeed:
     """Pictures through ``cv2.VideoCapture``.
 
-    ``size`` (width, height in pixels) is asked of a device. ``connection`` is the open file of a stream's connection.
+    ``size`` (width, height in pixels) is requested from a device. ``connection`` is the file descriptor of an open
+    stream.
     """
 
     def __init__(
@@ -39,7 +40,7 @@ class VideoFeed:
     def start(self) -> float | None:
         """Open the source; return the seconds between the pictures of a file, None for a live source.
 
-        Raises NotConnected with the reason as far as the file system can tell it.
+        Raises NotConnected, with the reason as far as the file system knows it.
         """
         self._check_path()
         try:
@@ -57,17 +58,15 @@ class VideoFeed:
         return 1.0 / (rate if 1.0 <= rate <= 240.0 else _FALLBACK_RATE)
 
     def grab(self, is_needed: Callable[[], bool]) -> Image | None:
-        """Return the next picture, None when there is no more: see Feed."""
         return None if self._video is None else grab_picture(self._video, is_needed)
 
     def stop(self) -> None:
-        """Release the source."""
         video, self._video = self._video, None
         if video is not None:
             video.release()
 
     def _check_path(self) -> None:
-        """Raise NotConnected for a path that is absent or forbidden: OpenCV says the same of all failures."""
+        """Raise NotConnected if the path is missing or not readable: OpenCV reports all failures alike."""
         if self._kind is SourceKind.URL or (self._kind is SourceKind.DEVICE and not self._source_name.startswith("/")):
             return
         device = self._kind is SourceKind.DEVICE

@@ -1,4 +1,4 @@
-"""Walks through pictures, videos and folders one frame at a time, without clock or thread: for work offline."""
+"""Pictures and frames of files and folders, one by one, without a clock or a thread, for offline work."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -11,14 +11,14 @@ from drivers.errors import BadRequest
 from drivers.pictures.decode import grab_picture, load_picture, open_video, silence_opencv
 
 NumberedPicture = tuple[Path, int, Image]
-"""The file, the number of the frame in it from 0, and the frame."""
+"""File, frame number in it from 0, and frame."""
 
 
 def iter_pictures(paths: Iterable[str | Path]) -> Iterator[NumberedPicture]:
-    """Yield every frame of the files at ``paths``; of a folder those of its pictures and videos, sorted by name.
+    """Yield every frame of the files at ``paths``; for a folder, of its pictures and videos, sorted by name.
 
-    Raises BadRequest at once when paths are absent or folders empty, all of them named; while iterating when a file
-    cannot be decoded, or is too large.
+    Raises BadRequest at once, naming all missing paths and empty folders. While iterating, it raises BadRequest for a
+    file that cannot be decoded or is too large.
     """
     files: list[Path] = []
     faults: list[str] = []

@@ -1,7 +1,7 @@
-"""A feed that is read in a process of its own: that may hang, crash and be killed, and the run goes on.
+"""Camera source that is read in a process of its own, which may hang, crash or be killed without ending the run.
 
-OpenCV and FFmpeg wait in C, where no thread can be ended: one that is left there as Python ends takes the process down
-with SIGABRT or SIGSEGV. So the run waits for a pipe instead, and the pictures come through shared memory.
+OpenCV and FFmpeg block in C, where a thread cannot be ended. A thread that is still there when Python ends crashes the
+process with SIGABRT or SIGSEGV. So the run waits for a pipe instead, and pictures arrive through shared memory.
 """
 
 import mmap
@@ -29,31 +29,33 @@ from drivers.pictures.decode import FFMPEG_LOG_LEVEL, FFMPEG_SILENT, NO_PICTURE,
 from drivers.transport.worker_process import MessageParser, pack_message
 
 GRAB_TIMEOUT = 0.2
-"""Seconds that ``grab`` waits at most."""
+"""Seconds that ``grab`` waits."""
 
 OPEN_TIMEOUT = 12.0
-"""Seconds that a source has to open, after its own timeouts: the slowest USB cameras take half of that."""
+"""Seconds to open a source, beyond its own timeouts: the slowest USB cameras need half of that."""
 
 STALL_TIMEOUT = 6.0
-"""Seconds without a picture after which a source is closed, and opened again."""
+"""Seconds without a picture after which a source is closed and opened again."""
 
 QUIT_TIMEOUT = 0.5
-"""Seconds that a reader has to release its source."""
+"""Seconds for a reader to release its source."""
 
 START, GRAB, SKIP_TO, RELEASE, QUIT = b"sgfxq"
-"""The commands of a reader, a byte each: open the source, hand over the next picture that is needed, release the
-source, end. ``SKIP_TO`` is followed by the number, counted from the start, of the first picture that is needed."""
+"""One-byte commands of a reader: open the source, return a picture, skip, release the source, quit.
+
+``SKIP_TO`` is followed by the number of the first picture that is needed, counted from the start.
+"""
 
 NUMBER = Struct(">I")
 
 _MAX_NUMBER = 2**32 - 1
 
 _MAX_ERROR_OUTPUT = 4000
-"""Bytes that are kept of what a reader writes to its standard error."""
+"""Bytes of a reader's standard error that are kept."""
 
 
 class ReaderProcess:
-    """A process that reads a source, and the memory that it shares with us. For one thread. Raises OSError."""
+    """Process that reads a source, with its shared memory. For one thread. Raises OSError if it cannot be started."""
 
     def __init__(self, request: Mapping[str, Any]) -> None:
         self.error_output = b""
@@ -85,12 +87,12 @@ class ReaderProcess:
         self.send(pack_message({**request, "memory": self._memory}))
 
     def send(self, data: bytes) -> None:
-        """Send commands; a reader that has ended does not mind, for ``next_reply`` tells."""
+        """Send commands. Ignores a process that has ended: ``next_reply`` reports that."""
         with suppress(BrokenPipeError):
             os.write(self._pipes[0].fileno(), data)
 
     def next_reply(self, timeout: float) -> Mapping[str, Any] | None:
-        """Return the next reply; None if there is none after ``patience`` seconds. Raises EOFError at its end."""
+        """Return the next reply; None after ``timeout`` seconds. Raises EOFError when the process has ended."""
         out, clock = self._pipes[1].fileno(), SystemClock()
         while (left := timeout - clock.now()) >= 0:
             for pipe, _ in self._poll.poll(1000 * left):
@@ -107,7 +109,7 @@ class ReaderProcess:
         return None
 
     def copy_picture(self, shape: tuple[int, int]) -> Image:
-        """Return a copy of the picture that lies in the shared memory, of so many rows and columns."""
+        """Return a copy of the picture in the shared memory; ``shape`` is (rows, columns)."""
         size = 3 * shape[0] * shape[1]
         if self._map is None or len(self._map) < size:
             self._unmap()
@@ -115,14 +117,14 @@ class ReaderProcess:
         return np.frombuffer(self._map, np.uint8, size).reshape(*shape, 3).copy()
 
     def exit_reason(self) -> str:
-        """Return how it ended, in words."""
+        """Return how the process ended, as text."""
         with suppress(subprocess.TimeoutExpired):
             code = self._process.wait(QUIT_TIMEOUT)
             return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
         return "has closed its pipe"
 
     def close(self, *, orderly: bool) -> None:
-        """End it; an ``orderly`` one, which waits for a command, releases its source before. Never hangs."""
+        """End the process and free its memory; never hangs. If ``orderly``, it may release its source first."""
         if orderly:
             self.send(bytes([QUIT]))
             with suppress(subprocess.TimeoutExpired):
@@ -142,9 +144,9 @@ class ReaderProcess:
 
 
 class ReaderFeed:
-    """A ``drivers.pictures.capture.CameraFeed`` of any source: of a device, an address, a film, or pictures.
+    """A ``drivers.pictures.capture.CameraFeed`` of any source, read by a ``ReaderProcess``.
 
-    ``size`` (width, height in pixels) is asked of a device; ``rate`` is that of pictures without a film, a second.
+    ``size`` (width, height in pixels) is requested from a device; ``rate`` is that of a folder of pictures, per second.
     """
 
     def __init__(self, name: str, source: Source, size: tuple[int, int] | None = None, rate: float = 5.0) -> None:
@@ -163,19 +165,15 @@ class ReaderFeed:
 
     @property
     def source_name(self) -> str:
-        """The path, the device, or the address without its password."""
+        """Path, device, or address without its password."""
         return display_name(self._source)
 
     @property
     def hint(self) -> str:
-        """What to type next when it opens and yet gives no picture."""
+        """Next command to type when the source opens but gives no picture."""
         return source_hint(self._source)
 
     def start(self, closing: Event) -> float | None:
-        """Open the source; return the seconds between the pictures of a recording, None for a live source.
-
-        Raises NotConnected with the reason.
-        """
         self._closing = closing
         try:
             process = self._process = self._process or ReaderProcess(self._request)
@@ -201,7 +199,6 @@ class ReaderFeed:
         return period
 
     def grab(self, skip_count: Callable[[], int]) -> Image | None:
-        """Return the next picture, NOTHING if none comes for a moment, None when there is no more: see Feed."""
         if not self._results:
             if (process := self._process) is None:
                 return None
@@ -224,9 +221,9 @@ class ReaderFeed:
         return self._results.popleft()
 
     def skip_next(self, pictures: int) -> None:
-        """Let so many of the next pictures go by without decoding them, instead of as many as before. From any thread.
+        """Skip the next ``pictures`` without decoding them, instead of the number set before. From any thread.
 
-        The reader counts by itself: to ask for each picture whether it is needed would wake both programs twice.
+        The reader counts them itself: a request per picture would wake both processes twice.
         """
         with self._lock:
             first = min(self._count + pictures, _MAX_NUMBER)
@@ -239,7 +236,6 @@ class ReaderFeed:
                 self._process.send(bytes([SKIP_TO, *NUMBER.pack(first)]))
 
     def stop(self) -> None:
-        """Release the source. Safe from any state, more than once."""
         process = self._process
         if process is None:
             return
@@ -260,7 +256,7 @@ class ReaderFeed:
         return add_cause(error, process.error_output, self._source)
 
     def _wait_for_reply(self, timeout: float) -> Mapping[str, Any] | None:
-        """Return the next reply; None if there is none in time, or when the camera is closed meanwhile."""
+        """Return the next reply; None after ``timeout`` seconds, or when the camera is closed."""
         begin = self._clock.now()
         while self._process is not None and not self._closing.is_set() and self._clock.now() - begin < timeout:
             reply = self._next_reply(self._process, GRAB_TIMEOUT)
@@ -279,7 +275,7 @@ class ReaderFeed:
 
 
 def _create_shared_memory() -> int:
-    """Return a file in memory, or a nameless one where the system has no such thing."""
+    """Return the descriptor of a memory file, or of an unnamed temporary file if the system has none."""
     with suppress(OSError, AttributeError):
         return os.memfd_create("camera")
     with tempfile.TemporaryFile() as file:

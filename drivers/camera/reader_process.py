@@ -1,6 +1,6 @@
-"""The process that reads a camera for a run; what they tell each other is in ``drivers.camera.reader``.
+"""Process that reads a camera source for a run; its protocol is in ``drivers.camera.reader``.
 
-It ends at once when its standard input does, also while it is stuck in C: none outlives its run.
+It ends at once with its standard input, even while it blocks in C, so it never outlives its run.
 """
 
 import gc
@@ -24,27 +24,27 @@ from drivers.pictures.decode import SKIPPED_PICTURE, load_picture
 from drivers.transport.worker_process import MessageParser, pack_message
 
 REPORT_INTERVAL = 0.5
-"""Seconds after which a reader reports pictures of a live source that it has let go by."""
+"""Seconds between two reports of skipped pictures of a live source."""
 
 
 class BlockingFeed(Protocol):
-    """A source of pictures as ``drivers.pictures.capture.CameraFeed`` has it, that waits as long as it likes."""
+    """Source of pictures like ``drivers.pictures.capture.CameraFeed``, whose calls may block for any time."""
 
     def start(self) -> float | None:
-        """Open it; return the seconds between the pictures of a recording, or None for one that is live."""
+        """Open the source; return the seconds between the pictures of a recording, or None for a live source."""
         ...
 
     def grab(self, is_needed: Callable[[], bool]) -> Image | None:
-        """Return the next picture, waiting for it if it is live; None when there is no more."""
+        """Return the next picture, or None at the end; ``SKIPPED_PICTURE`` if not ``is_needed()``."""
         ...
 
     def stop(self) -> None:
-        """Release it. Safe from any state, more than once."""
+        """Release the source. Safe from any state, more than once."""
         ...
 
 
 def make_feed(request: Mapping[str, Any]) -> BlockingFeed:
-    """Return what reads the source of an order."""
+    """Return the feed for the source of a request."""
     name, source, kind = request["name"], request["source"], source_kind(request["source"])
     if kind in {SourceKind.FOLDER, SourceKind.PICTURE}:
         return FolderFeed(name, source, request["rate"])
@@ -63,9 +63,10 @@ def make_feed(request: Mapping[str, Any]) -> BlockingFeed:
 
 
 class FolderFeed:
-    """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped.
+    """Pictures of a folder in the order of their names, or one picture.
 
-    So are those with too many pixels (``decode.MAX_PIXELS``). Where nothing else is there, the first one is told.
+    Files that cannot be decoded or have more than ``decode.MAX_PIXELS`` pixels are skipped. If no file can be decoded,
+    the first error is raised.
     """
 
     def __init__(self, name: str, path: str | Path, rate: float) -> None:
@@ -77,7 +78,7 @@ class FolderFeed:
         self._first_error: BadRequest | None = None
 
     def start(self) -> float:
-        """List the folder anew; return the seconds between pictures. Raises NotConnected when it holds none."""
+        """List the folder; return the seconds between pictures. Raises NotConnected if there are none."""
         if not self._path.exists():
             hint = f"`ls {self._path.parent}` lists what is there"
             raise NotConnected(f"{self._name}: {self._path}: no such file or folder", hint=hint)
@@ -92,7 +93,7 @@ class FolderFeed:
         return 1.0 / self._rate
 
     def grab(self, is_needed: Callable[[], bool]) -> Image | None:
-        """Return the next picture that decodes, None after the last: see Feed. Raises NotConnected where none does."""
+        """Return the next decodable picture, None after the last. Raises NotConnected if there is none."""
         for path in self._remaining:
             if not is_needed():
                 return SKIPPED_PICTURE
@@ -108,12 +109,11 @@ class FolderFeed:
         return None
 
     def stop(self) -> None:
-        """Forget the list."""
         self._remaining = iter(())
 
 
 class SourceReader:
-    """Obeys ``commands``, one after the other, and ``first_needed``: another thread sets both at any time."""
+    """Executes ``commands``, and skips pictures before ``first_needed``; another thread sets both."""
 
     def __init__(self, memory: int, out: int) -> None:
         self.commands = SimpleQueue[int]()
@@ -125,7 +125,7 @@ class SourceReader:
         self._is_live = True
 
     def run(self, feed: BlockingFeed) -> None:
-        """Obey until it is told to end."""
+        """Execute commands until QUIT."""
         while (command := self.commands.get()) != QUIT:
             try:
                 if command == START:
@@ -143,9 +143,10 @@ class SourceReader:
         feed.stop()
 
     def _grab(self, feed: BlockingFeed) -> None:
-        """Hand over the next picture that is needed; tell after a while, or for a recording at once, that some are not.
+        """Send the next picture that is needed, with the number of skipped ones.
 
-        The pictures of a recording are paced by the run.
+        Skipped pictures of a live source are reported after a while, those of a recording at once, because the run
+        paces it.
         """
         before, report_at = self._count, time.monotonic() + (REPORT_INTERVAL if self._is_live else 0.0)
         while (image := feed.grab(self._is_needed)) is SKIPPED_PICTURE:
@@ -173,7 +174,7 @@ class SourceReader:
 
 
 def main() -> None:
-    """Read what the standard input says, and obey, until that ends."""
+    """Execute the commands from standard input until it ends."""
     out = os.dup(1)
     os.dup2(2, 1)  # what libraries in C print is no reply
     unframer, order = MessageParser(), None
@@ -193,7 +194,7 @@ def main() -> None:
 
 
 def _read_commands(reader: SourceReader) -> None:
-    """Pass commands on; the end of the input, and so of the run, ends this process, whatever it does."""
+    """Pass on the commands; end this process, whatever it does, at the end of standard input."""
     data = b""
     while more := os.read(0, 64):
         data += more

@@ -1,4 +1,4 @@
-"""What a user means by the source of a camera: a number, a path or an address."""
+"""Camera sources as users write them: a number, a path or an address."""
 
 import re
 import sys
@@ -8,16 +8,16 @@ from pathlib import Path
 from drivers.api.secrets import without_secrets
 
 PICTURES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".ppm", ".pgm", ".tif", ".tiff"})
-"""The endings of files that hold one picture."""
+"""File name extensions of pictures."""
 
 VIDEOS = frozenset({".avi", ".mkv", ".mp4", ".m4v", ".mov", ".mjpg", ".mjpeg", ".mpg", ".mpeg", ".webm", ".ogv"})
-"""The endings of files in a folder that hold a video."""
+"""File name extensions of videos in a folder."""
 
 Source = int | str | Path
 
 
 class SourceKind(StrEnum):
-    """What sort of thing a source is."""
+    """Kind of a camera source."""
 
     DEVICE = "device"
     URL = "stream"
@@ -27,12 +27,12 @@ class SourceKind(StrEnum):
 
 
 def is_number(source: Source) -> bool:
-    """Whether it is the number of a device, as a number or in figures."""
+    """Return whether the source is a device number, as an integer or as text."""
     return isinstance(source, int) or re.fullmatch("[0-9]{1,4}", str(source)) is not None
 
 
 def source_kind(source: Source) -> SourceKind:
-    """Tell the kind of ``source``: 0, "0" and "/dev/video0" are devices; a path that is absent is taken for a video."""
+    """Return the kind of ``source``: 0, "0" and "/dev/video0" are devices; a missing path counts as a video."""
     if is_number(source) or str(source).startswith("/dev/"):
         return SourceKind.DEVICE
     if "://" in str(source):
@@ -44,20 +44,20 @@ def source_kind(source: Source) -> SourceKind:
 
 
 def is_live(source: Source) -> bool:
-    """Whether it goes on by itself and has no end: a device or a stream, but no recording."""
+    """Return whether the source is a device or a stream, which have no end, and not a recording."""
     kind = source_kind(source)
     return kind is SourceKind.DEVICE or (kind is SourceKind.URL and not str(source).lower().startswith("file:"))
 
 
 def display_name(source: Source) -> str:
-    """Return what messages call a source: a path, a device, or an address without its password."""
+    """Return the name of a source in messages: a path, a device, or an address without its password."""
     if is_number(source):  # OpenCV's numbers are those of /dev/video* on Linux, and nameless elsewhere
         return f"/dev/video{source}" if sys.platform == "linux" else f"camera {source}"
     return without_secrets(str(source))
 
 
 def source_hint(source: Source) -> str:
-    """Return what to type next when a source opens and yet gives no picture."""
+    """Return the next command to type when a source opens but gives no picture."""
     kind, what = source_kind(source), display_name(source)
     if kind is SourceKind.DEVICE:
         return f"`fuser -v {what}` shows who else uses it; one camera often has several numbers: try the next"

@@ -1,4 +1,4 @@
-"""The twin of a camera: it draws a picture whenever one is exposed, unless something is wrong with it."""
+"""Simulated camera: draws a picture for each exposure, with faults on demand."""
 
 from collections.abc import Callable
 from math import radians
@@ -17,11 +17,11 @@ def black_like(picture: Image) -> Image:
 
 
 class CameraTwin:
-    """A ``drivers.api.Camera`` for one thread: pictures are drawn on demand, by ``draw(time)``.
+    """A ``drivers.api.Camera`` for one thread, whose pictures come from ``draw(time)``.
 
     ``rate`` is in pictures per second of the clock, ``field_of_view`` horizontal in radians, ``dropouts`` the share
-    0..1 of pictures that get lost, drawn from ``seed``. ``black`` returns the picture of a covered lens, given one of
-    an open lens. Raises ValueError for values that make no sense.
+    0..1 of lost pictures, drawn from ``seed``. ``black`` returns the picture of a covered lens for one of an open lens.
+    Raises ValueError for values out of range.
     """
 
     name = "camera"
@@ -56,26 +56,24 @@ class CameraTwin:
         self._frames = 0
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged; the first picture is due at once. Does nothing while open."""
+        """Connect at once, unless it is unplugged; the first picture is due at once. Does nothing while open."""
         if self._opened_at is None:
             self._opened_at = self._clock.now()
             self._number, self._frames = -1, 0
             self.plug.open()
 
     def rest(self) -> None:
-        """Do nothing: a camera moves nothing."""
+        """Do nothing: a camera has no actuator."""
 
     def close(self) -> None:
-        """Give no more pictures. Safe from any state, more than once."""
         self._opened_at = None
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether it is there."""
         return self.plug.health({"frames": self._frames, "dropped": self._number + 1 - self._frames})
 
     def expose(self, now: float) -> CameraFrame | None:
-        """Take a picture at time ``now``; None when it is not there, or the picture got lost."""
+        """Return a picture taken at time ``now``; None if the camera is offline, or the picture is lost."""
         if not self.plug.online:
             return None
         self._number += 1
@@ -87,9 +85,9 @@ class CameraTwin:
         return CameraFrame(self._picture, now, self._number)
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the picture that is due by the clock, or None; the numbers of those that nobody read are skipped.
+        """Return the picture that is due by the clock, or None; the numbers of unread pictures are skipped.
 
-        It does not wait for the ``timeout``: simulated time stands still while somebody reads.
+        Ignores ``timeout``: simulated time does not advance during a read.
         """
         del timeout
         now = self._clock.now()
@@ -104,27 +102,27 @@ class CameraTwin:
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
     def freeze(self) -> None:
-        """Hang: the newest picture comes again and again, each time with a new stamp."""
+        """Fault: repeat the newest picture, each time with a new stamp."""
         self._frozen = True
 
     def thaw(self) -> None:
-        """Go on after a freeze."""
+        """End ``freeze``."""
         self._frozen = False
 
     def cover(self) -> None:
-        """Put something over the lens: the pictures are black."""
+        """Fault: cover the lens, so that pictures are black."""
         self._covered = True
 
     def uncover(self) -> None:
-        """Take it off the lens."""
+        """End ``cover``."""
         self._covered = False
 
     def slow_down(self, keep_every: int = 8) -> None:
-        """Let one picture of ``pace`` through and lose the others; 1 is all of them."""
+        """Fault: deliver only one picture in ``keep_every``; 1 delivers all."""
         self._keep_every = keep_every
 
     def _picture_through_lens(self, now: float) -> Image:
-        """Return what comes through the lens at time ``now``."""
+        """Return the picture at time ``now``, black if the lens is covered."""
         if not self._covered:
             return self._draw(now)
         return self._black(self._draw(now) if self._picture is None else self._picture)

@@ -1,6 +1,6 @@
-"""A camera that is read by HTTP: a stream of JPEGs, or one picture at a time, for which it is asked again and again.
+"""Camera that is read over HTTP: a stream of JPEGs, or single pictures that are polled.
 
-Films and streams in other formats are for FFmpeg.
+FFmpeg reads films and streams in other formats.
 """
 
 import select
@@ -34,16 +34,16 @@ from drivers.pictures.capture import OFFLINE_TIMEOUT
 from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
 ANSWER_TIMEOUT = 5.0
-"""Seconds that a camera has to answer, and to send more of what it has begun."""
+"""Seconds for a reply, and for further data of it."""
 
 SNAPSHOT_INTERVAL = 0.125
-"""Seconds from one question for a picture to the next: an ESP32-CAM can do no more."""
+"""Seconds between two requests for single pictures: an ESP32-CAM is no faster."""
 
 RETRY_INTERVAL = 0.5
-"""Seconds from a question that was not answered to the next one."""
+"""Seconds from a failed request to the next one."""
 
 MAX_BACKLOG_BYTES = 4_000_000
-"""Bytes that are read on while more lies ready, to get to the newest picture."""
+"""Bytes read in one go while more is available, to reach the newest picture."""
 
 _READ_SIZE = 65536
 _MAX_PAGE_BYTES = 4096  # bytes of a web page that are looked at
@@ -51,10 +51,10 @@ _CONNECTION_ERRORS = (OSError, HTTPException, ValueError, UnicodeError)
 
 
 class _SupportedAuthMixin:
-    """Passes over a way to sign in that ``urllib`` does not support: the camera may offer another one."""
+    """Ignores an authentication method that ``urllib`` does not support: the camera may offer another one."""
 
     def http_error_401(self, *args: Any) -> Any:
-        """Sign in; return None where it is not known how."""
+        """Authenticate; return None for an unsupported method."""
         try:
             return super().http_error_401(*args)  # type: ignore[misc]
         except URLError as error:
@@ -74,7 +74,7 @@ class _DigestHandler(_SupportedAuthMixin, HTTPDigestAuthHandler):
 
 
 class WebFeed:
-    """A ``drivers.camera.reader_process.BlockingFeed`` of an address of http or https."""
+    """A ``drivers.camera.reader_process.BlockingFeed`` of an http or https address."""
 
     def __init__(self, name: str, source: str, clock: Clock | None = None) -> None:
         self._name = name
@@ -87,14 +87,12 @@ class WebFeed:
         self._video_feed: VideoFeed | None = None
 
     def start(self) -> float | None:
-        """Ask for pictures. Raises NotConnected with the reason when there are none."""
         self._poll_at = self._last_picture_at = self._clock.now()
         self._is_polled = False
         self._send_request()
         return None if self._video_feed is None else self._video_feed.start()
 
     def grab(self, is_needed: Callable[[], bool]) -> Image | None:
-        """Return the next picture that can be decoded; None when there is no more: see BlockingFeed."""
         if self._video_feed is not None:
             return self._video_feed.grab(is_needed)
         while (data := self._next_picture()) is not None:
@@ -107,7 +105,6 @@ class WebFeed:
         return None
 
     def stop(self) -> None:
-        """Close the connection."""
         response, self._response = self._response, None
         if response is not None:
             response.close()
@@ -116,7 +113,7 @@ class WebFeed:
             film.stop()
 
     def _next_picture(self) -> bytes | None:
-        """Return the newest picture that has come; None when there is no more."""
+        """Return the newest picture received; None at the end."""
         while True:
             try:
                 found = self._read_pictures()
@@ -131,7 +128,7 @@ class WebFeed:
                 return None
 
     def _read_pictures(self) -> list[bytes]:
-        """Return the pictures that come next, oldest first; none where there is no whole one yet."""
+        """Return the next pictures, oldest first; an empty list if none is complete yet."""
         if self._response is None:
             Event().wait(max(0.0, self._poll_at - self._clock.now()))
             self._poll_at = self._clock.now() + SNAPSHOT_INTERVAL
@@ -156,7 +153,7 @@ class WebFeed:
         return [each for each in found if each]
 
     def _send_request(self) -> None:
-        """Send the request, and see what kind of answer comes. Raises NotConnected where it is no picture."""
+        """Send the request and classify the response. Raises NotConnected if it has no pictures."""
         try:
             url, opener, given = _build_request(self._source)
         except (ValueError, UnicodeError) as error:
@@ -181,7 +178,7 @@ class WebFeed:
         self._classify_response(response)
 
     def _classify_response(self, response: HTTPResponse) -> None:
-        """See by its head, or by its beginning, what an answer is. Raises NotConnected for a web page."""
+        """Detect the kind of a response by its headers or first bytes. Raises NotConnected for a web page."""
         kind = response.headers.get("Content-Type", "").partition(";")[0].strip().lower()
         self._finder, self._is_single_picture = JpegFinder(), False
         if kind in {"", "application/octet-stream", "text/plain"}:
@@ -198,12 +195,12 @@ class WebFeed:
 
 
 def _has_more(response: HTTPResponse) -> bool:
-    """Say whether more of an answer lies ready. Newer Pythons (3.13) close it, and its file, with its last byte."""
+    """Return whether more of a response is available. Python 3.13 closes it with its last byte."""
     return not response.isclosed() and bool(select.select([response], [], [], 0)[0])
 
 
 def _peek(response: HTTPResponse) -> bytes:
-    """Return the first bytes of an answer, which stay there; none where it breaks off."""
+    """Return the first bytes of a response without consuming them; nothing if the connection breaks."""
     try:
         return response.peek(_MAX_PAGE_BYTES)
     except _CONNECTION_ERRORS:
@@ -211,7 +208,7 @@ def _peek(response: HTTPResponse) -> bytes:
 
 
 def _guess_content_type(begin: bytes, response: HTTPResponse) -> str:
-    """Return what an answer is that does not say so, by its beginning."""
+    """Return the content type of a response without a usable header, by its first bytes."""
     if begin.lstrip()[:1] == b"<":
         return "text/html"
     if begin.startswith(JPEG_START) and response.length is not None:
@@ -220,7 +217,7 @@ def _guess_content_type(begin: bytes, response: HTTPResponse) -> str:
 
 
 def _build_request(source: str) -> tuple[str, OpenerDirector, bool]:
-    """Return an address without name and password, what asks with them, and whether it has them. Raises ValueError."""
+    """Return the URL without credentials, an opener that sends them, and whether there are any. Raises ValueError."""
     parts = urlsplit(source)
     host, port = parts.hostname or "", parts.port
     if not host:

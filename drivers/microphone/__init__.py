@@ -1,1 +1,1 @@
-"""Microphones: the sound card's, and a file that stands in for one."""
+"""Microphones: the sound card's, and a WAV file instead of one."""

@@ -1,9 +1,9 @@
-"""The program that records from the sound card with miniaudio, in a process of its own: ALSA complains from C.
+"""Worker process that records from the sound card with miniaudio, because ALSA prints errors from C.
 
-``capture_worker.py DEVICE BACKEND``: part of a device's name, empty for the system's own choice; and a backend of
-miniaudio's such as ``null``, empty for any. It says ``{"ready": BACKEND}``, then again and again ``{"bytes": N}`` with
-N bytes of sound behind: 16-bit mono at 16 kHz, 20 ms at a time. It imports nothing of ours, and ends with its input, or
-when no more sound comes: a microphone that was plugged in again is found by the next one only.
+``capture_worker.py DEVICE BACKEND``: part of a device name, or empty for the system's default; a miniaudio backend such
+as ``null``, or empty for any. It sends ``{"ready": BACKEND}``, then repeatedly ``{"bytes": N}`` and N bytes of sound:
+16-bit mono at 16 kHz, 20 ms each. It imports nothing of ours. It ends with its input, or without sound: only a new
+process finds a microphone that was plugged in again.
 """
 
 import json
@@ -14,36 +14,36 @@ from collections.abc import Generator
 import miniaudio
 
 RATE = 16_000
-"""Samples a second."""
+"""Samples per second."""
 
 SILENCE_TIMEOUT = 2.0
-"""Seconds without any sound after which the sound card counts as gone: even a quiet room is sound."""
+"""Seconds without data after which the sound card counts as gone; even a quiet room gives data."""
 
 PIECE_MS = 20
-"""Milliseconds of sound in a message, about: sound cards have their own ideas."""
+"""Approximate milliseconds of sound per message; sound cards may differ."""
 
 
 def send(message: dict[str, object], body: bytes = b"") -> None:
-    """Say something to the robot."""
+    """Send a message, with sound if any, to the robot."""
     sys.stdout.buffer.write(json.dumps(message).encode() + b"\n" + body)
     sys.stdout.buffer.flush()
 
 
 class SoundForwarder:
-    """Passes on what the sound card gives, on a thread of miniaudio's; ``piece_count`` are the pieces so far."""
+    """Sends the sound of the sound card to the robot, on a thread of miniaudio; ``piece_count`` counts the pieces."""
 
     def __init__(self) -> None:
         self.piece_count = 0
 
     def receive_sound(self) -> Generator[None, bytes, None]:
-        """Take sound; to be primed, as miniaudio wants it."""
+        """Return a generator that receives sound; it must be primed, as miniaudio requires."""
         while True:
             sound = bytes((yield))
             self.piece_count += 1
             send({"bytes": len(sound)}, sound)
 
     def wait_for_end(self, orders: int, timeout: float = SILENCE_TIMEOUT) -> str:
-        """Wait for the end of ``orders`` (a file); return why it comes before that, when no more sound does."""
+        """Wait for the end of the file descriptor ``orders``; return a reason if sound stops arriving before."""
         before = -1
         while before != self.piece_count:
             before = self.piece_count
@@ -53,7 +53,7 @@ class SoundForwarder:
 
 
 def find_device_id(name: str, backends: list[miniaudio.Backend]) -> object | None:
-    """Return the first device whose name holds ``name``, None for the system's choice. Ends the program without one."""
+    """Return the id of the first device whose name contains ``name``; None for the default. Exits if there is none."""
     if not name:
         return None
     found = miniaudio.Devices(backends).get_captures()

@@ -1,4 +1,4 @@
-"""How a microphone is: whether sound arrives, and whether it is more than silence."""
+"""Checkup of a microphone: whether sound arrives, and its level."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -12,21 +12,21 @@ from drivers.api.sensors import Microphone
 from drivers.microphone.make import sound_card
 
 LISTEN_TIMEOUT = 1.5
-"""Seconds in which half a second of sound must come."""
+"""Seconds within which ``MIN_SOUND_SECONDS`` of sound must arrive."""
 
 MIN_SOUND_SECONDS = 0.5
 
 MAX_CLIPPED_SHARE = 0.01
-"""The share of samples at the ends of the range above which a microphone is too loud."""
+"""Share of clipped samples above which a microphone is too loud."""
 
 
 def checkup(keys: MicrophoneKeys, site: DriverContext) -> Iterator[Finding]:
-    """Listen for half a second."""
+    """Record for half a second and yield the findings."""
     yield from check_microphone(sound_card(keys, site), site)
 
 
 def check_microphone(microphone: Microphone, site: DriverContext) -> Iterator[Finding]:
-    """Listen by a microphone, which is closed then."""
+    """Record with ``microphone``, close it, and yield the findings."""
     pause, end = Event(), site.clock.now() + LISTEN_TIMEOUT
     with closing(microphone):
         microphone.open()

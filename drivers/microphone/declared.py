@@ -1,4 +1,4 @@
-"""The sound card, and recordings, as drivers of microphones."""
+"""Declarations of the microphone drivers: the sound card, and WAV files."""
 
 from collections.abc import Iterator
 
@@ -9,12 +9,11 @@ from drivers.api.sensor_sections import MicrophoneKeys
 
 @keys
 class WavFileKeys(MicrophoneKeys):
-    """The ``microphone`` section of a robot that hears a WAV file, which plays when the robot is switched on."""
+    """Keys of the ``microphone`` section for a WAV file, which plays when the robot is switched on."""
 
     source: str = key(default="", help="The path of the WAV file.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a file that is missing, and what MicrophoneKeys finds."""
         if not self.source:
             yield KeyDiagnostic("a microphone with 'driver: file' needs 'source'", hint="source: commands.wav")
         yield from MicrophoneKeys.diagnostics(self)

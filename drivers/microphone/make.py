@@ -1,4 +1,4 @@
-"""From the keys of a robot file to a microphone."""
+"""Makes microphones from the keys of a robot file."""
 
 from pathlib import Path
 
@@ -15,5 +15,5 @@ def sound_card(keys: MicrophoneKeys, site: DriverContext) -> SoundCardMicrophone
 
 
 def recording(keys: WavFileKeys, site: DriverContext) -> WavMicrophone:
-    """Return a recording as a microphone; a relative path goes from the working folder."""
+    """Return a WAV file as a microphone; a relative path starts at the working folder."""
     return WavMicrophone(Path(keys.source).expanduser().absolute(), site.clock, report=site.report)

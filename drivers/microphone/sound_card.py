@@ -1,4 +1,4 @@
-"""The microphone of the sound card, recorded by a program of its own."""
+"""Microphone of the sound card, recorded by a worker process."""
 
 from collections import deque
 from pathlib import Path
@@ -14,25 +14,25 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.worker_process import Message, WorkerProcess
 
 MAX_KEPT_SECONDS = 5.0
-"""Seconds of sound that are kept."""
+"""Seconds of sound in the buffer."""
 
 MAX_LATENESS = 0.25
-"""Seconds by which sound may come later than its turn; more than that was lost on its way."""
+"""Seconds by which sound may be late; more means that sound was lost."""
 
 OFFLINE_TIMEOUT = 2.0
-"""Seconds without sound after which a microphone counts as offline."""
+"""Seconds without sound after which the microphone counts as offline."""
 
 HANG_TIMEOUT = 10.0
-"""Seconds without sound after which the program that records is killed, unless it has ended itself."""
+"""Seconds without sound after which the worker process is killed."""
 
 WORKER_PROGRAM = Path(__file__).with_name("capture_worker.py")
 
 
 class SoundCardMicrophone:
-    """A ``drivers.api.Microphone``: the sound card's ``device`` (part of its name; empty: the system's choice).
+    """A ``drivers.api.Microphone``: the sound card's ``device`` (part of its name; empty: the system's default).
 
-    Stamps count samples and follow the clock slowly, so that they are steadier than the arrival of sound. ``backend``
-    is one of miniaudio's, for tests. When no more sound comes, recording begins anew.
+    Stamps count samples and follow the clock slowly, so they jitter less than the arrival times. ``backend`` is one of
+    miniaudio's, for tests. Recording restarts when no more sound arrives.
     """
 
     name = "microphone"
@@ -58,21 +58,19 @@ class SoundCardMicrophone:
         self._last_sign_at: float | None = None  # when it last gave a sign, None while it does not run
 
     def open(self) -> None:
-        """Start to record; returns at once, whether there is a microphone or not."""
+        """Start recording; returns at once, whether there is a microphone or not."""
         self._worker.open(self)
 
     def rest(self) -> None:
-        """Do nothing: a microphone moves nothing."""
+        """Do nothing: a microphone has no actuator."""
 
     def close(self) -> None:
-        """Stop recording. Safe from any state, more than once."""
         self._worker.close()
         with self._lock:
             self._buffer.clear()
             self._next_stamp = self._last_sign_at = None
 
     def health(self) -> Health:
-        """Say whether sound arrives."""
         state = self._worker.health()
         with self._lock:
             counters = {**state.counters, "pieces": self._piece_count, "gaps": self._gap_count}
@@ -84,7 +82,7 @@ class SoundCardMicrophone:
         return Health(True, counters=counters)
 
     def read(self, after: int) -> list[Sound]:
-        """Return the pieces with a larger number than ``after``, oldest first; at most the last 5 s are kept."""
+        """Return the pieces with a number above ``after``, oldest first, from a buffer of 5 s."""
         with self._lock:
             hangs = self._last_sign_at is not None and self._clock.now() - self._last_sign_at > HANG_TIMEOUT
             heard = [sound for sound in self._buffer if sound.number > after]
@@ -95,17 +93,17 @@ class SoundCardMicrophone:
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Begin to wait for sound: it records at once."""
+        """Start waiting for sound; recording begins at once."""
         with self._lock:
             self._last_sign_at = self._clock.now()
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Note that the next sound does not follow the last."""
+        """Note that the next sound does not continue the last."""
         with self._lock:
             self._next_stamp = self._last_sign_at = None
 
     def on_message(self, message: Message, body: bytes) -> None:
-        """Keep a piece of sound."""
+        """Buffer a piece of sound."""
         if "ready" in message:
             self._report(DeviceStatus(self.name, "online", f"records through {message['ready']}"))
         if body:

@@ -1,7 +1,7 @@
-"""The twin of a microphone and of the ears behind it: simulated people's words as text, without any sound.
+"""Simulated microphone and speech recognition: words of simulated people arrive as text, without sound.
 
-``drivers`` do not know perception, so what understands a text and what words are made of are handed in:
-``perception.hearing.grammar.PhraseGrammar`` and ``perception.api.Words``.
+``drivers`` must not import perception, so the caller passes ``perception.hearing.grammar.PhraseGrammar`` and
+``perception.api.Words``.
 """
 
 from collections import deque
@@ -17,31 +17,31 @@ from drivers.sim.plug import SimulatedPlug
 from drivers.transport.loop import guard_callback
 
 SECONDS_PER_WORD = 0.4
-"""Seconds that people take for a word."""
+"""Seconds that people take per word."""
 
 MAX_WORD_AGE = 30.0
 """Seconds for which words are kept."""
 
 ACCEPTED_SCORE, REFUSED_SCORE = 3.0, -3.0
-"""Scores of what was understood and of what was not."""
+"""Scores of accepted and of refused speech."""
 
 SILENCE_LEVEL, SPEECH_LEVEL = -90.0, -25.0
-"""dBFS when nobody speaks, and when somebody does."""
+"""dBFS in silence, and during speech."""
 
 W = TypeVar("W")
 W_co = TypeVar("W_co", covariant=True)
 
 
 class WordsFactory(Protocol[W_co]):
-    """Makes words of the number, the phrase, the beginning and end in seconds, the score, and who spoke."""
+    """Makes the value of one utterance from number, phrase, start and end in seconds, score and speaker."""
 
     def __call__(self, id: int, phrase: str, start: float, stamp: float, score: float, who: str) -> W_co:  # noqa: A002
-        """Return them."""
+        """Return the value."""
         ...
 
 
 class PhraseFinder(Protocol):
-    """What is listened for."""
+    """Phrases that a mission listens for."""
 
     @property
     def phrases(self) -> Sequence[str]:
@@ -49,18 +49,18 @@ class PhraseFinder(Protocol):
         ...
 
     def find(self, text: str) -> str:
-        """Return the phrase that a text holds, else ""."""
+        """Return the phrase in a text, or ""."""
         ...
 
 
 def never_deaf(_start: float, _end: float) -> bool:
-    """Say that the robot is silent."""
+    """Return False: the robot is never speaking."""
     return False
 
 
 @dataclass(slots=True)
 class _OngoingReply:
-    """What somebody says, once they have begun."""
+    """Reply of a person that is waiting or being spoken."""
 
     reply: PersonReply
     started_at: float | None = None
@@ -73,11 +73,11 @@ class _OngoingReply:
 
 
 class HearingTwin(Generic[W]):
-    """Hears what people answer, a word every 0.4 s; a device, and a ``perception.api.Hearing``.
+    """Hears replies of people at 0.4 s per word; a device, and a ``perception.api.Hearing``.
 
-    People let the robot finish: they begin once ``deaf(start, end)`` is over. What the robot talks into is lost. A
-    share ``mishearing`` of the rest is missed or taken for another phrase, by chance. While ``hears_nothing`` it hears
-    nothing, and does not know. ``step`` it every ``STEP_INTERVAL``; ``changed`` is called when words have come.
+    People wait until ``is_deaf(start, end)`` is False before they begin. Words during which it becomes True are lost. A
+    share ``mishearing`` of the rest is missed or taken for another phrase, at random. With ``hears_nothing`` all speech
+    is lost without an error. Call ``step`` every ``STEP_INTERVAL``; ``changed`` is called after new words.
     """
 
     name = "microphone"
@@ -114,48 +114,45 @@ class HearingTwin(Generic[W]):
     # --- the device ---------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
         self.plug.open()
 
     def rest(self) -> None:
-        """Do nothing: a microphone moves nothing."""
+        """Do nothing: a microphone has no actuator."""
 
     def close(self) -> None:
-        """Hear nothing more. Safe more than once."""
         self.plug.close()
         self._clear()
 
     def health(self) -> Health:
-        """Say whether it is there."""
         return self.plug.health(self._counters)
 
     # --- the hearing --------------------------------------------------------------------------------------------------
 
     def words(self) -> tuple[W, ...]:
-        """The phrases of the last 30 s, newest first."""
+        """Accepted phrases of the last 30 s, newest first."""
         return self._recent_words(self._accepted)
 
     def refused(self) -> tuple[W, ...]:
-        """What was said in the last 30 s and is no phrase, newest first."""
+        """Speech of the last 30 s that is not a phrase, newest first."""
         return self._recent_words(self._refused)
 
     def listened(self) -> float | None:
-        """The time up to which it has listened: old while it is unplugged."""
+        """Time up to which it has listened; it stops while unplugged."""
         return self._listened_until
 
     def level(self) -> float:
-        """How loud it is now, in dBFS."""
+        """Current sound level in dBFS."""
         return SPEECH_LEVEL if any(speech.started_at is not None for speech in self._ongoing_replies) else SILENCE_LEVEL
 
     # --- the world ----------------------------------------------------------------------------------------------------
 
     def on_reply(self, reply: PersonReply) -> None:
-        """Take note of what somebody says, from the time on that is in it."""
+        """Queue the reply of a person, to be heard from its time on."""
         if self.plug.online and not self.hears_nothing and reply.text.strip():
             self._ongoing_replies.append(_OngoingReply(reply))
 
     def step(self) -> None:
-        """Listen up to now."""
+        """Process all speech up to now."""
         if not self.plug.online:
             return
         now = self._clock.now()
@@ -188,7 +185,7 @@ class HearingTwin(Generic[W]):
         self._changed()
 
     def _mishear(self, phrase: str) -> str:
-        """Return what a phrase is taken for: mostly itself; now and then nothing, or another one."""
+        """Return the phrase as recognised: usually itself; sometimes nothing, or another one."""
         if not phrase or self._random.random() >= self._mishearing:
             return phrase
         others = ["", *(other for other in self._grammar.phrases if other != phrase)]

@@ -1,4 +1,4 @@
-"""A microphone in a simulated world: what people say there, a synthesiser speaks over the noise of a quiet room."""
+"""Microphone in a simulated world: a synthesiser speaks the replies of people over the noise of a quiet room."""
 
 from collections.abc import Callable
 from queue import SimpleQueue
@@ -16,21 +16,21 @@ from drivers.sound.cancel_token import CancelToken
 from drivers.sound.engines import SpeechEngine
 
 NOISE_LEVEL = 25.0
-"""Steps of 65536 by which a microphone's sound trembles in a quiet room (standard deviation)."""
+"""Standard deviation of the noise of a quiet room, in steps of 16 bits."""
 
 VOICE_GAIN = 0.4
-"""How much of the synthesiser's loudness arrives."""
+"""Factor from the synthesiser's loudness to the microphone."""
 
 SPEECH_LEAD_TIME = 0.05
-"""Seconds from now at which somebody begins to speak: what has been read already cannot be changed."""
+"""Seconds from now until speech starts: samples that were read cannot be changed."""
 
 CLOSED = None
 
 
 class VoicedMicrophone:
-    """A ``drivers.api.Microphone`` that hears simulated people; ``voice_of`` says how each of them speaks.
+    """A ``drivers.api.Microphone`` that hears simulated people; ``voice_of(name)`` is a person's voice.
 
-    People let the robot finish: they begin once ``deaf(start, end)`` is over.
+    People wait until ``is_deaf(start, end)`` is False before they begin.
     """
 
     name = "microphone"
@@ -57,7 +57,6 @@ class VoicedMicrophone:
         self._opened_at: float | None = None
 
     def open(self) -> None:
-        """Begin to listen. Safe more than once."""
         if self._thread is None:
             self._closing.clear()
             self._engine.open()
@@ -66,10 +65,9 @@ class VoicedMicrophone:
             self._thread.start()
 
     def rest(self) -> None:
-        """Do nothing: a microphone moves nothing."""
+        """Do nothing: a microphone has no actuator."""
 
     def close(self) -> None:
-        """End it. Safe from any state, more than once."""
         self._closing.set()
         self._replies.put(CLOSED)
         thread, self._thread = self._thread, None
@@ -79,17 +77,16 @@ class VoicedMicrophone:
         self._opened_at = None
 
     def health(self) -> Health:
-        """Say whether people can be heard."""
         if self._opened_at is None:
             return Health(False, f"{self.name}: not opened yet", "open it first")
         return Health(not self._engine.failure_reason, self._engine.failure_reason)
 
     def on_reply(self, reply: PersonReply) -> None:
-        """Take note of what somebody says now. From any thread."""
+        """Queue the reply of a person, to be spoken now. From any thread."""
         self._replies.put(reply)
 
     def read(self, after: int) -> list[Sound]:
-        """Return the pieces that have sounded by now, with a larger number than ``after``, of the last 5 s."""
+        """Return the pieces up to now with a number above ``after``, from the last 5 s."""
         began = self._opened_at
         if began is None:
             return []
@@ -98,11 +95,11 @@ class VoicedMicrophone:
         return [Sound(each, began + each * PIECE_SAMPLES / SOUND_RATE, self._piece(each)) for each in wanted]
 
     def _elapsed_samples(self) -> int:
-        """Return how many samples have sounded by now."""
+        """Return the number of samples since ``open``."""
         return int((self._clock.now() - (self._opened_at or 0.0)) * SOUND_RATE + 1e-6)
 
     def _piece(self, number: int) -> Samples:
-        """Return a piece: the noise of its number, and whatever is spoken over it."""
+        """Return a piece: noise, seeded by its number, plus the speech in it."""
         sound = np.random.default_rng(number).normal(0.0, NOISE_LEVEL, PIECE_SAMPLES)
         first = number * PIECE_SAMPLES
         with self._lock:
@@ -124,7 +121,7 @@ class VoicedMicrophone:
                     self._report(DeviceStatus(self.name, "fault", f"{reply.speaker} cannot be heard: {error}", hint))
 
     def _speak(self, reply: PersonReply) -> None:
-        """Make a sound of what somebody says, and let them say it when the robot is silent."""
+        """Synthesise a reply, and schedule it for when the robot is silent."""
         spoken = self._engine.speak(reply.text, self._voice_of(reply.speaker), CancelToken())
         if spoken is None:
             return

@@ -1,4 +1,4 @@
-"""A recording that stands in for a microphone."""
+"""A WAV file instead of a microphone."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -14,28 +14,27 @@ from drivers.sound.wav import A_LAW, ENCODING_NAMES, FLOAT, MU_LAW, SAMPLE_WIDTH
 from drivers.transport.loop import guard_callback
 
 PIECE_SAMPLES = 320
-"""Samples in a piece: 20 ms."""
+"""Samples per piece: 20 ms."""
 
 MAX_KEPT_PIECES = 250
-"""Pieces that are kept: 5 s."""
+"""Pieces in the buffer: 5 s."""
 
 MAX_DURATION = 300.0
-"""Seconds that a recording may last: it is read as a whole."""
+"""Seconds of a recording, which is read as a whole."""
 
 RATE_LIMITS = (4_000, 384_000)
-"""Samples a second that a recording may have: no recorder makes more, and what has less is no speech."""
+"""Smallest and largest sample rate: recorders have no higher, speech no lower one."""
 
 BLOCK_FRAMES = 65_536
-"""Frames that are decoded at once: a long recording of many channels does not fit into memory as floats."""
+"""Frames decoded at once: a long recording with many channels does not fit into memory as floats."""
 
 FrameBlocks = Iterator["np.ndarray[tuple[int, int], np.dtype[np.float64]]"]
 
 
 class WavMicrophone:
-    """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` from the moment when it is opened.
+    """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` from ``open`` on, in real time.
 
-    Any rate and number of channels. It plays on the clock; behind the end, and with ``loop`` never,
-    it is silent.
+    Any sample rate and number of channels. After its end it is silent, unless ``loop`` repeats it.
     """
 
     name = "microphone"
@@ -50,7 +49,7 @@ class WavMicrophone:
         self._opened_at = 0.0
 
     def open(self) -> None:
-        """Read the file, and begin to play it. A file that cannot be read is told by ``health`` and a notice."""
+        """Read the file, and start playing it. A read error is reported by ``health`` and a notice."""
         if self._sound is not None:
             return
         try:
@@ -63,21 +62,20 @@ class WavMicrophone:
             self._report(DeviceStatus(self.name, "online", f"{self._path} plays"))
 
     def rest(self) -> None:
-        """Do nothing: a microphone moves nothing."""
+        """Do nothing: a microphone has no actuator."""
 
     def close(self) -> None:
-        """End the playing; opened again, it begins from the beginning."""
+        """Stop playing; the next ``open`` starts from the beginning."""
         self._sound = None
         self._error = NotConnected(f"{self.name}: {self._path}: not opened yet", hint="open it first")
 
     def health(self) -> Health:
-        """Say whether the file could be read."""
         if self._sound is not None:
             return Health(online=True, counters={"pieces": self._played_pieces()})
         return Health(online=False, detail=str(self._error), hint=self._error.hint)
 
     def read(self, after: int) -> list[Sound]:
-        """Return the pieces that have been played by now, with a larger number than ``after``, of the last 5 s."""
+        """Return the pieces played so far with a number above ``after``, from the last 5 s."""
         sound, played = self._sound, self._played_pieces()
         if sound is None:
             return []
@@ -99,10 +97,10 @@ class WavMicrophone:
 
 
 def load_wav(name: str, path: Path) -> Samples:
-    """Return the sound in a WAV file at the rate of microphones; ``name`` wants it.
+    """Return the sound of a WAV file, for ``name``, at the sample rate of microphones.
 
-    What the header says is believed as far as the file has it. Raises NotConnected for a file that
-    ``drivers.sound.wav`` refuses, for rates that no recording has, and for more than five minutes.
+    Sizes in the header are limited to that of the file. Raises NotConnected for a file that ``drivers.sound.wav``
+    refuses, for sample rates outside ``RATE_LIMITS``, and for more than five minutes.
     """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
     if path.exists() and not path.is_file():
@@ -131,9 +129,9 @@ def load_wav(name: str, path: Path) -> Samples:
 
 
 def resample(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> Samples:
-    """Return a sound of ``rate`` samples a second at ``SOUND_RATE``; what is too high for that is left out.
+    """Return a sound of ``rate`` samples per second at ``SOUND_RATE``, without frequencies that are too high.
 
-    By its spectrum: exact for a recording as a whole, and too slow for a stream.
+    By its spectrum: exact for a whole recording, and too slow for a stream.
     """
     if rate != SOUND_RATE and len(sound):
         count = round(len(sound) * SOUND_RATE / rate)
@@ -142,7 +140,7 @@ def resample(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> 
 
 
 def decode_blocks(file: BinaryIO, form: WavFormat) -> FrameBlocks:
-    """Yield the sound as frames by channels, ``BLOCK_FRAMES`` frames at a time, in floats of the range of 16 bits.
+    """Yield the sound as arrays of frames by channels, ``BLOCK_FRAMES`` at a time, as floats in the range of 16 bits.
 
     Raises BadWav, OSError.
     """

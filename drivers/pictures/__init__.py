@@ -1,1 +1,1 @@
-"""Pictures from any feed: decoded, turned, and held ready by a thread."""
+"""Pictures from any feed: decoding, rotation, and a capture thread."""

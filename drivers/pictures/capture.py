@@ -1,4 +1,4 @@
-"""One run of a camera, from its opening to its closing: the thread that always holds the newest picture ready."""
+"""Capture thread of a camera, which always has the newest picture ready; and cameras that use it."""
 
 import logging
 from collections.abc import Callable
@@ -21,17 +21,16 @@ from drivers.transport.loop import guard_callback
 # Whether the pictures of a live camera are news: a camera can hang, or fall behind, and go on giving pictures.
 
 FROZEN_TIMEOUT = 3.0
-"""Seconds of the same picture after which a camera has hung: the noise of a sensor alone makes each one different."""
+"""Seconds of identical pictures after which a camera hangs: sensor noise alone makes each picture different."""
 
 MIN_RATE = 4.0
-"""Pictures a second below which a camera is too slow to follow anybody by."""
+"""Pictures per second below which a camera is too slow to follow people."""
 
 RATE_WINDOW = 3.0
-"""Seconds over which their rate is taken."""
+"""Seconds over which the picture rate is measured."""
 
 SAMPLE_STRIDE = 16
-"""Every how many pixels, each way, the green of one is compared: that costs microseconds, and a thousand pixels share
-no noise."""
+"""Distance of compared pixels in x and y: it takes microseconds, and noise never repeats in a thousand pixels."""
 
 _SLOW_HINT = "more light (webcams expose for longer in the dark), a smaller picture, or a USB port of its own"
 _FROZEN_HINT = "unplug the camera and plug it in again; `mission robot camera list` shows whether it is back"
@@ -39,17 +38,17 @@ _FROZEN_HINT = "unplug the camera and plug it in again; `mission robot camera li
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
-    """What is the matter, in words that stay the same while it lasts, and what helps."""
+    """A fault of the pictures, with a hint; the text stays the same while it lasts."""
 
     text: str
     hint: str
 
 
 class FreshnessMonitor:
-    """Watches the pictures of one live camera, and reports when they freeze or come too slowly; once, and when it ends.
+    """Detects frozen or slow pictures of one live camera, and reports the start and the end of such a fault once.
 
-    A picture of one colour, as from a covered lens, never counts as frozen: there is nothing in it that could change.
-    For one thread.
+    A picture of one colour, as from a covered lens, never counts as frozen, because nothing in it could change. For one
+    thread.
     """
 
     def __init__(self, name: str, report: StatusCallback) -> None:
@@ -62,21 +61,21 @@ class FreshnessMonitor:
 
     @property
     def problem(self) -> tuple[str, str]:
-        """What is the matter with the pictures and what to do; both empty when they are fresh."""
+        """Current fault and hint; both empty if the pictures are fresh."""
         fault = self._fault
         return ("", "") if fault is None else (f"{self._name}: {fault.text}", fault.hint)
 
     def restart(self) -> None:
-        """Begin anew: the camera was away, which others tell."""
+        """Forget the history, because the camera was disconnected; others report that."""
         self._sample = self._fault = None
         self._stamps.clear()
 
     def count_skipped(self, stamp: float) -> None:
-        """Count a picture of ``stamp`` seconds that came, and was not decoded."""
+        """Count a picture with the stamp ``stamp`` (s) that was not decoded."""
         self._stamps.append(stamp)
 
     def check(self, image: Image, stamp: float) -> None:
-        """Look at the next picture, that was taken at ``stamp`` seconds."""
+        """Check the next picture, taken at ``stamp`` seconds."""
         frozen, slow = self._find_freeze(image, stamp), self._find_slowness(stamp)
         fault = frozen or slow
         before, self._fault = self._fault, fault
@@ -111,7 +110,7 @@ _FLIPS = {(True, False): 1, (False, True): 0, (True, True): -1}
 
 
 def turn_image(image: Image, turn: ImageOrientation) -> Image:
-    """Return a picture, turned and then mirrored."""
+    """Return a picture rotated, then mirrored, by ``turn``."""
     rotation, flip = _ROTATIONS[turn.quarter_turns], _FLIPS.get((turn.flip_horizontal, turn.flip_vertical))
     found = image if rotation is None else cv2.rotate(image, rotation)
     found = found if flip is None else cv2.flip(found, flip)
@@ -119,7 +118,7 @@ def turn_image(image: Image, turn: ImageOrientation) -> Image:
 
 
 def unturn_image(image: Image, turn: ImageOrientation) -> Image:
-    """Return the picture that ``turn`` makes ``image`` of."""
+    """Return the inverse: the picture that ``turn`` converts to ``image``."""
     return turn_image(
         turn_image(image, ImageOrientation(0, turn.flip_horizontal, turn.flip_vertical)),
         ImageOrientation(-turn.quarter_turns % 4),
@@ -130,76 +129,76 @@ log = logging.getLogger(__name__)
 
 
 class CameraFeed(Protocol):
-    """A source of pictures that may be absent, may end and may be started again. Used from one thread.
+    """A source of pictures that may be missing, may end, and may be started again. For one thread.
 
-    None of it is stuck in C: a thread that is, as Python ends, takes the process down with it.
+    No call may block in C: a thread that does when Python ends crashes the process.
     """
 
     @property
     def source_name(self) -> str:
-        """What the user calls it: a path, a device or an address."""
+        """Name of the source for users: a path, a device or an address."""
         ...
 
     @property
     def hint(self) -> str:
-        """What to type next when it opens and yet gives no picture."""
+        """Next command to type when the source opens but gives no picture."""
         ...
 
     def start(self, closing: Event) -> float | None:
-        """Open it; return the seconds between the pictures of a recording, or None for one that is live.
+        """Open the source; return the seconds between the pictures of a recording, or None for a live source.
 
-        ``ending`` is set when the camera is closed: nothing is waited for then. Raises NotConnected when it is not
-        there.
+        ``closing`` is set when the camera is closed, and ends all waiting. Raises NotConnected if the source is
+        missing.
         """
         ...
 
     def grab(self, skip_count: Callable[[], int]) -> Image | None:
-        """Return the next picture; ``NOTHING`` when none has come for a moment; None when there is no more.
+        """Return the next picture; ``NO_PICTURE`` if none has arrived for a moment; None at the end.
 
-        ``spare`` returns how many of the next pictures nobody needs: those are ``UNWANTED``, and are not decoded.
+        ``skip_count`` returns the number of next pictures to skip: those are ``SKIPPED_PICTURE``, and are not decoded.
         """
         ...
 
     def stop(self) -> None:
-        """Release it. Safe from any state, more than once."""
+        """Release the source. Safe from any state, more than once."""
         ...
 
 
 @runtime_checkable
 class CountingFeed(Protocol):
-    """A feed that does not ask ``spare`` for each picture, so it has to hear when the answer changes."""
+    """A feed that counts skipped pictures itself, so it must be informed when their number changes."""
 
     def skip_next(self, pictures: int) -> None:
-        """Let so many of the next pictures go by, instead of as many as before. From any thread."""
+        """Skip the next ``pictures``, instead of the number set before. From any thread."""
         ...
 
 
 _POLL_INTERVAL = 0.1
-"""Seconds between looks at the clock while a recording waits; no waiting can be matched to a simulated clock."""
+"""Seconds between two looks at the clock while a recording waits; the clock may be simulated."""
 
 _UNREAD_TIMEOUT = 1.0
-"""Seconds after which pictures that nobody reads go by without being decoded."""
+"""Seconds without a reader after which pictures are skipped."""
 
 MAX_UNREAD_SKIP = 1_000_000
-"""How many go by then, if nobody reads meanwhile: those of some hours."""
+"""Pictures to skip then: those of some hours."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which a camera counts as offline."""
 
 NOT_YET_TEXT = "no picture yet"
-"""The end of what is said of a camera that has neither shown a picture nor failed."""
+"""End of the status of a camera that has neither given a picture nor failed."""
 
 AGAIN_SUFFIX = " again"
-"""The end of a notice that says that something is over that was told of."""
+"""End of a notice about the end of a reported fault."""
 
 _JOIN_TIMEOUT = 5.0
-"""Seconds that ``stop`` waits for a thread that decodes a picture: a feed takes a moment at most."""
+"""Seconds that ``stop`` waits for the thread, which may be decoding a picture."""
 
 
 class CaptureThread:
-    """Drains a feed on its own thread, and opens it again, every ``retry`` seconds, while it is away.
+    """Reads a feed on its own thread, and reopens it every ``retry`` seconds while it is disconnected.
 
-    The feed and all state belong to one run, and the next run gets new ones.
+    Feed and state belong to one opening of a camera; the next opening makes new ones.
     """
 
     def __init__(
@@ -241,14 +240,14 @@ class CaptureThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread, and a ``read`` that waits."""
+        """End the thread, and a waiting ``read``."""
         self._closing.set()
         with self._condition:
             self._condition.notify_all()
         self._thread.join(_JOIN_TIMEOUT)
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
+        """Return the newest frame once it is newer than the last one returned; None after ``timeout`` seconds."""
         with self._condition:
             slept = not self._was_read_recently()
             self._read_at = inf  # for as long as it waits, which may be longer than a camera takes to start
@@ -267,13 +266,13 @@ class CaptureThread:
         return None
 
     def skip(self, pictures: int) -> None:
-        """Let so many pictures go by after the last one given: none of them is decoded."""
+        """Skip this many pictures after the last one returned; none of them is decoded."""
         with self._condition:
             self._last_read_number += pictures
             self._update_skip_count()
 
     def health(self) -> Health:
-        """Say whether pictures arrive, and if not, why."""
+        """Return whether pictures arrive, or the reason."""
         with self._condition:
             counters = {"frames": self._frames, "dropped": self._dropped, "starts": self._starts}
             trouble = self._offline_error() if self._online else self._error
@@ -283,7 +282,7 @@ class CaptureThread:
         return Health(online=False, detail=str(trouble), hint=trouble.hint, counters=counters)
 
     def _offline_error(self) -> NotConnected | None:
-        """Return what to say of a camera that counts as online, and yet gives nothing; None while it gives pictures."""
+        """Return the error of a camera that counts as online but gives no pictures; None while it gives some."""
         if not self._online:
             return None
         silent = self._clock.now() - self._last_picture_at
@@ -317,7 +316,7 @@ class CaptureThread:
         self._feed.stop()  # once more: it may keep what a next start needs
 
     def _pass_pictures(self) -> NotConnected | None:
-        """Pass pictures on until there are no more; return what is the matter then, None to start at once again."""
+        """Publish pictures until the feed ends; return the error, or None to restart at once."""
         period = self._feed.start(self._closing)
         self._starts += 1
         self._freshness.restart()
@@ -351,7 +350,7 @@ class CaptureThread:
         return None
 
     def _skip_count(self) -> int:
-        """Return how many of the next pictures nobody needs."""
+        """Return the number of next pictures that are not needed."""
         return max(0, self._last_read_number + 1 - self._frames) if self._was_read_recently() else MAX_UNREAD_SKIP
 
     def _update_skip_count(self) -> None:
@@ -362,7 +361,7 @@ class CaptureThread:
         return self._clock.now() - self._read_at <= _UNREAD_TIMEOUT
 
     def _on_skipped(self, *, live: bool) -> None:
-        """Take note of a picture that was not decoded. Where nobody reads, what is read next is none of before."""
+        """Count a skipped picture. Without a reader, drop the old frame, so that the next read returns a new one."""
         now, read = self._clock.now(), self._was_read_recently()
         if not read:
             self._freshness.restart()
@@ -377,7 +376,7 @@ class CaptureThread:
         self._set_online()
 
     def _wait_until_due(self, period: float) -> bool:
-        """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""
+        """Wait until the next picture of a recording is due; return False if the camera is closed first."""
         while (left := self._due - self._clock.now()) > 1e-6:
             if self._closing.wait(min(left, _POLL_INTERVAL)):
                 return False
@@ -393,7 +392,7 @@ class CaptureThread:
         self._set_online()
 
     def _set_online(self) -> None:
-        """Count it as online, and report that it is there, or back."""
+        """Count the camera as online, and report that it has connected or reconnected."""
         with self._condition:
             was_online, self._online = self._online, True
             back = self._frames > 1
@@ -415,12 +414,11 @@ class CaptureThread:
 
 
 class ThreadedCamera:
-    """A camera whose newest picture is always ready; meets ``drivers.api.Camera``.
+    """A ``drivers.api.Camera`` whose newest picture is always ready.
 
-    ``make_feed`` makes a new feed for each opening. ``field_of_view`` is the horizontal angle of view in radians, as
-    the user knows it (OpenCV cannot tell), of the pictures after their ``turn``. ``retry`` is the time in seconds
-    between attempts to find a source that is away. ``read`` is for one thread at a time. Raises BadRequest for a
-    ``field_of_view`` or ``retry`` of 0 or less.
+    ``make_feed`` returns a new feed for each opening. ``field_of_view`` is the horizontal angle in radians, after
+    ``turn``; the user provides it, because OpenCV cannot. ``retry`` is the reconnect interval in seconds. ``read`` is
+    for one thread at a time. Raises BadRequest for a ``field_of_view`` or ``retry`` out of range.
     """
 
     def __init__(
@@ -450,7 +448,7 @@ class ThreadedCamera:
         self._capture: CaptureThread | None = None
 
     def open(self) -> None:
-        """Start the thread that looks for the source; returns at once. Does nothing when open."""
+        """Start the capture thread; returns at once. Does nothing when open."""
         if self._capture is None:
             capture = CaptureThread(
                 self.name,
@@ -465,26 +463,25 @@ class ThreadedCamera:
             capture.start()
 
     def rest(self) -> None:
-        """Do nothing: a camera moves nothing."""
+        """Do nothing: a camera has no actuator."""
 
     def close(self) -> None:
-        """End the thread and release the source. Safe from any state, more than once; never hangs."""
+        """Stop the thread and release the source. Safe from any state, more than once; never hangs."""
         capture, self._capture = self._capture, None
         if capture is not None:
             capture.stop()
 
     def health(self) -> Health:
-        """Say whether pictures arrive; if not, why, and what to type next."""
         capture = self._capture
         return Health(online=False, detail=f"{self.name}: not open") if capture is None else capture.health()
 
     def skip(self, pictures: int) -> None:
-        """Let so many pictures go by after the newest that was read; they are not decoded. Nothing when not open."""
+        """Skip this many pictures after the last one read, without decoding them. Does nothing when not open."""
         if self._capture is not None:
             self._capture.skip(pictures)
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the newest frame, waiting up to ``timeout`` seconds for it; None when there is none, or not open."""
+        """Return the newest frame, waiting up to ``timeout`` seconds; None if there is none, or when not open."""
         capture = self._capture
         if capture is not None:
             return capture.read(timeout)

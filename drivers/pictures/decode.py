@@ -1,6 +1,6 @@
-"""The calls into OpenCV that open and decode, without its chatter on the terminal, and within bounds.
+"""Opening and decoding of pictures and videos by OpenCV, quietly and within size limits.
 
-How large a picture is says its header: what is compressed to nothing may take gigabytes once it is decoded.
+The size is read from the header first: a small compressed file may take gigabytes once decoded.
 """
 
 import io
@@ -19,31 +19,31 @@ from drivers.api import Image
 from drivers.errors import BadRequest
 
 SKIPPED_PICTURE: Image = np.empty((0, 0, 3), np.uint8)
-"""Stands for a picture that was not decoded."""
+"""Placeholder for a picture that was not decoded."""
 
 NO_PICTURE: Image = np.empty((0, 0, 3), np.uint8)
-"""Stands for no picture yet."""
+"""Placeholder for a picture that has not arrived yet."""
 
 Size = tuple[int, int]
 """Width and height in pixels."""
 
 _MAX_PNM_HEADER = 65_536
-"""Bytes of the header of a PPM or PGM that are looked at."""
+"""Bytes of a PPM or PGM that are searched for its header."""
 
 _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""The markers of a JPEG after which its size stands."""
+"""Markers of a JPEG that are followed by its size."""
 
 _JPEG_SEGMENTLESS_MARKERS = frozenset({0x01, *range(0xD0, 0xD9)})
 """Markers of a JPEG without a segment."""
 
 _TIFF_SIZE_FIELDS = {256: 0, 257: 1, 322: 0, 323: 1}
-"""Fields of a TIFF: its width and height, and those of a tile, which a decoder makes room for as well."""
+"""Fields of a TIFF with width and height, and those of a tile, for which a decoder also allocates memory."""
 
 
 def picture_size(file: BinaryIO) -> Size | None:
-    """Return the size of the PNG, JPEG, BMP, WebP, GIF, TIFF, PPM or PGM in a file that can be sought in.
+    """Return the size of the PNG, JPEG, BMP, WebP, GIF, TIFF, PPM or PGM in a seekable file.
 
-    None for anything else, and where the header does not tell.
+    None for other files, and if the header has no size.
     """
     file.seek(0)
     begin = file.read(32)
@@ -74,7 +74,7 @@ def _header_size(file: BinaryIO, begin: bytes) -> Size | None:
 
 
 def _jpeg_size(file: BinaryIO) -> Size | None:
-    """Return what stands after the first marker of a frame; bytes between segments are passed over, as decoders do."""
+    """Return the size after the first frame marker; bytes between segments are skipped, as decoders do."""
     file.seek(2)
     while byte := file.read(1):
         if byte != b"\xff":
@@ -108,7 +108,7 @@ def _webp_size(begin: bytes) -> Size | None:
 
 
 def _tiff_size(file: BinaryIO, order: str, begin: bytes) -> Size | None:
-    """Return the larger of the first picture and its tiles, each way."""
+    """Return the larger of the first picture and its tiles, in each direction."""
     file.seek(*struct.unpack(f"{order}I", begin[4:8]))
     (count,) = struct.unpack(f"{order}H", file.read(2))
     found = [0, 0]
@@ -122,7 +122,7 @@ def _tiff_size(file: BinaryIO, order: str, begin: bytes) -> Size | None:
 
 
 def _pnm_size(file: BinaryIO) -> Size | None:
-    """Return the first two numbers of a PPM or PGM; comments go from # to the end of their line."""
+    """Return the first two numbers of a PPM or PGM; comments run from # to the end of their line."""
     file.seek(2)
     words = re.sub(rb"#[^\n]*(\n|$)", b"\n", file.read(_MAX_PNM_HEADER)).split(None, 2)
     if len(words) < 3 or not all(re.fullmatch(rb"[0-9]{1,9}", word) for word in words[:2]):
@@ -131,33 +131,33 @@ def _pnm_size(file: BinaryIO) -> Size | None:
 
 
 MAX_PIXELS = 50_000_000
-"""Pixels of a picture or a frame: the largest cameras that one can buy for a robot have half of that.
+"""Pixels of a picture or frame: twice those of the largest cameras for robots.
 
-Decoded and searched, so many take a third of a gigabyte.
+To decode and search a picture of this size takes a third of a gigabyte.
 """
 
 MAX_FILE_BYTES = 256_000_000
-"""Bytes of a file with one picture: so many pixels without compression, and some more."""
+"""Bytes of a file with one picture: enough for ``MAX_PIXELS`` without compression."""
 
 
 FFMPEG_LOG_LEVEL = "OPENCV_FFMPEG_LOGLEVEL"
-"""The environment variable by which OpenCV sets how much FFmpeg tells."""
+"""Environment variable by which OpenCV sets the log level of FFmpeg."""
 
 FFMPEG_SILENT = "-8"
-"""The level at which FFmpeg tells nothing (AV_LOG_QUIET)."""
+"""Log level of FFmpeg without output (AV_LOG_QUIET)."""
 
 
 def silence_opencv() -> None:
-    """Silence OpenCV and FFmpeg for this process: what they would print, the callers say in one sentence.
+    """Silence OpenCV and FFmpeg in this process; callers report failures in one sentence instead.
 
-    FFmpeg takes its level from the environment when OpenCV first opens a video; a level that the user set is kept.
+    FFmpeg reads its level from the environment when OpenCV first opens a video. A level set by the user is kept.
     """
     os.environ.setdefault(FFMPEG_LOG_LEVEL, FFMPEG_SILENT)
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 def load_picture(path: Path) -> Image:
-    """Return the picture in a file. Raises BadRequest for one that cannot be read or decoded, or is too large."""
+    """Return the picture in a file. Raises BadRequest if it cannot be read or decoded, or is too large."""
     silence_opencv()
     try:
         with open(path, "rb", opener=_open_regular_file) as file:
@@ -177,10 +177,7 @@ def load_picture(path: Path) -> Image:
 
 
 def decode_picture(data: bytes, max_pixels: int = MAX_PIXELS) -> Image | None:
-    """Return a picture; None for what is none, and for one of more than ``most`` pixels, which is not decoded at all.
-
-    What its header does not tell the size of is none.
-    """
+    """Return a decoded picture; None if it is invalid, of unknown size, or has more than ``max_pixels`` pixels."""
     size = picture_size(io.BytesIO(data))
     if size is None or size[0] * size[1] > max_pixels:
         return None
@@ -192,7 +189,7 @@ def decode_picture(data: bytes, max_pixels: int = MAX_PIXELS) -> Image | None:
 
 
 def check_picture_size(name: str, size: Size | None) -> None:
-    """Raise BadRequest for a picture or frame, or whatever ``what`` names, with too many pixels."""
+    """Raise BadRequest if the picture or frame called ``name`` has too many pixels."""
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         width, height = size
         raise BadRequest(
@@ -202,9 +199,9 @@ def check_picture_size(name: str, size: Size | None) -> None:
 
 
 def open_video(source: str | int, backend: int, settings: list[int], *, name: str) -> cv2.VideoCapture:
-    """Open a video, stream or device. Raises BadRequest where its frames, or a picture that it is, are too large.
+    """Open a video, stream or device. Raises BadRequest if its frames, or the picture in it, are too large.
 
-    FFmpeg says on standard error why it cannot, unless ``silence_opencv`` was called before.
+    FFmpeg prints errors to standard error, unless ``silence_opencv`` was called before.
     """
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     if Path(name).is_file():  # a picture under a video's name is decoded when it is opened
@@ -222,9 +219,9 @@ def open_video(source: str | int, backend: int, settings: list[int], *, name: st
 
 
 def grab_picture(video: cv2.VideoCapture, is_needed: Callable[[], bool] = lambda: True) -> Image | None:
-    """Return the next picture of an open video; None at its end, or when the device has gone.
+    """Return the next picture of an open video; None at its end, on a disconnect, or for a frame that is too large.
 
-    A frame that is suddenly too large is its end. One that is not ``wanted`` once it is there is not decoded.
+    A frame for which ``is_needed`` returns False is not decoded.
     """
     try:
         if not video.grab():
@@ -244,7 +241,7 @@ def _video_property(video: cv2.VideoCapture, key: int) -> int:
 
 
 def _open_regular_file(path: str, flags: int) -> int:
-    """Open a file, never waiting for one that is none. Raises OSError."""
+    """Open a regular file without blocking. Raises OSError for other files."""
     number = os.open(path, flags | os.O_NONBLOCK)
     if not stat.S_ISREG(os.fstat(number).st_mode):
         os.close(number)

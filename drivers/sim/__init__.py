@@ -1,1 +1,1 @@
-"""The simulated world: the room, who stands in it, and the physics of base, servos and camera."""
+"""Simulated world: room, people, objects and light, and the physics of base, servos and camera."""

@@ -1,4 +1,4 @@
-"""How the drawn people look: enough of a difference that a recogniser can tell them apart."""
+"""Appearances of the drawn people, different enough for a face recogniser to tell them apart."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from typing import Literal
 from drivers.sim.room import Colour
 
 Hair = Literal["short", "long", "curly", "bald", "bun"]
-"""The shapes that hair is drawn in."""
+"""Hair styles."""
 
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """One drawn person. Lengths in millimetres at the size of a real face."""
+    """Appearance of one drawn person. Lengths in millimetres at the size of a real face."""
 
     skin: Colour
     hair: Hair
@@ -58,4 +58,4 @@ APPEARANCES: Mapping[str, Appearance] = MappingProxyType(
         ),
     }
 )  # fmt: skip
-"""The drawn people by name."""
+"""Appearances by name."""

@@ -1,4 +1,4 @@
-"""The body of a Kobuki on the floor: where it really is, what stops it, what it feels, and what it runs on."""
+"""Simulated Kobuki base on the floor: true pose, collisions, sensors and current draw."""
 
 from collections.abc import Iterable, Sequence
 from math import cos, degrees, inf, remainder, sin, tau
@@ -13,13 +13,13 @@ from drivers.sim.world_objects import NO_SIGNALS, BackupLimit, Ground, OpenFloor
 # All figures are our assumption, but for the limit at which the base tells of an overload.
 
 IDLE_CURRENT = 0.4
-"""Amperes that the base draws standing still."""
+"""Amperes that the base draws at rest."""
 
 OVERLOAD_CURRENT = 3.0
-"""Amperes at which the base says that a motor is overloaded (vendor)."""
+"""Amperes from which on the base reports a motor overload (vendor)."""
 
 STALL_CURRENT = 3.5
-"""Amperes of a motor that drives with all it has."""
+"""Amperes of a motor at full power."""
 
 _FRICTION_CURRENT = 0.15  # amperes, for a wheel that turns at all
 _CURRENT_PER_SPEED = 0.3  # amperes more for each m/s of the rim
@@ -29,7 +29,7 @@ _CURRENT_PER_SLIP = 30.0  # amperes more for each metre that a wheel has slipped
 def motor_current(speed: float, slip_distance: float = 0.0) -> float:
     """Return the amperes of a motor whose wheel turns at ``speed`` (m/s at its rim).
 
-    ``in_vain`` is how many metres it has turned since something solid has held up the base.
+    ``slip_distance`` is the metres that the wheel has turned since a solid object stopped the base.
     """
     if speed == 0.0:
         return 0.0
@@ -37,43 +37,47 @@ def motor_current(speed: float, slip_distance: float = 0.0) -> float:
 
 
 BODY_COMMAND_TIMEOUT = 0.4
-"""Seconds without a command after which the base comes to rest. The vendor documents no such limit: it is our
-assumption, on the side of a base that rolls on for longer than the driver's own deadman lets it."""
+"""Seconds without a command after which the base stops.
+
+The vendor documents no such limit. This assumption is longer than the deadman timeout of the driver, to be on the safe
+side.
+"""
 
 ENCODER_STEP = 0.0000852920905
-"""Travel of a wheel in metres for one tick of its encoder: that of a Kobuki."""
+"""Metres of wheel travel per encoder tick of a Kobuki."""
 
 MAX_STEP = 0.025
-"""Seconds between looks at what is in the way: 18 mm at full speed."""
+"""Seconds between two collision checks: 18 mm at full speed."""
 
 TIME_TOLERANCE = 1e-6
-"""Seconds that count as none: times that are meant to be the same differ by a rounding error."""
+"""Seconds below which two times count as equal: they differ by rounding errors."""
 
 _BISECTION_STEPS = 6
-"""How closely the place of a collision is found: to 0.3 mm at full speed."""
+"""Steps of the search for the place of a collision: an error of 0.3 mm at full speed."""
 
 _BUMPER_CENTRE_ANGLE, _BUMPER_SIDE_ANGLE = 25.0, 90.0
-"""Degrees from straight ahead up to which the centre, and the side, of the bumper is pressed. Behind it has none."""
+"""Degrees from straight ahead up to which the centre, and the side, of the bumper is pressed; the rear has no bumper.
+"""
 
 _CLIFF_LEFT, _CLIFF_CENTRE, _CLIFF_RIGHT = (0.087, 0.136), (0.156, 0.0), (0.087, -0.136)
-"""Where the floor sensors look, in metres forward and left: the figures of the vendor's robot description."""
+"""Positions of the cliff sensors, in metres forward and left, from the vendor's robot description."""
 
 _WHEEL_LEFT, _WHEEL_RIGHT = (0.0, 0.115), (0.0, -0.115)
-"""Where the wheels stand, likewise."""
+"""Positions of the wheels, in metres forward and left, from the vendor's robot description."""
 
 NO_SIDES = Sides()
 _BOTH_SIDES = Sides(left=True, right=True)
 
 
 class BaseBody:
-    """A disc on two ``wheels`` that stands on a ``ground``. Its time is handed in; not safe between threads.
+    """A disc on two ``wheels`` on the floor ``ground``. All methods take the time; not thread-safe.
 
-    It goes through nothing solid: it stays in front of it, while its wheels slip, so that the encoders count on. With
-    a wheel over an edge it goes nowhere until it is put down elsewhere (``wheels.pose``), nor does it while ``lifted``.
-    Its ``battery`` is one that keeps what it has, unless another is given. It is ``docked`` on the contacts of the dock
-    of its ground, and wherever it stands while it is ``force_docked``. ``bumper``, ``cliff``, ``wheel_drop`` and ``docked`` are
-    as of the last ``advance``. ``backup_limit`` is that of a Create 3; a base whose ``e_stop`` is on obeys no velocity,
-    one that is ``reversed`` turns its wheels the other way. ``wheel_encoders`` are its encoders, ``gyro_drift`` what that errs by.
+    The body never enters a solid object: it stops in front of it while its wheels slip, so the encoders go on counting.
+    With a wheel over an edge, or while ``lifted``, it does not move until it is put down elsewhere (``wheels.pose``).
+    It is ``docked`` while its contacts touch the dock of the ground, and anywhere while ``force_docked``. ``bumper``,
+    ``cliff``, ``wheel_drop`` and ``docked`` are as of the last ``advance``. ``backup_limit`` is that of a Create 3.
+    With ``e_stop`` the base ignores all velocities, with ``reversed`` its wheels turn the other way. The default
+    battery never discharges.
     """
 
     def __init__(
@@ -83,7 +87,7 @@ class BaseBody:
         self.battery = battery or Battery()
         self.lifted = self.docked = self.force_docked = self.e_stop = self.reversed = False
         self.speed_factor = 1.0
-        """Which share of the speed that it is told it reaches: less uphill, more downhill."""
+        """Share of the commanded speed that is reached: less than 1 uphill, more downhill."""
         self.wheel_encoders = Encoders(self.wheels)
         self.gyro_drift = GyroDrift()
         self.backup_limit: BackupLimit | None = None
@@ -102,12 +106,12 @@ class BaseBody:
 
     @property
     def pose(self) -> Pose2D:
-        """Where it really is, in the world's frame."""
+        """True pose, in the world frame."""
         return self.wheels.pose
 
     @property
     def velocity(self) -> Velocity:
-        """How fast it really moves: what stands in the way stops it, but lets it turn."""
+        """True velocity: a solid object in the way stops the base, but lets it turn."""
         if self.lifted or self._wheel_drop:
             return ZERO_VELOCITY
         velocity = self.wheels.velocity
@@ -115,18 +119,18 @@ class BaseBody:
 
     @property
     def wheel_drop(self) -> Sides:
-        """Which wheels hang in the air; there is none in the centre."""
+        """Wheels that hang in the air; ``centre`` is never set."""
         return _BOTH_SIDES if self.lifted else self._wheel_drop
 
     @property
     def encoders(self) -> tuple[int, int]:
-        """What the encoders of the left and the right wheel have counted; forward is positive."""
+        """Counts of the left and the right encoder; forward is positive."""
         left, right = self.wheel_encoders.travel
         return round(left / ENCODER_STEP), round(right / ENCODER_STEP)
 
     @property
     def currents(self) -> tuple[float, float]:
-        """What the left and the right motor draw, in amperes."""
+        """Amperes of the left and the right motor."""
         (left_speed, right_speed), (left, right) = self.wheels.speeds, (self.wheels.left, self.wheels.right)
         held = self._contact_travel or (left, right)
         found = motor_current(left_speed, abs(left - held[0])), motor_current(right_speed, abs(right - held[1]))
@@ -137,27 +141,27 @@ class BaseBody:
 
     @property
     def overcurrent(self) -> Sides:
-        """Which motors are overloaded; there is none in the centre."""
+        """Overloaded motors; ``centre`` is never set."""
         if self._contact_travel is None and not self.wheels.blocked:
             return NO_SIDES
         left, right = (amperes >= OVERLOAD_CURRENT for amperes in self.currents)
         return Sides(left=left, right=right) if left or right else NO_SIDES
 
     def dock_signals(self) -> DockSignals:
-        """Return what it hears of the dock where it is."""
+        """Return the beams of the dock that the receivers of the base get."""
         if self._dock is None or self._now is None:
             return NO_SIGNALS
         now, ground = self._now, self._ground
         return self._dock.signals(self.pose, lambda eye, point: ground.is_visible(eye, point, now))
 
     def command(self, linear: float, angular: float, now: float) -> None:
-        """Ask for ``linear`` m/s and ``angular`` rad/s at time ``now``, for ``BODY_COMMAND_TIMEOUT`` seconds."""
+        """Command ``linear`` m/s and ``angular`` rad/s at time ``now``, for ``BODY_COMMAND_TIMEOUT`` seconds."""
         self.advance(now)
         self._setpoint_time, self._setpoint = now, (linear, angular)
         self._command_wheels(now)
 
     def advance(self, now: float) -> Pose2D:
-        """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
+        """Move until time ``now`` and return the true pose. Does nothing unless time has increased."""
         if self._now is not None and now - self._now < TIME_TOLERANCE:
             return self.wheels.pose
         deadline = self._setpoint_time + BODY_COMMAND_TIMEOUT
@@ -171,7 +175,7 @@ class BaseBody:
         return self.wheels.pose
 
     def _command_wheels(self, now: float) -> None:
-        """Tell the wheels what of the command is obeyed."""
+        """Send the setpoint to the wheels, after emergency stop, reversal, slope and backup limit."""
         linear, angular = (0.0, 0.0) if self.e_stop else self._setpoint
         share = -self.speed_factor if self.reversed else self.speed_factor
         linear, angular = share * linear, share * angular
@@ -188,13 +192,13 @@ class BaseBody:
             self._move(self._now)
 
     def _draw_current(self, now: float) -> None:
-        """Draw on the battery, or on the dock."""
+        """Discharge the battery, or charge it at the dock."""
         dock = None if self.wheel_drop else self._dock
         self.docked = self.force_docked or (dock is not None and dock.has_contact(self.wheels.pose, BASE_RADIUS))
         self.battery.advance(now, IDLE_CURRENT + sum(self.currents), docked=self.docked)
 
     def _move(self, now: float) -> None:
-        """Make one step, as far as what is in the way allows."""
+        """Make one step, up to the first contact."""
         before, rolled = self.wheels.pose, self.wheels.left + self.wheels.right
         if before is not self._floor_sensor_pose:
             self._update_floor_sensors(before)  # it was put down here
@@ -215,7 +219,7 @@ class BaseBody:
         self.bumper = _bumper_sides(touched, after.heading) if touched else NO_SIDES
 
     def _limit_backing(self, limit: BackupLimit, way: float, now: float) -> None:
-        """Brake once it has backed as far as it may."""
+        """Stop once the base has reached its backup limit."""
         before = limit.is_reached
         if self.lifted:
             limit.on_lift()
@@ -225,11 +229,11 @@ class BaseBody:
             self._command_wheels(now)
 
     def _contact_directions(self, pose: Pose2D, now: float) -> Sequence[float]:
-        """Return the directions in which it touches something solid at ``pose``, in radians in the world's frame."""
+        """Return the directions in which the base touches solids at ``pose``, in radians in the world frame."""
         return self._ground.contact_directions(pose.x, pose.y, BASE_RADIUS, now)
 
     def _find_contact_pose(self, before: Pose2D, after: Pose2D, now: float) -> Pose2D:
-        """Return where on the way from ``before`` to ``after`` it is stopped: where it just touches."""
+        """Return the pose between ``before`` and ``after`` at which the base just touches the obstacle."""
         free, stopped = 0.0, 1.0
         if _drives_into(self._contact_directions(before, now), before, after):
             stopped = 0.0
@@ -242,7 +246,7 @@ class BaseBody:
         return _interpolate(before, after, stopped)
 
     def _update_floor_sensors(self, pose: Pose2D) -> None:
-        """Find out where there is no floor."""
+        """Update cliff sensors and wheel drop for ``pose``."""
         self._floor_sensor_pose = pose
         c, s = cos(pose.heading), sin(pose.heading)
 
@@ -256,7 +260,7 @@ class BaseBody:
 
 
 def merge_sides(first: Sides, second: Sides) -> Sides:
-    """Return what is felt by one of the two."""
+    """Return the sides that are set in either argument."""
     if not first:
         return second
     return Sides(first.left or second.left, first.centre or second.centre, first.right or second.right)
@@ -268,13 +272,13 @@ def _interpolate(before: Pose2D, after: Pose2D, share: float) -> Pose2D:
 
 
 def _drives_into(touched: Iterable[float], before: Pose2D, after: Pose2D) -> bool:
-    """Say whether the way leads into what is touched, and not along it or off it."""
+    """Return whether the move leads into one of the touched directions, and not along or away from it."""
     x, y = after.x - before.x, after.y - before.y
     return any(x * cos(direction) + y * sin(direction) > 1e-9 for direction in touched)
 
 
 def _bumper_sides(touched: Iterable[float], heading: float) -> Sides:
-    """Return which parts of the bumper are pressed by what is touched."""
+    """Return the parts of the bumper that contacts in the ``touched`` directions press."""
     angles = [degrees(remainder(direction - heading, tau)) for direction in touched]
     left = any(_BUMPER_CENTRE_ANGLE < angle <= _BUMPER_SIDE_ANGLE for angle in angles)
     centre = any(abs(angle) <= _BUMPER_CENTRE_ANGLE for angle in angles)

@@ -1,27 +1,26 @@
-"""The battery of a simulated base: what is left in it, and the voltage that the base reports."""
+"""Battery of a simulated base: its charge, and the voltage that the base reports."""
 
 FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 """Volts of four lithium cells in series at 100 and at 5 percent, as a Kobuki reports them."""
 
 CAPACITY = 2.2 * 3600
-"""Ampere-seconds in a full one: the smaller of the vendor's two."""
+"""Ampere-seconds of a full battery: the smaller one that the vendor sells."""
 
 INTERNAL_RESISTANCE = 0.15
-"""Ohms within, by which its voltage drops under load: our assumption for four cells in a row."""
+"""Ohms; the voltage drops by it under load. Our assumption for four cells in series."""
 
 CHARGE_CURRENT = 1.5
-"""Amperes from the dock: our assumption; it fills an empty battery in an hour and a half, as the vendor promises."""
+"""Amperes from the dock. Our assumption: it charges an empty battery in 1.5 hours, as the vendor promises."""
 
 _PERCENT_PER_VOLT = 95 / (FULL_VOLTAGE - EMPTY_VOLTAGE)
 
 
 class Battery:
-    """Keeps count of the charge; its time is handed in. Not safe between threads.
+    """Battery that integrates its charge over the times passed to ``advance``. Not thread-safe.
 
-    ``percent`` (0..100) is what is left, and may be set. ``drain`` is how many times as fast as a real one it empties,
-    and fills: with 0, which is what nobody has to think of, it keeps what it has, and fills as fast as a real one.
-    ``resistance`` in ohms is what makes its voltage drop under load. ``is_charging`` is as of the last ``advance``.
-    Raises ValueError for values that make no sense.
+    ``percent`` (0..100) is the charge and may be set. ``drain`` is how many times as fast as a real battery it
+    discharges and charges. With 0 it never discharges, and charges like a real one. ``resistance`` is in ohms.
+    ``is_charging`` is as of the last ``advance``. Raises ValueError for values out of range.
     """
 
     def __init__(self, percent: float = 100.0, *, drain: float = 0.0, resistance: float = 0.0) -> None:
@@ -35,7 +34,7 @@ class Battery:
         self._now: float | None = None
 
     def advance(self, now: float, current: float, *, docked: bool) -> None:
-        """Let the base draw ``amperes`` until time ``now``, from the dock if it stands there."""
+        """Draw ``current`` amperes until time ``now``, from the dock instead if ``docked``."""
         seconds = 0.0 if self._now is None else max(0.0, now - self._now)
         self._now = now
         self.is_charging = docked and self.percent < 100.0
@@ -46,10 +45,10 @@ class Battery:
 
     @property
     def voltage(self) -> float:
-        """What the base measures: by the line of the vendor's driver, less what is lost on the way out."""
+        """Measured voltage: by the line of the vendor's driver, less the drop at the internal resistance."""
         return EMPTY_VOLTAGE + (self.percent - 5) / _PERCENT_PER_VOLT - self._resistance * self._current
 
     @property
     def reported_percent(self) -> float:
-        """The percent that the vendor's driver makes of that voltage: too few under load."""
+        """Percent that the vendor's driver computes from the voltage: too low under load."""
         return min(max(self.percent - self._resistance * self._current * _PERCENT_PER_VOLT, 0.0), 100.0)

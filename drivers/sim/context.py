@@ -1,4 +1,4 @@
-"""What a simulated part is made with: the world it stands in, its physics, and the other simulated parts."""
+"""Context in which simulated parts are made: the world, its physics, and the other simulated parts."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # physics are asked for by few
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """How a base errs: ``lag`` (s) and ``slip`` (0..1) of its wheels, ``gyro_noise`` (rad/s), lost reports (0..1)."""
+    """Errors of a base: ``lag`` (s) and ``slip`` (0..1) of its wheels, ``gyro_noise`` (rad/s), lost reports (0..1)."""
 
     lag: float = 0.0
     slip: float = 0.0
@@ -29,14 +29,13 @@ class Physics:
 
 @dataclass(frozen=True, slots=True)
 class SimContext:
-    """Where a twin or a virtual device is made.
+    """Context in which a simulated or virtual device is made.
 
-    Without a ``world`` there is open floor, and nobody. ``pose`` tells where the base truly is at a time, ``viewpoint``
-    where the camera is and looks, whose pictures have ``camera_noise``, in grey levels. ``parts`` are
-    the twins, or the ``drivers.virtual.device.VirtualDevice`` devices, that are made already, by name, and ``part_keys`` what the
-    robot file says of each of its parts. ``part_name`` is the name of the one that is made. ``listen_address`` is the
-    address at which a robot of ROS 2 is to be found; empty for any that is free.
-    ``scene`` is the robot's body in physics, None where these are not asked for.
+    Without a ``world`` there is open floor without people. ``pose`` returns the true pose of the base at a time,
+    ``viewpoint`` the position and direction of the camera, whose pictures have ``camera_noise`` in grey levels.
+    ``parts`` are the simulated devices, or virtual devices, that exist already, by name. ``part_keys`` are the sections
+    of the robot file by part name, and ``part_name`` is the part to make. ``listen_address`` is the address for a robot
+    of ROS 2; empty for any free one. ``scene`` is the robot's body in physics, or None.
     """
 
     clock: Clock
@@ -56,26 +55,26 @@ class SimContext:
     camera_noise: float = 0.0
 
     def make_wheels(self) -> SimulatedWheels:
-        """Return wheels that err as they do here, at the place where the robot starts."""
+        """Return wheels with the errors of ``physics``, at the start pose of the world."""
         start = None if self.world is None else self.world.start
         return SimulatedWheels(dead_time=self.physics.lag, slip=self.physics.slip, pose=start)
 
     def make_body(self) -> BaseBody:
-        """Return the body of a base that stands there."""
+        """Return the body of a base at the start pose of the world."""
         return BaseBody(wheels=self.make_wheels(), ground=self.world, battery=self.physics.battery)
 
 
 class TrueBase(Protocol):
-    """The twin of a base, as the world sees it."""
+    """Simulated base with a known true pose."""
 
     def true_pose(self, time: float) -> Pose2D:
-        """Return where it truly is, in the world's frame."""
+        """Return the true pose in the world frame."""
         ...
 
 
 class TrueHead(Protocol):
-    """The twin of a head, as the world sees it."""
+    """Simulated head with a known true pose."""
 
     def true_pose(self, time: float) -> HeadPose:
-        """Return where it truly looks, from the base."""
+        """Return the true pan and tilt, relative to the base."""
         ...

@@ -1,8 +1,8 @@
-"""Paints heads: a face from the front, or the back of the head.
+"""Painting of heads: a face from the front, or the back of the head.
 
-A Haar cascade looks for light and dark areas: eyes darker than forehead and cheeks, a bright bridge of the nose
-between them, a dark mouth above a bright chin. So the shading below matters more than the outlines.
-Millimetres from the point between the eyes; a head reaches from about -122 (crown) to +118 (chin).
+A Haar cascade looks for light and dark areas: eyes darker than forehead and cheeks, a bright bridge of the nose between
+them, a dark mouth above a bright chin. So the shading matters more than the outlines. Coordinates are millimetres from
+the point between the eyes; a head spans about -122 (crown) to +118 (chin).
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ def mirror_outline(points: Points) -> npt.NDArray[np.float64]:
 
 
 class SpriteCanvas:
-    """A sheet from (left, top) to (right, bottom). Everything painted hides what was there before it."""
+    """Transparent sheet from (left, top) to (right, bottom); later shapes cover earlier ones."""
 
     def __init__(self, left: int, top: int, right: int, bottom: int) -> None:
         self._left = left
@@ -52,17 +52,17 @@ class SpriteCanvas:
         self._sheet[area] += mask * strength * (_opaque_pixel(colour) - self._sheet[area])
 
     def shade(self, points: Points, colour: Colour, *, soft: float, strength: float) -> None:
-        """Tint what is painted already inside a shape, without covering anything new."""
+        """Tint the painted pixels inside a shape; transparent pixels stay transparent."""
         area, mask = self._mask(points, soft, None)
         self._tint(area, mask * strength, colour)
 
     def stroke(self, points: Points, colour: Colour, width: float, *, soft: float = 0.6, strength: float = 1.0) -> None:
-        """Draw a line through ``points`` on what is painted already; ``width`` in millimetres."""
+        """Draw a line through ``points`` on painted pixels; ``width`` in millimetres."""
         area, mask = self._mask(points, soft, width)
         self._tint(area, mask * strength, colour)
 
     def sprite(self) -> Sprite:
-        """Return the sheet, its colours multiplied by its opacity."""
+        """Return the sheet with colours premultiplied by opacity."""
         return np.clip(np.rint(self._sheet), 0, 255).astype(np.uint8)
 
     def _tint(self, area: tuple[slice, slice], mask: npt.NDArray[np.float32], colour: Colour) -> None:
@@ -72,7 +72,7 @@ class SpriteCanvas:
     def _mask(
         self, points: Points, soft: float, width: float | None
     ) -> tuple[tuple[slice, slice], npt.NDArray[np.float32]]:
-        """Return the part of the sheet that a shape touches, and how much (0..1, shape (h, w, 1)) each pixel is in."""
+        """Return the area of the sheet that a shape covers, and its coverage per pixel (0..1, shape (h, w, 1))."""
         outline = np.asarray(points, dtype=np.float64) - (self._left, self._top)
         reach = 3.0 * soft + (width or 0.0) + 2.0
         height, breadth = self._sheet.shape[:2]
@@ -101,7 +101,7 @@ _LINE_POSITIONS = np.linspace(-1.0, 1.0, 17)  # along a line, from its left to i
 
 
 def mix_colours(a: Colour, b: Colour, share: float) -> Colour:
-    """Return ``share`` of ``b`` in ``a``."""
+    """Return a mix of two colours with a ``share`` of ``b``."""
     red, green, blue = (round(p + share * (q - p)) for p, q in zip(a, b, strict=True))
     return red, green, blue
 
@@ -121,7 +121,7 @@ def paint_head(canvas: SpriteCanvas, look: Appearance) -> None:
 
 
 def paint_back_of_head(canvas: SpriteCanvas, look: Appearance) -> None:
-    """Paint a head from behind: no face to be found."""
+    """Paint a head from behind, in which no face can be detected."""
     half = look.face_width / 2
     scalp = look.skin if look.hair == "bald" else look.hair_colour
     if look.hair != "long":
@@ -136,7 +136,7 @@ def paint_back_of_head(canvas: SpriteCanvas, look: Appearance) -> None:
 
 
 def _face_outline(look: Appearance) -> Points:
-    """The face: a skull above the eyes, a jaw below."""
+    """Return the outline of the face: a skull above the eyes, a jaw below."""
     half, jaw = look.face_width / 2, look.jaw
     skull = [(half * np.sin(a), -16 - 98 * np.cos(a)) for a in np.linspace(0.02, np.pi / 2, 16)]
     cheek = [(half * 0.99, 22), (half * 0.93, 52), (half * 0.80 * jaw, 80), (half * 0.58 * jaw, 102)]
@@ -209,7 +209,7 @@ def _beard(canvas: SpriteCanvas, look: Appearance) -> None:
 
 
 def paint_hair_behind(canvas: SpriteCanvas, look: Appearance) -> None:
-    """Paint the hair that hangs behind neck and face; it comes before both."""
+    """Paint the hair behind neck and face; call this before painting both."""
     half, dark = look.face_width / 2, mix_colours(look.hair_colour, _DARK, 0.3)
     if look.hair == "long":
         canvas.fill(mirror_outline([(0, -126), (half * 0.7, -116), (half + 16, -50), (half + 22, 60), (half + 24, 160),

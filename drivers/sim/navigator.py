@@ -1,4 +1,4 @@
-"""A stand-in for Nav2: drives straight from place to place, and gives up where it makes no headway. Pure."""
+"""Stand-in for Nav2: drives straight from waypoint to waypoint, and aborts without progress. No I/O."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -7,26 +7,26 @@ from math import atan2, copysign, cos, hypot, remainder, tau
 from drivers.api import Pose2D, Velocity
 
 MAX_SPEED, MAX_TURN_RATE = 0.22, 1.0
-"""m/s and rad/s that it drives at."""
+"""m/s and rad/s."""
 
 GOAL_DISTANCE, MAX_DRIVE_ANGLE, GOAL_ANGLE = 0.05, 0.3, 0.03
-"""Metres and radians: near enough to a place; too far aside to drive on; near enough to its heading."""
+"""Metres and radians: distance to a reached waypoint, largest bearing for driving, error of a reached heading."""
 
 PROGRESS_TIMEOUT = 5.0
-"""Seconds without headway after which it gives up."""
+"""Seconds without progress after which the goal is aborted."""
 
 MIN_PROGRESS = 0.02
-"""Metres, or radians, nearer that count as headway."""
+"""Metres plus radians by which the remaining way must shrink to count as progress."""
 
 SUCCEEDED, CANCELLED, ABORTED = 4, 5, 6
-"""How a goal ends, as action_msgs numbers that."""
+"""Goal results as numbered in action_msgs."""
 
 NO_PROGRESS_ERROR = 105
-"""The error code of Nav2's controller for a robot that makes none."""
+"""Error code of Nav2's controller for a robot that makes no progress."""
 
 
 class Navigator:
-    """Drives through ``places``, in the frame of the poses that it is told. ``result`` is how; None while it drives."""
+    """Drives through ``waypoints`` (x, y, heading) in the frame of the given poses; ``result`` is None while it drives."""
 
     def __init__(self, waypoints: Sequence[tuple[float, float, float]]) -> None:
         self._waypoints = deque(waypoints)
@@ -35,15 +35,15 @@ class Navigator:
 
     @property
     def remaining(self) -> int:
-        """How many places are still to come."""
+        """Number of waypoints that are not reached yet."""
         return len(self._waypoints)
 
     def distance_to_next(self, pose: Pose2D) -> float:
-        """Return how far it is to the next place, in metres."""
+        """Return the distance to the next waypoint, in metres."""
         return hypot(self._waypoints[0][0] - pose.x, self._waypoints[0][1] - pose.y) if self._waypoints else 0.0
 
     def next_velocity(self, now: float, pose: Pose2D) -> Velocity | None:
-        """Return how to drive at time ``now`` from where the robot is; None once it has ended."""
+        """Return the velocity to drive at time ``now`` from ``pose``; None once the goal has ended."""
         if self.result is not None:
             return None
         x, y, heading = self._waypoints[0]
@@ -75,7 +75,7 @@ class Navigator:
         return given
 
     def cancel(self) -> None:
-        """End as it is asked to."""
+        """End with the result CANCELLED, unless the goal has ended."""
         if self.result is None:
             self.result = CANCELLED
 

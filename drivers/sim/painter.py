@@ -1,4 +1,4 @@
-"""Draws flat shapes of the world into one picture, as a pinhole camera sees them."""
+"""Drawing of flat shapes of the world into a picture, as a pinhole camera sees them."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -25,9 +25,8 @@ _AHEAD_ROTATION = np.array(Viewpoint().rotation())
 def rotate_view(image: Image, view: Viewpoint, field_of_view: float) -> Image:
     """Return ``image`` as seen after a rotation about the lens by the yaw and pitch of ``view``.
 
-    A pure rotation maps pictures by the homography K R K^-1, whatever the distance of what they show (Hartley and
-    Zisserman, Multiple View Geometry, 8.4). Outside the source there is the mean colour of the picture, in which
-    no detector finds anything.
+    A pure rotation maps pictures by the homography K R K^-1, whatever the distance of the scene (Hartley and Zisserman,
+    Multiple View Geometry, 8.4). Outside the source the result has the mean colour, in which detectors find nothing.
     """
     lens = PinholeLens(image.shape[1], image.shape[0], field_of_view)
     mean = cv2.mean(image)
@@ -51,10 +50,9 @@ def rotate_view(image: Image, view: Viewpoint, field_of_view: float) -> Image:
 
 
 class PannedCamera:
-    """Turns each picture of ``camera`` to where ``viewpoint(stamp)`` looks; meets ``drivers.api.Camera``.
+    """A ``drivers.api.Camera`` that rotates each picture of ``camera`` to ``viewpoint(stamp)``, as on a moving head.
 
-    Only yaw and pitch count: 0 is straight ahead, along the optical axis of the wrapped camera. Opening, closing and
-    health are those of the wrapped camera.
+    Only yaw and pitch count; 0 is straight ahead, along the optical axis of the wrapped camera.
     """
 
     def __init__(self, camera: Camera, viewpoint: Callable[[float], Viewpoint]) -> None:
@@ -63,31 +61,26 @@ class PannedCamera:
 
     @property
     def name(self) -> str:
-        """The name of the wrapped camera."""
         return self._camera.name
 
     @property
     def field_of_view(self) -> float:
-        """The horizontal angle of view in radians."""
         return self._camera.field_of_view
 
     def open(self) -> None:
-        """Open the wrapped camera."""
         self._camera.open()
 
     def rest(self) -> None:
-        """Do nothing: a camera moves nothing."""
+        """Do nothing: a camera has no actuator."""
 
     def close(self) -> None:
-        """Close the wrapped camera."""
         self._camera.close()
 
     def health(self) -> Health:
-        """Say how the wrapped camera is."""
         return self._camera.health()
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the wrapped camera's newest frame, turned; None when none came within ``timeout`` seconds."""
+        """Return the newest frame of the wrapped camera, rotated; None if none arrived within ``timeout`` seconds."""
         frame = self._camera.read(timeout)
         if frame is None:
             return None
@@ -104,7 +97,7 @@ _SHIFT = 4  # bits of sub-pixel accuracy in OpenCV's drawing functions
 
 
 class Painter:
-    """One picture that is being drawn. What is drawn hides what was there: begin with what is farthest."""
+    """A picture in progress. Later shapes cover earlier ones, so draw from back to front."""
 
     def __init__(self, image: Image, view: Viewpoint, lens: PinholeLens) -> None:
         self.image = image
@@ -117,14 +110,14 @@ class Painter:
         self._half_extent = np.array((lens.width, lens.height)) / 2 / lens.focal
 
     def is_outside(self, solid: Solid) -> bool:
-        """Say whether something is surely behind the camera, or left or right of the picture."""
+        """Return whether a solid is certainly behind the camera, or left or right of the picture."""
         across, _, depth = self.view.to_camera_axes(solid.x, solid.y, (solid.bottom + solid.top) / 2)
         radius = hypot(solid.bounding_radius, (solid.top - solid.bottom) / 2)
         wide = float(self._half_extent[0])
         return depth < NEAR_PLANE - radius or abs(across) - wide * depth > radius * hypot(1.0, wide)
 
     def fill(self, corners: Floats, colours: Sequence[Colour]) -> None:
-        """Draw quadrilaterals, float64 of shape (n, 4, 3) in metres, in their order."""
+        """Draw quadrilaterals in their order: float64 of shape (n, 4, 3), in metres."""
         seen = (corners - self.eye) @ self.rotation.T  # camera coordinates
         depth = seen[..., 2]
         limits = depth[..., None] * self._half_extent  # (n, 4, 2)
@@ -141,14 +134,14 @@ class Painter:
             cv2.fillConvexPoly(self.image, polygon, colours[index][::-1], cv2.LINE_AA, _SHIFT)
 
     def _pixels(self, points: Floats) -> npt.NDArray[np.int32]:
-        """Return the pixels (n, k, 2) of points (n, k, 3) in camera coordinates, as OpenCV draws with ``_SHIFT``."""
+        """Return the pixels (n, k, 2) of points (n, k, 3) in camera coordinates, in fixed point (``_SHIFT``)."""
         exact = points[..., :2] * (self.lens.focal / np.maximum(points[..., 2:], NEAR_PLANE)) + self._middle
         pixels: npt.NDArray[np.int32] = np.rint(exact * 2**_SHIFT).astype(np.int32)
         return pixels
 
 
 def _clip_to_near_plane(corners: list[list[float]]) -> list[list[float]]:
-    """Cut off what of a polygon lies nearer than ``NEAR_PLANE`` (Sutherland and Hodgman, for this one plane)."""
+    """Return a polygon without its part nearer than ``NEAR_PLANE`` (Sutherland and Hodgman, for one plane)."""
     kept = []
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         if a[2] > NEAR_PLANE:
@@ -170,20 +163,20 @@ _PLANK_WIDTH = 0.5  # metres, width of a floor board
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoomPanel:
-    """A quadrilateral: ``corners`` in metres, float64 of shape (4, 3), in order round its edge."""
+    """A coloured quadrilateral: ``corners`` in metres, float64 of shape (4, 3), in order round its edge."""
 
     corners: Floats
     colour: Colour
 
 
 def room_panels(room: Room) -> tuple[RoomPanel, ...]:
-    """Return what the room consists of, in the order of painting."""
+    """Return the panels of a room, in the order of painting."""
     fixtures = (part for item in room.fixtures for part in _fixture_panels(room, item))
     return (*_floor_and_ceiling_panels(room), *_wall_panels(room), *fixtures)
 
 
 def hole_panels(edges: Iterable[Edge]) -> Iterator[RoomPanel]:
-    """Yield what is seen where the floor ends: steps that go down into the dark, the rim before them light."""
+    """Yield the panels of areas without floor: steps that lead down into the dark, with a light rim."""
     for edge in edges:
         low, high = edge.y - edge.width / 2, edge.y + edge.width / 2
         places = np.linspace(edge.x - edge.length / 2, edge.x + edge.length / 2, _STAIR_COUNT + 1)
@@ -193,7 +186,7 @@ def hole_panels(edges: Iterable[Edge]) -> Iterator[RoomPanel]:
 
 
 def shade_colour(colour: Colour, share: float) -> Colour:
-    """Return ``colour`` times ``share``, within 0..255."""
+    """Return ``colour`` multiplied by ``share``, clipped to 0..255."""
     red, green, blue = (min(255, max(0, round(value * share))) for value in colour)
     return red, green, blue
 
@@ -217,7 +210,7 @@ def _wall_panels(room: Room) -> Iterator[RoomPanel]:
 
 
 def _fixture_panels(room: Room, item: Fixture) -> Iterator[RoomPanel]:
-    """Yield the parts of one fixture; places within it are shares of its width and height, from the lower left."""
+    """Yield the panels of one fixture; positions in it are shares of its width and height, from the lower left."""
     for left, right, low, high, colour in _PARTS[item.kind](item.colour):
         along = (item.along + item.width * (left - 0.5), item.along + item.width * (right - 0.5))
         up = (item.bottom + item.height * low, item.bottom + item.height * high)

@@ -1,4 +1,4 @@
-"""The people in a simulated world: who they are, and where they stand or walk at any time."""
+"""People in a simulated world: their looks, and their positions over time."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ from drivers.sim.solids import UprightCylinder
 # Going along waypoints: where somebody is at any time, and which way they go.
 
 FloorPosition = tuple[float, float]
-"""A place (x, y) on the floor, in metres."""
+"""A position (x, y) on the floor, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class WaypointPath:
-    """From the first of ``waypoints`` on through the others at ``speed`` m/s, from ``start`` seconds on.
+    """Path through ``waypoints`` at ``speed`` m/s, starting at ``start`` seconds.
 
-    With ``loop`` back to the first and round again, else the last is where the walk ends.
+    With ``loop`` it returns to the first waypoint and repeats, otherwise it ends at the last one.
     """
 
     waypoints: tuple[FloorPosition, ...]
@@ -39,7 +39,7 @@ class WaypointPath:
         object.__setattr__(self, "_leg_ends", tuple(accumulate(lengths, initial=0.0)))
 
     def position_at(self, time: float) -> FloorPosition:
-        """Return (x, y) in metres at ``time`` seconds."""
+        """Return the position (x, y) in metres at ``time`` seconds."""
         leg, done = self._leg(time)
         if done == 0.0:
             return self.waypoints[leg]
@@ -48,9 +48,9 @@ class WaypointPath:
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
     def heading_at(self, time: float) -> float | None:
-        """Return which way it goes (radians about z) at ``time`` seconds; None where the walk leads nowhere.
+        """Return the direction of travel at ``time`` seconds (radians about z); None for a path of one waypoint.
 
-        Before the start that is the way of the first leg, after the end that of the last.
+        Before the start it is the direction of the first leg, after the end that of the last.
         """
         if len(self.waypoints) < 2:
             return None
@@ -59,7 +59,7 @@ class WaypointPath:
         return atan2(y1 - y0, x1 - x0)
 
     def _leg(self, time: float) -> tuple[int, float]:
-        """Return the number of the stop that was passed last, and the metres gone since."""
+        """Return the index of the last waypoint passed, and the metres since."""
         total = self._leg_ends[-1]
         walked = (time - self.start) * self.speed
         if walked <= 0.0 or total == 0.0:
@@ -73,10 +73,10 @@ class WaypointPath:
 
 
 BODY_RADIUS = 0.25
-"""Metres from somebody's middle to where a robot touches them."""
+"""Metres from the middle of a person to the contact with a robot."""
 
 EARSHOT = 4.0
-"""Metres within which people and robots hear each other, unless something else is said."""
+"""Metres within which people and robots hear each other by default."""
 
 _SHOULDER_DROP, _CROWN_HEIGHT, _HEAD_RADIUS = (
     0.18,
@@ -88,15 +88,14 @@ _MIN_FACE_COSINE = cos(radians(60.0))  # of the angle by which somebody is turne
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody who stands at (x, y), or walks from there along a path.
+    """A person at (x, y), or walking from there along ``path``.
 
-    ``look`` names one of the drawn people in ``drivers.sim.appearances.APPEARANCES``; ``height`` is that of the eyes above the
-    floor, in metres. ``facing`` is an angle about z in radians, ``camera``: always turned to whoever looks, or
-    ``away``: always turned from them.
-    From ``start`` seconds on the person walks through the waypoints of ``path`` (x, y in metres) at ``speed`` m/s;
-    with ``loop`` back to (x, y) and round again, else the last waypoint is where the walk ends.
-    ``acts`` are what they do besides. They hear a robot that is within ``hears_within`` metres.
-    Raises BadRequest for an unknown look, a height outside 0.8..2.1 m, a speed that is not above zero.
+    ``look`` is a key of ``drivers.sim.appearances.APPEARANCES``; ``height`` is that of the eyes above the floor, in
+    metres. ``facing`` is an angle about z in radians, ``camera`` (always towards the robot's camera) or ``away``
+    (always away from it). From ``start`` seconds on, the person walks through the waypoints of ``path`` (x, y in
+    metres) at ``speed`` m/s, with ``loop`` back to (x, y) and round again. ``acts`` are further actions. The robot is
+    heard within ``hears_within`` metres. Raises BadRequest for an unknown look, a height outside 0.8..2.1 m, a speed of
+    0 or less, and infinite numbers.
     """
 
     name: str
@@ -128,15 +127,15 @@ class Person:
 
     @property
     def is_static(self) -> bool:
-        """True for somebody who never moves from the spot, whatever happens."""
+        """True if the person never moves."""
         return not (self.path or self.acts)
 
     def position_at(self, time: float) -> FloorPosition:
-        """Return where the walk leads, (x, y) in metres, at ``time`` seconds."""
+        """Return the position on the path, (x, y) in metres, at ``time`` seconds."""
         return self.walk.position_at(time)
 
     def presence_at(self, time: float, actions: Sequence[ScheduledAction], room: Room) -> "Presence | None":
-        """Return how they are at ``time`` seconds, when ``done`` is what they did by then; None once they have left."""
+        """Return the person's state at ``time`` seconds, given the ``actions`` so far; None after a leave."""
         facing, nod = self.facing, 0.0
         for cue in actions:
             if cue.action.turn is not None:
@@ -148,7 +147,7 @@ class Person:
         return Presence(self, *self.walk.position_at(time), facing, self.height - nod)
 
     def _leaving_presence(self, elapsed: float, here: FloorPosition, room: Room) -> "Presence | None":
-        """Return how they are ``since`` seconds after they set out from ``here``, straight to the nearest wall."""
+        """Return the state ``elapsed`` seconds after the person set out from ``here``, straight to the nearest wall."""
         (x0, y0), (x1, y1) = here, room.nearest_wall(*here)
         away, walked = dist(here, (x1, y1)), elapsed * self.speed
         if walked >= away:
@@ -160,7 +159,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """How one person is at one time: at (x, y), turned to ``facing``, the eyes ``eye_height`` metres above the floor."""
+    """State of a person at one time: at (x, y), turned to ``facing``, eyes at ``eye_height`` metres above the floor."""
 
     person: Person
     x: float
@@ -169,27 +168,27 @@ class Presence:
     eye_height: float
 
     def distance(self, x: float, y: float) -> float:
-        """Return the metres along the floor from (x, y)."""
+        """Return the distance from (x, y) along the floor, in metres."""
         return hypot(self.x - x, self.y - y)
 
     def direction(self, x: float, y: float) -> float:
-        """Return which way they are turned (radians about z), when (x, y) is who looks."""
+        """Return the direction in which the person is turned (radians about z), for an observer at (x, y)."""
         if not isinstance(self.facing, str):
             return self.facing
         return atan2(y - self.y, x - self.x) + (pi if self.facing == "away" else 0.0)
 
     def shows_face(self, x: float, y: float) -> bool:
-        """Say whether their face is seen from (x, y): turned there by less than 60 degrees off."""
+        """Return whether the face is visible from (x, y): turned there within 60 degrees."""
         if isinstance(self.facing, str):
             return self.facing == "camera"
         return cos(self.facing - atan2(y - self.y, x - self.x)) >= _MIN_FACE_COSINE
 
     def body_solid(self) -> UprightCylinder:
-        """Return what a base bumps into."""
+        """Return the solid that a base collides with."""
         return UprightCylinder(self.x, self.y, BODY_RADIUS, 0.0, self.eye_height + _CROWN_HEIGHT)
 
     def sight_solids(self) -> tuple[UprightCylinder, UprightCylinder]:
-        """Return what hides things: the body up to the shoulders, and the head."""
+        """Return the solids that block sight: the body up to the shoulders, and the head."""
         shoulders = self.eye_height - _SHOULDER_DROP
         return (
             UprightCylinder(self.x, self.y, BODY_RADIUS, 0.0, shoulders),

@@ -1,4 +1,4 @@
-"""What people in a simulated world do of their own accord, or because of what they hear."""
+"""Actions of simulated people: at given times, or in reply to speech of the robot."""
 
 from bisect import insort
 from collections.abc import Sequence
@@ -9,25 +9,26 @@ from typing import Literal
 from drivers.errors import BadRequest
 
 Facing = float | Literal["camera", "away"]
-"""An angle about z in radians; or ``camera``, turned to whoever looks; or ``away``, turned from whoever looks."""
+"""An angle about z in radians; or ``camera``: towards the robot's camera; or ``away``: away from it."""
 
 REACTION_TIME = 0.6
-"""Seconds from hearing something to doing something about it."""
+"""Seconds from the end of speech to a person's reaction."""
 
 NOD_TIME = 1.2
 """Seconds that a nod takes: down and up, twice."""
 
 NOD_DEPTH = 0.05
-"""Metres by which the eyes go down in a nod."""
+"""Metres by which the eyes move down in a nod."""
 
 
 @dataclass(frozen=True, slots=True)
 class PersonAction:
-    """One thing that somebody does: at a time, or ``after`` seconds from hearing something that contains ``hears``.
+    """Action of a person: at the time ``at``, or ``after`` seconds from speech that contains ``hears``.
 
-    ``at`` is in seconds; the empty text is contained in everything. What they hear makes them do it so many ``times``
-    at most, 0 for always. Then they ``say`` something, ``nod``, ``turn``, or ``leave``: all that is set. Raises
-    BadRequest where there are both ``at`` and ``hears``, or neither, or numbers that are not finite or below 0.
+    ``at`` and ``after`` are in seconds. An empty ``hears`` matches all speech, and letter case is ignored. Speech
+    triggers the action at most ``times`` times; 0 is unlimited. All of ``say``, ``nod``, ``turn`` and ``leave`` that
+    are set are done. Raises BadRequest unless exactly one of ``at`` and ``hears`` is set, and for times that are
+    negative or not finite.
     """
 
     at: float | None = None
@@ -46,13 +47,13 @@ class PersonAction:
             raise BadRequest(f"act: at={self.at}, after={self.after}: must be 0 s or more")
 
     def is_triggered_by(self, text: str) -> bool:
-        """Say whether ``text`` sets it off; capital and small letters are alike."""
+        """Return whether the speech ``text`` triggers the action; letter case is ignored."""
         return self.hears is not None and self.hears.casefold() in text.casefold()
 
 
 @dataclass(frozen=True, slots=True)
 class ScheduledAction:
-    """When an act is done, in seconds."""
+    """An action and its time, in seconds."""
 
     time: float
     action: PersonAction
@@ -60,7 +61,7 @@ class ScheduledAction:
 
 @dataclass(frozen=True, slots=True)
 class RobotUtterance:
-    """What was said aloud by the robot, when, in seconds, and the names of those who heard it."""
+    """Speech of the robot: its time in seconds, and the names of the people who heard it."""
 
     text: str
     time: float
@@ -69,7 +70,7 @@ class RobotUtterance:
 
 @dataclass(frozen=True, slots=True)
 class PersonReply:
-    """What somebody of the name ``speaker`` says, and ``time``, in seconds."""
+    """Speech of the person named ``speaker``, at ``time`` in seconds."""
 
     speaker: str
     text: str
@@ -77,7 +78,7 @@ class PersonReply:
 
 
 class ActionSchedule:
-    """What one person does when: the acts that have a time, and those that what they hear sets off."""
+    """Actions of one person in the order of time: those with a fixed time, and those that speech has triggered."""
 
     def __init__(self, name: str, actions: Sequence[PersonAction]) -> None:
         self._name = name
@@ -89,11 +90,11 @@ class ActionSchedule:
                 self._add(ScheduledAction(act.at, act))
 
     def is_listening(self, time: float) -> bool:
-        """Say whether they listen at ``time`` seconds: who is leaving does not."""
+        """Return whether the person can be spoken to at ``time`` seconds: True until the person leaves."""
         return not any(cue.action.leave for cue in self.actions_until(time))
 
     def on_speech(self, text: str, time: float) -> list[PersonReply]:
-        """Note what is set off by something said, and return the answers."""
+        """Schedule the actions that the robot's speech at ``time`` seconds triggers; return the spoken replies."""
         cues = []
         for number, act in enumerate(self._triggered_actions):
             if act.is_triggered_by(text) and (act.times == 0 or self._trigger_counts[number] < act.times):
@@ -104,7 +105,7 @@ class ActionSchedule:
         return [PersonReply(self._name, cue.action.say, cue.time) for cue in cues if cue.action.say]
 
     def actions_until(self, time: float) -> list[ScheduledAction]:
-        """Return what is done by ``time`` seconds, in order; nothing follows a leave."""
+        """Return the actions up to ``time`` seconds, in order; none follows a leave."""
         done = []
         for cue in self._schedule:
             if cue.time > time:
@@ -115,7 +116,7 @@ class ActionSchedule:
         return done
 
     def replies_between(self, after: float, until: float) -> list[PersonReply]:
-        """Return what they say later than ``after`` and up to ``actions_until`` seconds."""
+        """Return the person's speech later than ``after`` and up to ``until`` seconds."""
         spoken = (cue for cue in self.actions_until(until) if cue.action.say and cue.time > after)
         return [PersonReply(self._name, cue.action.say, cue.time) for cue in spoken]
 
@@ -124,5 +125,5 @@ class ActionSchedule:
 
 
 def eye_drop(elapsed: float) -> float:
-    """Return how many metres lower the eyes are, ``since`` seconds after the beginning of a nod."""
+    """Return how far the eyes are below their usual height, in metres, ``elapsed`` seconds after a nod began."""
     return NOD_DEPTH * sin(2 * pi * elapsed / NOD_TIME) ** 2 if 0 <= elapsed < NOD_TIME else 0.0

@@ -1,4 +1,4 @@
-"""The cable between the computer and a twin: pulled and put back in a mission's test as in real life."""
+"""Simulated cable between the computer and a simulated device, which tests can unplug and plug in."""
 
 from collections.abc import Callable, Mapping
 
@@ -8,10 +8,10 @@ from drivers.transport.loop import guard_callback
 
 
 class SimulatedPlug:
-    """Whether a twin is there, and the notices of its coming and going. It is plugged in until ``unplug``.
+    """Connection state of a simulated device, with its notices. It is plugged in until ``unplug``.
 
-    ``back`` is called whenever the device has come online, ``gone`` whenever it was unplugged; after a ``close``
-    nothing is told, for that was on purpose. ``connections`` counts how often it came since it was opened.
+    ``on_online`` is called whenever the device has come online, ``on_offline`` after ``unplug``. ``close`` reports
+    nothing, because it is intended. ``connections`` counts the connections since ``open``.
     """
 
     def __init__(
@@ -32,22 +32,22 @@ class SimulatedPlug:
 
     @property
     def online(self) -> bool:
-        """Whether it is open and plugged in."""
+        """True while the device is open and plugged in."""
         return self._open and self._plugged
 
     def open(self) -> None:
-        """Look for the device: it is online at once if it is plugged in. Does nothing while open."""
+        """Connect the device: it is online at once if it is plugged in. Does nothing while open."""
         if not self._open:
             self._open = True
             self._connect()
 
     def close(self) -> None:
-        """Let the device go. Safe more than once."""
+        """Disconnect without a notice. Safe more than once."""
         self._open = False
         self.connections = 0
 
     def unplug(self) -> None:
-        """Pull the plug. Safe more than once."""
+        """Take the device offline and report it. Safe more than once."""
         was_online, self._plugged = self.online, False
         if was_online:
             self._on_offline()
@@ -55,18 +55,18 @@ class SimulatedPlug:
             self._report(DeviceStatus(self._name, "offline", str(why), why.hint))
 
     def plug_in(self) -> None:
-        """Put the plug in again. Safe more than once."""
+        """Bring the device online again and report it. Safe more than once."""
         if not self._plugged:
             self._plugged = True
             self._connect()
 
     def check_online(self) -> None:
-        """Raise NotConnected, with the reason and what to try, unless the device is online."""
+        """Raise NotConnected, with the reason and a hint, unless the device is online."""
         if not self.online:
             raise self.offline_error()
 
     def health(self, counters: Mapping[str, int]) -> Health:
-        """Say whether the device is there, with its ``counters``."""
+        """Return the connection state with the ``counters`` of the device."""
         figures = {"connections": self.connections, **counters}
         if self.online:
             return Health(online=True, counters=figures)
@@ -80,7 +80,7 @@ class SimulatedPlug:
             self._on_online()
 
     def offline_error(self) -> NotConnected:
-        """Return why the device is not there, and what to try."""
+        """Return the error of an offline device, with a hint."""
         if not self._open:
             return NotConnected(f"{self._name}: not opened yet", hint="open it first")
         return NotConnected(f"{self._name}: the simulated device is unplugged", hint=f"plug the {self._name} in again")

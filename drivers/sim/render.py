@@ -1,4 +1,4 @@
-"""Draws the simulated world as a camera would see it."""
+"""Rendering of the simulated world as a camera sees it."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ _MIN_SHEET_SIZE = 16  # pixels of the shorter side of a sheet
 
 
 def make_mipmaps(sheet: Sprite) -> tuple[Sprite, ...]:
-    """Return a sheet and smaller ones, each half as large as the one before: sampled sparsely, a large one flickers."""
+    """Return a sheet and smaller copies, each half as large: a large sheet that is sampled sparsely flickers."""
     sizes = [sheet]
     while min(sizes[-1].shape[:2]) >= 2 * _MIN_SHEET_SIZE:
         sizes.append(np.asarray(cv2.pyrDown(sizes[-1]), np.uint8))
@@ -45,10 +45,10 @@ def make_mipmaps(sheet: Sprite) -> tuple[Sprite, ...]:
 
 
 def draw_sheet(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across: Floats, down: Floats) -> None:
-    """Draw a sheet that hangs in the world.
+    """Draw a flat sheet that hangs in the world.
 
-    ``sizes`` are those of ``make_mipmaps``. ``corner`` is the place of its top left corner in metres, ``across`` and ``down``
-    lead along its edges, one pixel of the first size far.
+    ``sizes`` come from ``make_mipmaps``. ``corner`` is the position of its top left corner in metres; ``across`` and
+    ``down`` are vectors along its edges, one pixel of the first size long.
     """
     middle = corner + across * (sizes[0].shape[1] / 2) + down * (sizes[0].shape[0] / 2)
     away = max(NEAR_PLANE, float(np.linalg.norm(middle - painter.eye)))
@@ -65,7 +65,7 @@ def draw_sheet(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across
 
 
 def _rows_in_front(plane: Floats, width: int, height: int) -> slice | None:
-    """Return the rows of a sheet wholly beyond ``NEAR_PLANE``; None for none. Depth is linear along the sheet."""
+    """Return the rows of a sheet that are beyond ``NEAR_PLANE``, or None. Depth is linear along the sheet."""
     v = np.arange(height)
     depth = plane[2, 2] + plane[2, 1] * v + min(0.0, plane[2, 0] * width)
     seen = np.flatnonzero(depth > NEAR_PLANE)
@@ -73,7 +73,7 @@ def _rows_in_front(plane: Floats, width: int, height: int) -> slice | None:
 
 
 def _blend_sheet(painter: Painter, sheet: Sprite, mapping: Floats) -> None:
-    """Blend a sheet into the picture under a homography (3, 3) from its pixels to those of the picture."""
+    """Blend a sheet into the picture by a homography (3, 3) from its pixels to those of the picture."""
     high, wide = sheet.shape[:2]
     corners = mapping @ np.array(((0, wide, wide, 0), (0, 0, high, high), (1, 1, 1, 1)))
     points = corners[:2] / corners[2]
@@ -89,22 +89,22 @@ def _blend_sheet(painter: Painter, sheet: Sprite, mapping: Floats) -> None:
 
 
 def _translation(x: float, y: float) -> Floats:
-    """Return the homography (3, 3) that shifts by (x, y)."""
+    """Return the homography (3, 3) of a shift by (x, y)."""
     return np.array(((1.0, 0.0, x), (0.0, 1.0, y), (0.0, 0.0, 1.0)))
 
 
 # The order in which solid things are painted: what may be hidden comes before what may hide it.
 
 _OVERLAP_TOLERANCE = 0.01
-"""Metres by which two things may overlap and yet count as beside each other: a ball lies on a table."""
+"""Metres by which two objects may overlap and still count as separate: a ball lies on a table."""
 
 
 class SolidObject(Protocol):
-    """Something with a shape."""
+    """An object with a solid shape."""
 
     @property
     def solid(self) -> UprightBox | UprightCylinder:
-        """Its shape."""
+        """Shape of the object."""
         ...
 
 
@@ -114,8 +114,8 @@ S = TypeVar("S", bound=SolidObject)
 def sort_back_to_front(things: Sequence[S], eye: Point3) -> list[S]:
     """Return ``things`` in the order of painting, as seen from ``eye``.
 
-    Of two things between which a plane lies, the one on the eye's side cannot be hidden by the other. That orders all
-    but a few: those that overlap, and rings of things, of which the farther one comes first.
+    If a plane separates two objects, the one on the side of the eye cannot be hidden by the other. Objects that
+    overlap, and cycles, have no such order; of those the farther one comes first.
     """
     far = sorted(things, key=lambda thing: -_squared_distance(thing.solid, eye))
     done: list[S] = []
@@ -134,7 +134,7 @@ def sort_back_to_front(things: Sequence[S], eye: Point3) -> list[S]:
 
 
 def _is_behind(one: UprightBox | UprightCylinder, other: UprightBox | UprightCylinder, eye: Point3) -> bool:
-    """Say whether a plane lies between the two, with the eye on the side of the other."""
+    """Return whether a plane separates the two objects, with the eye on the side of ``other``."""
     if one.top <= other.bottom + _OVERLAP_TOLERANCE:
         return eye[2] > other.bottom
     if other.top <= one.bottom + _OVERLAP_TOLERANCE:
@@ -151,7 +151,7 @@ def _is_behind(one: UprightBox | UprightCylinder, other: UprightBox | UprightCyl
 
 
 def _is_separated_by(block: UprightBox, other: UprightBox | UprightCylinder, eye: Point3) -> bool | None:
-    """Say whether a side of ``block`` has the eye and the other before it; None where no side parts the two."""
+    """Return whether a side of ``block`` has eye and ``other`` before it; None if no side separates them."""
     if isinstance(other, UprightCylinder):
         u, v = block.to_local(other.x, other.y)
         spans = ((u - other.radius, u + other.radius), (v - other.radius, v + other.radius))
@@ -174,22 +174,22 @@ def _squared_distance(solid: UprightBox | UprightCylinder, eye: Point3) -> float
 # Paints whole people, as flat figures that are stood in the world like cardboard cut-outs.
 
 METRES_PER_PIXEL = 0.001
-"""Metres to a pixel of a figure."""
+"""Metres per pixel of a figure."""
 
 FIGURE_HALF_WIDTH = 340
-"""Half the width of a figure in millimetres: room for shoulders and arms."""
+"""Half the width of a figure in millimetres, with room for shoulders and arms."""
 
 FIGURE_CROWN = 170
-"""Millimetres from the eyes to the top of a figure: room for hair."""
+"""Millimetres from the eyes to the top of a figure, with room for hair."""
 
 _DARK = (20, 16, 18)
 
 
 def paint_figure(look: Appearance, height: float, *, from_behind: bool = False) -> Sprite:
-    """Paint somebody whose eyes are ``height`` metres above the floor.
+    """Paint a person whose eyes are ``height`` metres above the floor.
 
-    The sheet is one millimetre to the pixel; its lower edge is the floor, and the point between the eyes is
-    ``FIGURE_CROWN`` pixels below its upper edge, in the middle.
+    One pixel of the sheet is a millimetre. Its lower edge is the floor; the point between the eyes is ``FIGURE_CROWN``
+    pixels below its upper edge, in the middle.
     """
     floor = round(height / METRES_PER_PIXEL)
     canvas = SpriteCanvas(-FIGURE_HALF_WIDTH, -FIGURE_CROWN, FIGURE_HALF_WIDTH, floor)
@@ -246,7 +246,7 @@ def _legs(canvas: SpriteCanvas, look: Appearance, floor: int) -> None:
 # What stands in the room, ready to be painted: boxes, balls, robots with markers, people.
 
 Detail = tuple[float, float, float, float, float]
-"""A rectangle on each side of a box, from left, to right, from low, to high as shares of the side; and its shade."""
+"""A rectangle on each side of a box: left, right, low and high as shares of the side; and its shade."""
 
 _SKIRTING: Detail = (0.0, 1.0, 0.0, 0.035, 0.62)
 _DOORS: tuple[Detail, ...] = ((0.05, 0.48, 0.08, 0.94, 0.92), (0.52, 0.95, 0.08, 0.94, 0.92))
@@ -257,20 +257,20 @@ _BALL_SHEET_SIZE = 128  # pixels across the sheet of a ball
 
 
 class Drawable(Protocol):
-    """Something that stands in the room."""
+    """An object of the room that can be painted."""
 
     @property
     def solid(self) -> UprightBox | UprightCylinder:
-        """The room that it takes, for the order of painting."""
+        """Solid shape, for the order of painting."""
         ...
 
     def paint(self, painter: Painter) -> None:
-        """Draw it."""
+        """Draw the object into the picture."""
         ...
 
 
 class PaintedBox:
-    """An upright box of one colour, its sides in different light, with ``details`` on each."""
+    """An upright box of one colour, with differently lit sides and ``details`` on each."""
 
     def __init__(self, block: UprightBox, colour: Colour, details: Sequence[Detail] = ()) -> None:
         self.solid = block
@@ -280,14 +280,14 @@ class PaintedBox:
         self._colours = [shade for _, _, shade in sides]
 
     def paint(self, painter: Painter) -> None:
-        """Draw the sides that are turned to the camera."""
+        """Draw the sides that face the camera."""
         turned = ((painter.eye - self._corners[:, 0]) * self._normals).sum(axis=1) > 0
         shown = np.flatnonzero(turned)
         painter.fill(self._corners[shown], [self._colours[index] for index in shown])
 
 
 class PaintedRover:
-    """Another robot: a box, and a marker on each of its four sides, which ``marker_sheets`` paints."""
+    """Another robot: a box with a marker on each of its four sides; ``sheets`` come from ``marker_sheets``."""
 
     def __init__(self, rover: Rover, time: float, sheets: Sequence[Sprite]) -> None:
         self.solid = rover.solid(time)
@@ -295,7 +295,7 @@ class PaintedRover:
         self._sheets = sheets
 
     def paint(self, painter: Painter) -> None:
-        """Draw the box, then the markers on the sides that are turned to the camera."""
+        """Draw the box, then the markers on the sides that face the camera."""
         PaintedBox(self.solid, self._colour).paint(painter)
         side = MARKER_SIZE * _MARKER_CELLS / 6
         height = max(self.solid.top / 2, self.solid.top - side / 2 - 0.03)
@@ -317,7 +317,7 @@ class PaintedBall:
         self._sheets = make_mipmaps(_paint_ball(ball.colour))
 
     def paint(self, painter: Painter) -> None:
-        """Draw the disc that is seen of a ball: its outline is a circle square to the line of sight."""
+        """Draw the visible disc of the ball: its outline is a circle perpendicular to the line of sight."""
         middle = np.array((self.solid.x, self.solid.y, self.solid.bottom + self._radius))
         sight = middle - painter.eye
         away = float(np.linalg.norm(sight))
@@ -336,18 +336,17 @@ class PaintedBall:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaintedPerson:
-    """Somebody as a flat figure that always turns to the camera; ``sheets`` show them from before or from behind."""
+    """A person as a flat figure that always faces the camera; ``sheets`` show the front or the back."""
 
     presence: Presence
     sheets: tuple[Sprite, ...]
 
     @property
     def solid(self) -> UprightCylinder:
-        """The room that the figure takes."""
         return self.presence.body_solid()
 
     def paint(self, painter: Painter) -> None:
-        """Draw the figure; one whose eyes are lower than usual, who nods, is that much shorter."""
+        """Draw the figure, shortened while the eyes are lower than usual, as in a nod."""
         who = self.presence
         ax, ay = who.x - painter.view.x, who.y - painter.view.y
         away = hypot(ax, ay)
@@ -365,7 +364,7 @@ class PaintedPerson:
 def static_drawables(
     walls: Iterable[Wall], furniture: Iterable[WorldBox], objects: Iterable[WorldBox | WorldBall], wall_colour: Colour
 ) -> list[Drawable]:
-    """Return what never moves."""
+    """Return the drawables of all objects that never move."""
     found: list[Drawable] = [PaintedBox(wall.solid(), wall_colour, (_SKIRTING,)) for wall in walls]
     found += [PaintedBox(box.solid(), box.colour, _DOORS) for box in furniture]
     found += [PaintedBall(it) if isinstance(it, WorldBall) else PaintedBox(it.solid(), it.colour) for it in objects]
@@ -373,7 +372,7 @@ def static_drawables(
 
 
 def marker_sheets(number: int) -> tuple[Sprite, ...]:
-    """Return marker ``number`` of ArUco's DICT_4X4_50 on white, opaque, in sizes as ``make_mipmaps`` makes them."""
+    """Return marker ``number`` of ArUco's DICT_4X4_50 on white, opaque, as mipmaps."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     bits = np.full((_MARKER_CELLS, _MARKER_CELLS), 235, np.uint8)
     bits[1:-1, 1:-1] = np.clip(cv2.aruco.generateImageMarker(dictionary, number, 6), 16, 235)
@@ -384,7 +383,7 @@ def marker_sheets(number: int) -> tuple[Sprite, ...]:
 def _box_sides(
     block: UprightBox, colour: Colour, details: Sequence[Detail]
 ) -> Iterator[tuple[list[tuple[float, float, float]], tuple[float, float, float], Colour]]:
-    """Yield corners, outward normal and colour of each side of a box, and of what is on it."""
+    """Yield corners, outward normal and colour of each side of a box, and of its details."""
     low, high = block.bottom, block.top
     corners = block.corners()
     yield [(x, y, high) for x, y in corners], (0.0, 0.0, 1.0), shade_colour(colour, 1.06)
@@ -409,7 +408,7 @@ def _side_middles(block: UprightBox) -> Iterator[tuple[float, float, float, floa
 
 
 def _paint_ball(colour: Colour) -> Sprite:
-    """Paint a ball that is lit from above on the left: of one hue, as a seeker of colours expects."""
+    """Paint a ball that is lit from the upper left, in one hue, as colour detection expects."""
     half = (_BALL_SHEET_SIZE - 1) / 2
     x, y = np.meshgrid(np.arange(_BALL_SHEET_SIZE) - half, np.arange(_BALL_SHEET_SIZE) - half)
     x, y = x / (half + 0.5), y / (half + 0.5)
@@ -427,10 +426,10 @@ _GRAIN_MARGIN = 64  # pixels by which the sheet of noise is larger than a pictur
 
 
 class Renderer:
-    """Draws pictures of one world through one lens.
+    """Renders pictures of one world through one lens.
 
-    ``noise`` is the standard deviation of the Gaussian noise in grey levels (0..255), drawn from ``seed``. The room is
-    kept until the camera moves, and the whole picture until anything does. Not safe between threads.
+    ``noise`` is the standard deviation of Gaussian noise in grey levels (0..255), generated from ``seed``. The empty
+    room is cached until the camera moves, the whole picture until anything moves. Not thread-safe.
     """
 
     def __init__(self, world: SimulatedWorld, lens: PinholeLens, *, noise: float = 3.0, seed: int = 0) -> None:
@@ -448,7 +447,7 @@ class Renderer:
         self._picture: tuple[object, Image] | None = None
 
     def draw(self, view: Viewpoint, time: float) -> Image:
-        """Return the world at ``time`` seconds from ``view``, which is kept inside the room."""
+        """Return the picture of the world at ``time`` seconds from ``view``, which is clamped to the room."""
         view = self._clamp_to_room(view)
         people = self._world.people_at(time)
         robots = tuple(PaintedRover(rover, time, sheets) for rover, sheets in self._robots)
@@ -461,7 +460,7 @@ class Renderer:
         return self._expose(self._picture[1], self._world.light_at(time))
 
     def _draw_evenly_lit(self, view: Viewpoint, moving: Sequence[Drawable]) -> Image:
-        """Return what is seen in even light, without noise."""
+        """Return the picture in even light, without noise."""
         if self._room is None or self._room[0] != view:
             empty: Image = np.full((self._lens.height, self._lens.width, 3), 128, np.uint8)
             Painter(empty, view, self._lens).fill(self._corners, self._colours)
@@ -484,7 +483,7 @@ class Renderer:
         return PaintedPerson(presence, _figure_mipmaps(person.look, person.height, from_behind))
 
     def _expose(self, image: Image, light: float) -> Image:
-        """Scale by the light and add noise, in one pass: the noise lies about 128, which is taken off again."""
+        """Scale the picture by the light and add noise (with an offset of 128) in one pass."""
         if self._grain is None:
             shape = (self._lens.height + _GRAIN_MARGIN, self._lens.width + _GRAIN_MARGIN, 3)
             noise = self._random.standard_normal(shape, np.float32) * np.float32(self._noise)
@@ -496,7 +495,7 @@ class Renderer:
 
 @lru_cache(maxsize=12)
 def _figure_mipmaps(look: str, height: float, from_behind: bool) -> tuple[Sprite, ...]:
-    """Return somebody in sizes as ``make_mipmaps`` makes them; painted once in a process: it takes as long as 50 pictures."""
+    """Return the mipmaps of a person, cached per process: painting one takes as long as 50 pictures."""
     figure = paint_figure(APPEARANCES[look], height, from_behind=from_behind)
     figure.setflags(write=False)
     return make_mipmaps(figure)

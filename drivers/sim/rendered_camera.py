@@ -1,4 +1,4 @@
-"""A camera in the simulated world: it draws what the robot would see from where its head is."""
+"""A camera that renders the simulated world from the position of the robot's head."""
 
 from collections.abc import Callable
 from math import radians
@@ -11,14 +11,14 @@ from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
 
 _POLL_INTERVAL = 0.005
-"""Seconds between looks at the clock, which may be a simulated one that no waiting can be matched to."""
+"""Seconds between two looks at the clock, which may be simulated, so no wait can be computed from it."""
 
 
 class RenderedCamera:
-    """Renders ``world`` from ``viewpoint(time)``, ``rate`` times a second of the clock; meets ``drivers.api.Camera``.
+    """A ``drivers.api.Camera`` that renders ``world`` from ``viewpoint(time)``, ``rate`` times per second of the clock.
 
-    A frame is exposed when it is read: its stamp is the time for which the viewpoint was asked. Frames that fell due
-    in between were dropped, and their numbers with them. ``read`` is for one thread at a time.
+    A frame is exposed when it is read; its stamp is the time of its viewpoint. Frames that fell due in between are
+    dropped, and their numbers are skipped. ``read`` is for one thread at a time.
     """
 
     def __init__(
@@ -46,15 +46,14 @@ class RenderedCamera:
         self._closed = Event()
 
     def open(self) -> None:
-        """Start to count frames; the first is due at once."""
+        """Start counting frames; the first is due at once."""
         if self._opened_at is None:
             self._closed.clear()
             self._number = -1
             self._frames = 0
             self._opened_at = self._clock.now()
 
-    def rest(self) -> None:
-        """Do nothing: a camera moves nothing."""
+    def rest(self) -> None: ...
 
     def close(self) -> None:
         """End a ``read`` that is waiting. Safe from any state, more than once."""
@@ -62,13 +61,12 @@ class RenderedCamera:
         self._closed.set()
 
     def health(self) -> Health:
-        """Online between ``open`` and ``close``."""
         if self._opened_at is None:
             return Health(online=False, detail=f"{self.name}: not open")
         return Health(online=True, counters={"frames": self._frames, "dropped": self._number + 1 - self._frames})
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the next frame when it is due; None after ``timeout`` seconds of waiting, or when closed."""
+        """Return the next frame once it is due; None after ``timeout`` seconds, or when closed."""
         waited = 0.0
         while (opened := self._opened_at) is not None:
             now = self._clock.now()

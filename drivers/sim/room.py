@@ -1,8 +1,8 @@
-"""The room that a simulated robot stands in: four walls and what hangs on them, as plain values.
+"""The room of a simulated world: four walls and their fixtures, as plain values.
 
-The frame is that of the world: x forward, y left, z up, metres, the floor at z = 0; a robot that starts at (0, 0) and
-looks along x has its odometry in it. Seen from the middle of the room the front wall is at +x, the left wall at +y, the
-back wall at -x and the right wall at -y.
+The frame is that of the world: x forward, y left, z up, metres, the floor at z = 0. A robot that starts at (0, 0) along x
+has its odometry in this frame. From the middle of the room the front wall is at +x, the left wall at +y, the back wall at
+-x and the right wall at -y.
 """
 
 from dataclasses import dataclass, replace
@@ -15,18 +15,19 @@ Colour = tuple[int, int, int]
 """Red, green and blue, each 0..255."""
 
 WallName = Literal["front", "left", "back", "right"]
-"""One of the four walls, named as seen by somebody who looks along +x."""
+"""One of the four walls, as seen by an observer who looks along +x."""
 
 FixtureKind = Literal["door", "window", "picture"]
-"""What may be drawn on a wall."""
+"""Kinds of fixtures on a wall."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fixture:
     """A door, a window or a picture on a wall.
 
-    ``along`` is the place of its middle in metres from the middle of the wall, positive to the right as seen from
-    inside; ``bottom`` the height of its lower edge above the floor; ``width`` and ``height`` its size, in metres.
+    ``along`` is the position of its middle in metres from the middle of the wall, positive to the right as seen from
+    inside. ``bottom`` is the height of its lower edge above the floor; ``width`` and ``height`` are its size, in
+    metres.
     """
 
     kind: FixtureKind
@@ -48,15 +49,15 @@ DEFAULT_FIXTURES = (
     Fixture("picture", "right", along=-2.2, bottom=1.15, width=0.7, height=0.7, colour=(160, 130, 70)),
     Fixture("window", "right", along=1.4, bottom=0.9, width=1.2, height=1.2, colour=(190, 208, 222)),
 )
-"""What hangs on the walls of a room of which nothing else is said."""
+"""Fixtures of a room that specifies none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
     """A rectangular room.
 
-    ``length`` along x, ``width`` along y and ``height`` in metres, its middle at ``centre`` (x, y).
-    Raises BadRequest for a room without volume, and for a fixture that does not fit on its wall.
+    ``length`` along x, ``width`` along y and ``height`` in metres, with its middle at ``centre`` (x, y). Raises
+    BadRequest for a room without volume, and for a fixture that does not fit on its wall.
     """
 
     length: float = 8.0
@@ -76,28 +77,28 @@ class Room:
 
     @classmethod
     def with_default_fixtures(cls, length: float, width: float, height: float, centre: tuple[float, float]) -> "Room":
-        """Return a room with what of ``DEFAULT_FIXTURES`` fits on its walls."""
+        """Return a room with those of ``DEFAULT_FIXTURES`` that fit on its walls."""
         bare = cls(length, width, height, centre, fixtures=())
         return replace(bare, fixtures=tuple(item for item in DEFAULT_FIXTURES if not bare.misfit(item)))
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return ((lowest x, highest x), (lowest y, highest y)) in metres."""
+        """Return ((min x, max x), (min y, max y)) in metres."""
         x, y = self.centre
         return (x - self.length / 2, x + self.length / 2), (y - self.width / 2, y + self.width / 2)
 
     def contains(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """Say whether (x, y) is in the room, at least ``margin`` metres from every wall."""
+        """Return whether (x, y) is in the room, at least ``margin`` metres from every wall."""
         (x_low, x_high), (y_low, y_high) = self.extent()
         return x_low + margin <= x <= x_high - margin and y_low + margin <= y <= y_high - margin
 
     def nearest_wall(self, x: float, y: float) -> tuple[float, float]:
-        """Return the spot (x, y) of the walls that is nearest to a place in the room."""
+        """Return the point (x, y) of the walls that is nearest to a position in the room."""
         (x_low, x_high), (y_low, y_high) = self.extent()
         spots = ((x_low, y), (x_high, y), (x, y_low), (x, y_high))
         return min(spots, key=lambda spot: abs(spot[0] - x) + abs(spot[1] - y))
 
     def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Return how many times (dx, dy) it is from (x, y) in the room to a wall."""
+        """Return the distance from (x, y) in the room to a wall, in multiples of (dx, dy)."""
         (x_low, x_high), (y_low, y_high) = self.extent()
         across = ((x_high if dx > 0 else x_low) - x) / dx if dx else inf
         along = ((y_high if dy > 0 else y_low) - y) / dy if dy else inf
@@ -108,7 +109,7 @@ class Room:
         return self.width if wall in {"front", "back"} else self.length
 
     def misfit(self, fixture: Fixture) -> str:
-        """Return why a fixture does not fit on its wall; the empty string when it does."""
+        """Return the reason why a fixture does not fit on its wall, or an empty string."""
         half = self.wall_length(fixture.wall) / 2
         if abs(fixture.along) + fixture.width / 2 > half:
             return f"{fixture.width} m wide at {fixture.along:+} m, but the wall ends at {half} m"

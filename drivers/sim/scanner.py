@@ -1,4 +1,4 @@
-"""What a range finder sees of the simulated world: many rays at once, as ``World.distance`` gives one."""
+"""Simulated range finder: many rays at once, as ``SimulatedWorld.distance`` computes one."""
 
 from collections.abc import Callable
 from math import cos, inf, sin
@@ -11,11 +11,13 @@ from drivers.sim.solids import UprightBox, UprightCylinder
 from drivers.sim.world import SENSOR_HEIGHT, SimulatedWorld
 
 RangeFunction = Callable[[Angles, float], Angles]
-"""How far it is at bearings of the base (shape (n,), radians, anticlockwise from straight ahead) at a time (seconds):
-shape (n,), metres. From the place where the finder sits."""
+"""Function of bearings and a time (seconds) that returns ranges in metres from the range finder.
+
+Bearings are of shape (n,), in radians, anticlockwise from straight ahead of the base; ranges are of shape (n,).
+"""
 
 MIN_SIDEWAYS_SHARE = 1e-12
-"""What a ray goes sideways at most, as a share of its length, to count as one along the side of a block."""
+"""Sideways part of a ray, as a share of its length, below which it counts as parallel to the side of a box."""
 
 
 def make_range_function(
@@ -25,10 +27,10 @@ def make_range_function(
     *,
     height: float = SENSOR_HEIGHT,
 ) -> RangeFunction:
-    """Return what a finder sees that sits at ``place`` (x, y in metres; yaw) on a base.
+    """Return the range function of a range finder at ``place`` (x, y in metres; yaw) on a base.
 
-    ``pose`` says where that base really is at a time. The finder sits ``height`` metres above the floor.
-    Its yaw does not matter here: bearings are those of the base.
+    ``pose`` returns the true pose of that base at a time. The range finder is ``height`` metres above the floor. Its
+    yaw is not used: bearings are those of the base.
     """
     ahead, left, _ = place
 
@@ -50,9 +52,9 @@ def cast_rays(
     *,
     height: float = SENSOR_HEIGHT,
 ) -> Angles:
-    """Return the metres from (x, y) to the nearest solid thing at each of ``angles``: both of shape (n,).
+    """Return the metres from (x, y) to the nearest solid at each of ``angles``; both arrays are of shape (n,).
 
-    The angles are in radians in the world's frame, the finder ``height`` metres above the floor.
+    The angles are in radians in the world frame, the rays ``height`` metres above the floor.
     """
     dx, dy = np.cos(angles), np.sin(angles)
     near = _wall_distances(world.room, x, y, dx, dy)
@@ -68,7 +70,7 @@ def cast_rays(
 
 
 def _wall_distances(room: Room, x: float, y: float, dx: Angles, dy: Angles) -> Angles:
-    """Return what ``Room.ray`` does, for many rays."""
+    """Return the result of ``Room.intersect_ray`` for many rays."""
     (x_low, x_high), (y_low, y_high) = room.extent()
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         across = np.where(dx == 0, inf, (np.where(dx > 0, x_high, x_low) - x) / dx)
@@ -77,7 +79,7 @@ def _wall_distances(room: Room, x: float, y: float, dx: Angles, dy: Angles) -> A
 
 
 def _box_distances(blocks: list[UprightBox], x: float, y: float, dx: Angles, dy: Angles) -> Angles:
-    """Return the nearest of what ``Block.ray`` gives for each block, for many rays."""
+    """Return the distance to the nearest of some boxes, for many rays."""
     rows = np.array([(b.x, b.y, b.cos, b.sin, b.length / 2, b.width / 2) for b in blocks])
     middle_x, middle_y, along, across, half_length, half_width = rows.T[:, :, None]
     ex, ey = x - middle_x, y - middle_y
@@ -87,14 +89,14 @@ def _box_distances(blocks: list[UprightBox], x: float, y: float, dx: Angles, dy:
 
 
 def _slab_interval(start: Angles, step: Angles, half: Angles) -> tuple[Angles, Angles]:
-    """Return when rays come between two opposite sides of a block, and when they leave them."""
+    """Return the distances at which rays enter and leave the space between two opposite sides of a box."""
     over = 1 / np.where(np.abs(step) > MIN_SIDEWAYS_SHARE, step, MIN_SIDEWAYS_SHARE)
     middle, reach = -start * over, half * np.abs(over)
     return middle - reach, middle + reach
 
 
 def _cylinder_distances(discs: list[UprightCylinder], x: float, y: float, dx: Angles, dy: Angles) -> Angles:
-    """Return the nearest of what ``Disc.ray`` gives for each disc, for many rays."""
+    """Return the distance to the nearest of some cylinders, for many rays."""
     rows = np.array([(d.x, d.y, d.radius) for d in discs])
     middle_x, middle_y, radius = rows.T[:, :, None]
     ex, ey = x - middle_x, y - middle_y
@@ -105,7 +107,7 @@ def _cylinder_distances(discs: list[UprightCylinder], x: float, y: float, dx: An
 
 
 def _nearest_entry(enter: Angles, leave: Angles) -> Angles:
-    """Return how far it is into the nearest of several shapes, each of which a ray is in from enter to leave."""
+    """Return the distance to the nearest of several shapes, by the distances of entry and exit."""
     hit = (enter <= leave) & (leave >= 0)
     nearest: Angles = np.where(hit, np.maximum(0.0, enter), inf).min(axis=0)
     return nearest

@@ -1,19 +1,19 @@
-"""A servo's shaft: it turns towards its goal at no more than its speed."""
+"""Output shaft of a simulated servo: it turns towards its goal at a limited speed."""
 
 from dataclasses import dataclass
 
 SERVO_SPEED = 400.0
-"""Degrees per second: a hobby servo needs about 0.15 s for 60 degrees."""
+"""Degrees per second: a hobby servo takes about 0.15 s for 60 degrees."""
 
 FRICTION_TORQUE = 0.05
-"""Share of the stall torque that it takes to turn an unburdened shaft."""
+"""Share of the stall torque that turns a shaft without load."""
 
 
 @dataclass(slots=True)
 class Shaft:
-    """One output shaft. ``position`` and ``goal`` in any one unit of angle, ``speed`` in that unit per second.
+    """Output shaft with ``position`` and ``goal`` in any unit of angle, ``speed`` in that unit per second.
 
-    ``motion_factor`` is the share of its way that it makes: 0 while it is blocked, -1 for one that turns the wrong way.
+    ``motion_factor`` is the share of its motion that it makes: 0 if it is blocked, -1 if it turns the wrong way.
     """
 
     position: float
@@ -23,7 +23,7 @@ class Shaft:
     motion_factor: float = 1.0
 
     def advance(self, now: float) -> float:
-        """Turn until time ``now`` and return the position. Time that does not rise changes nothing."""
+        """Turn until time ``now`` and return the position. Does nothing unless time has increased."""
         elapsed = max(0.0, now - self.stamp)
         self.stamp = max(self.stamp, now)
         reach = self.speed * elapsed
@@ -35,5 +35,5 @@ class Shaft:
 
     @property
     def is_moving(self) -> bool:
-        """True while it has not arrived."""
+        """True until the shaft reaches its goal."""
         return self.position != self.goal

@@ -1,7 +1,7 @@
-"""Solid shapes that stand upright in the world, and the three things that are asked of them, in plain floats.
+"""Upright solid shapes of the world and their geometry, in plain floats.
 
-How near is it to a place on the floor, how far away along a ray, and is it in the line of sight: a base asks the first
-at every step, so none of it may cost more than a microsecond or two. Metres, radians, the world's frame.
+The three queries are the distance to a place on the floor, the distance along a ray, and whether a line of sight is
+blocked. A base makes the first one at every step, so it may take a microsecond or two. Metres, radians, world frame.
 """
 
 from dataclasses import dataclass, field
@@ -9,53 +9,53 @@ from math import cos, hypot, inf, sin, sqrt
 from typing import Protocol
 
 Point3 = tuple[float, float, float]
-"""A place (x, y, z) in metres."""
+"""A point (x, y, z) in metres."""
 
 
 class Solid(Protocol):
-    """Something that nothing goes through, and nothing is seen through, from ``bottom`` up to ``top``."""
+    """A shape from ``bottom`` up to ``top`` that blocks motion and sight."""
 
     @property
     def x(self) -> float:
-        """Where its middle is, in x."""
+        """Centre in x."""
         ...
 
     @property
     def y(self) -> float:
-        """Where its middle is, in y."""
+        """Centre in y."""
         ...
 
     @property
     def bottom(self) -> float:
-        """The height of its lower side above the floor."""
+        """Height of the lower side above the floor."""
         ...
 
     @property
     def top(self) -> float:
-        """The height of its upper side."""
+        """Height of the upper side above the floor."""
         ...
 
     @property
     def bounding_radius(self) -> float:
-        """How far its footprint goes from its middle."""
+        """Largest distance of the footprint from its centre."""
         ...
 
     def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
-        """Return the vector from (x, y) to the nearest spot of its footprint; (0, 0) from within."""
+        """Return the vector from (x, y) to the nearest point of the footprint; (0, 0) from inside."""
         ...
 
     def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Return how many times (dx, dy) it is from (x, y) to its edge: infinity where the ray misses, 0 within."""
+        """Return the distance from (x, y) to the edge in multiples of (dx, dy): infinity for a miss, 0 from inside."""
         ...
 
     def blocks_sight(self, eye: Point3, point: Point3) -> bool:
-        """Say whether the line from ``eye`` to ``point`` goes through it."""
+        """Return whether the line from ``eye`` to ``point`` intersects the solid."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class UprightBox:
-    """An upright box about (x, y), its ``length`` along ``heading``."""
+    """An upright box with its centre at (x, y) and its ``length`` along ``heading``."""
 
     x: float
     y: float
@@ -73,11 +73,10 @@ class UprightBox:
 
     @property
     def bounding_radius(self) -> float:
-        """How far the footprint goes from its middle."""
         return hypot(self.length, self.width) / 2
 
     def corners(self) -> tuple[tuple[float, float], ...]:
-        """Return the four corners (x, y) of the footprint, anticlockwise from the front right."""
+        """Return the corners (x, y) of the footprint, anticlockwise from the front right."""
         a, b = self.length / 2, self.width / 2
         return tuple(
             (self.x + u * self.cos - v * self.sin, self.y + u * self.sin + v * self.cos)
@@ -85,12 +84,11 @@ class UprightBox:
         )
 
     def to_local(self, x: float, y: float) -> tuple[float, float]:
-        """Return a place in the box's own axes: along its length, and to its left."""
+        """Return a place in the axes of the box: along its length, and to its left."""
         dx, dy = x - self.x, y - self.y
         return dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin
 
     def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
-        """Return the vector from (x, y) to the nearest spot of the footprint; (0, 0) from within."""
         u, v = self.to_local(x, y)
         a, b = self.length / 2, self.width / 2
         du = a - u if u > a else -a - u if u < -a else 0.0
@@ -98,19 +96,19 @@ class UprightBox:
         return du * self.cos - dv * self.sin, du * self.sin + dv * self.cos
 
     def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Return how many times (dx, dy) it is from (x, y) to the box."""
         enter, leave = self._line_interval(x, y, dx, dy)
         return max(0.0, enter) if enter <= leave and leave >= 0 else inf
 
     def blocks_sight(self, eye: Point3, point: Point3) -> bool:
-        """Say whether the line from ``eye`` to ``point`` goes through the box."""
         enter, leave = self._line_interval(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
         return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
 
     def _line_interval(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Return between which multiples of (dx, dy) a line from (x, y) is within; the first above the second: never.
+        """Return the interval of the line from (x, y) that is inside, in multiples of (dx, dy).
 
-        Each pair of sides cuts a piece out of the line; what is left of all pieces is within (Kay and Kajiya, 1986).
+        If no part is inside, the first bound exceeds the second.
+
+        Each pair of sides cuts an interval out of the line; the intersection of both is inside (Kay and Kajiya, 1986).
         """
         u, v = self.to_local(x, y)
         enter, leave = -inf, inf
@@ -128,7 +126,7 @@ class UprightBox:
 
 @dataclass(frozen=True, slots=True)
 class UprightCylinder:
-    """An upright cylinder about (x, y): somebody, or a ball."""
+    """An upright cylinder with its axis at (x, y), such as a person or a ball."""
 
     x: float
     y: float
@@ -138,28 +136,24 @@ class UprightCylinder:
 
     @property
     def bounding_radius(self) -> float:
-        """How far the footprint goes from its middle."""
         return self.radius
 
     def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
-        """Return the vector from (x, y) to the nearest spot of the disc; (0, 0) from within."""
         dx, dy = self.x - x, self.y - y
         away = hypot(dx, dy)
         share = 1 - self.radius / away if away > self.radius else 0.0
         return dx * share, dy * share
 
     def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Return how many times (dx, dy) it is from (x, y) to the disc."""
         enter, leave = self._line_interval(x, y, dx, dy)
         return max(0.0, enter) if enter <= leave and leave >= 0 else inf
 
     def blocks_sight(self, eye: Point3, point: Point3) -> bool:
-        """Say whether the line from ``eye`` to ``point`` goes through the cylinder."""
         enter, leave = self._line_interval(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
         return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
 
     def _line_interval(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Return between which multiples of (dx, dy) a line from (x, y) is within, as ``UprightBox`` does."""
+        """Return the interval of the line from (x, y) that is inside, as ``UprightBox._line_interval`` does."""
         ex, ey = x - self.x, y - self.y
         a, b, c = dx * dx + dy * dy, ex * dx + ey * dy, ex * ex + ey * ey - self.radius * self.radius
         if a < 1e-18:
@@ -172,7 +166,7 @@ class UprightCylinder:
 
 
 def _overlaps(start: float, end: float, low: float, high: float, enter: float, leave: float) -> bool:
-    """Say whether a height that goes from ``start`` to ``end`` is within low..high between two shares of the way."""
+    """Return whether a line from height ``start`` to ``end`` is between low and high within enter..leave."""
     if enter >= leave:
         return False
     first, last = start + enter * (end - start), start + leave * (end - start)

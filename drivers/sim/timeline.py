@@ -1,4 +1,4 @@
-"""Simulated time: it jumps from one thing that is due to the next, as fast as the machine allows."""
+"""Simulated time: a clock and a schedule of actions, run as fast as the machine allows."""
 
 from collections.abc import Callable
 from heapq import heappop, heappush
@@ -7,18 +7,18 @@ from itertools import count
 from drivers.clock import ManualClock
 
 TimedAction = Callable[[], object]
-"""Something that is done when its time has come; it reads the time from the clock."""
+"""A callback of the schedule; it reads the time from the clock."""
 
 
 def never_stop() -> bool:
-    """Do not stop early."""
+    """Return False: do not stop early."""
     return False
 
 
 class Timeline:
-    """A clock, and what is to happen when on it. For one thread.
+    """A simulated clock with a schedule of actions. For one thread.
 
-    What falls due at the same time is done in the order in which it was asked for, so two runs are alike.
+    Actions at the same time run in the order in which they were scheduled, so runs are reproducible.
     """
 
     def __init__(self) -> None:
@@ -27,11 +27,11 @@ class Timeline:
         self._order = count()
 
     def call_at(self, time: float, action: TimedAction) -> None:
-        """Do ``action`` at ``time`` (seconds); at once, with the next step, if that is over."""
+        """Schedule ``action`` at ``time`` seconds; a time in the past means the next step."""
         heappush(self._queue, (time, next(self._order), action))
 
     def call_every(self, period: float, action: TimedAction, *, start: float | None = None) -> None:
-        """Do ``action`` every ``period`` seconds for ever, from ``start`` or now on, on an absolute schedule."""
+        """Schedule ``action`` every ``period`` seconds for ever, from ``start`` or now on, on an absolute schedule."""
         begin = self.clock.now() if start is None else start
         times = count()
 
@@ -42,7 +42,7 @@ class Timeline:
         self.call_at(begin + next(times) * period, again)
 
     def run_until(self, until: float, stop: Callable[[], bool] = never_stop) -> None:
-        """Let time pass to ``until``, doing what falls due by then; less far once ``stop`` says so."""
+        """Advance the clock to ``until`` and run the actions that are due; end earlier once ``stop`` returns True."""
         clock, due = self.clock, self._queue
         while due and due[0][0] <= until:
             time, _, action = heappop(due)

@@ -1,4 +1,4 @@
-"""Draws the simulated world from above, as a map: for films of runs, and to see what a world file describes."""
+"""Top view of the simulated world: a map for films of runs and pictures of world files."""
 
 from collections.abc import Sequence
 from math import cos, pi, sin
@@ -35,9 +35,9 @@ _MAX_VIEW_RANGE = 6.0  # metres
 
 
 class TopView:
-    """Draws maps of one world into pictures of ``size`` (width, height): x to the right, y up.
+    """Draws maps of one world in pictures of ``size`` (width, height): x to the right, y up.
 
-    What never moves is drawn once. Not safe between threads.
+    Static objects are drawn once. Not thread-safe.
     """
 
     def __init__(self, world: SimulatedWorld, size: tuple[int, int] = (640, 480)) -> None:
@@ -58,10 +58,10 @@ class TopView:
         field_of_view: float = pi / 3,
         trail: Sequence[FloorPosition] = (),
     ) -> Image:
-        """Return the world at ``time`` seconds with the robot at ``pose``, (height, width, 3), blue, green, red.
+        """Return the world at ``time`` seconds with the robot at ``pose``: (height, width, 3), blue, green, red.
 
-        With ``camera``, what is in its horizontal ``field_of_view`` (radians), as far as nothing hides it. ``trail`` is
-        where the robot has been.
+        With ``camera``, the visible part of its horizontal ``field_of_view`` (radians) is tinted. ``trail`` is the
+        robot's path.
         """
         if self._static_map is None:
             self._static_map = self._draw_static()
@@ -78,7 +78,7 @@ class TopView:
         return image
 
     def _draw_static(self) -> Image:
-        """Draw what never moves."""
+        """Return a map of all objects that never move."""
         room = self._world.room
         image: Image = np.full((self._size[1], self._size[0], 3), _bgr(_BACKGROUND), np.uint8)
         floor = UprightBox(*room.centre, room.length, room.width)
@@ -113,7 +113,7 @@ class TopView:
             self._draw_line(image, (x_low, y), (x_high, y), _GRID)
 
     def _view_outline(self, camera: Viewpoint, field_of_view: float, time: float) -> list[FloorPosition]:
-        """Return the outline of what the camera sees."""
+        """Return the outline of the visible area of the camera."""
         outline = [(camera.x, camera.y)]
         for angle in np.linspace(-field_of_view / 2, field_of_view / 2, _RAY_COUNT):
             way = camera.yaw + float(angle)
@@ -137,7 +137,7 @@ class TopView:
         self._draw_label(image, presence.person.name, (here[0], here[1] + BODY_RADIUS + 0.12), on=_FLOOR)
 
     def _label_object(self, image: Image, thing: WorldBox | WorldBall) -> None:
-        """Write what something is called: on it where there is room, else below it."""
+        """Write the name of an object: on it if there is room, else below it."""
         solid = thing.solid()
         half = self._text_size(thing.name)[0] / 2 / self._scale + 0.03
         if solid.nearest_offset(solid.x + half, solid.y) == solid.nearest_offset(solid.x - half, solid.y) == (0.0, 0.0):
@@ -161,7 +161,7 @@ class TopView:
     # --- shapes, in metres --------------------------------------------------------------------------------------------
 
     def _pixels(self, places: Sequence[FloorPosition]) -> npt.NDArray[np.int32]:
-        """Return the pixels (k, 2) of places, as OpenCV draws with ``_SHIFT``."""
+        """Return the pixels (k, 2) of positions, in OpenCV's fixed-point format (``_SHIFT``)."""
         centre, half = np.array(self._world.room.centre), np.array(self._size) / 2
         flipped = (np.array(places) - centre) * (self._scale, -self._scale) + half
         pixels: npt.NDArray[np.int32] = np.rint(flipped * 2**_SHIFT).astype(np.int32)
@@ -187,7 +187,7 @@ class TopView:
         cv2.line(image, first, second, _bgr(colour), width, cv2.LINE_AA, _SHIFT)
 
     def _draw_label(self, image: Image, text: str, middle: FloorPosition, *, on: Colour) -> None:
-        """Write a name, light on what is dark."""
+        """Write a name, in light letters on a dark background."""
         wide, high = self._text_size(text)
         x, y = (self._pixels([middle])[0] / 2**_SHIFT).tolist()
         spot = (round(x - wide / 2), round(y + high / 2))
@@ -201,7 +201,7 @@ class TopView:
 
 
 def _to_ascii(text: str) -> str:
-    """Return a name in the letters that OpenCV has."""
+    """Return a name in ASCII, the only letters that OpenCV can draw."""
     return normalize("NFKD", text).encode("ascii", "ignore").decode()
 
 

@@ -1,7 +1,7 @@
-"""Where a camera is and how it maps the world onto a picture: the pinhole model, nothing drawn.
+"""Pose of a camera and projection of the world onto its picture, by the pinhole model.
 
-Camera axes are those of computer vision: X to the right of the picture, Y down, Z along the optical axis.
-Pixel coordinates are those of pixel centres, so the optical axis meets a picture of width w at x = (w - 1) / 2.
+Camera axes are those of computer vision: X to the right of the picture, Y down, Z along the optical axis. Pixel
+coordinates are those of pixel centres, so the optical axis meets a picture of width w at x = (w - 1) / 2.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Matrix3 = tuple[Point3, Point3, Point3]
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """The pose of a camera: place in metres, ``yaw`` about z (positive left), ``pitch`` about y (positive down)."""
+    """Pose of a camera: position in metres, ``yaw`` about z (positive left), ``pitch`` about y (positive down)."""
 
     x: float = 0.0
     y: float = 0.0
@@ -29,7 +29,7 @@ class Viewpoint:
         return self.x, self.y, self.z
 
     def rotation(self) -> Matrix3:
-        """Return the matrix from world axes to camera axes: its rows are right, down and forward."""
+        """Return the rotation matrix from world axes to camera axes; its rows are right, down and forward."""
         right = (sin(self.yaw), -cos(self.yaw), 0.0)
         down = (-sin(self.pitch) * cos(self.yaw), -sin(self.pitch) * sin(self.yaw), -cos(self.pitch))
         forward = (cos(self.pitch) * cos(self.yaw), cos(self.pitch) * sin(self.yaw), -sin(self.pitch))
@@ -47,9 +47,9 @@ class Viewpoint:
 
 
 def camera_viewpoint(base: Pose2D, pan: float, tilt: float, place: tuple[float, float, float]) -> Viewpoint:
-    """Return where a camera is that sits at ``position`` on a base, on a head that is turned by ``pan`` and ``tilt``.
+    """Return the viewpoint of a camera at ``place`` on a base, on a head that is turned by ``pan`` and ``tilt``.
 
-    ``position`` (x, y, z) in metres is from the middle of the base on the floor, and does not move with the head.
+    ``place`` (x, y, z) in metres is relative to the middle of the base on the floor, and does not move with the head.
     """
     x, y, z = place
     ahead, aside = cos(base.heading), sin(base.heading)
@@ -60,7 +60,7 @@ def camera_viewpoint(base: Pose2D, pan: float, tilt: float, place: tuple[float, 
 
 @dataclass(frozen=True, slots=True)
 class PinholeLens:
-    """An ideal lens. ``width``, ``height`` of the picture in pixels; ``field_of_view`` horizontal, in radians."""
+    """An ideal lens: ``width`` and ``height`` of the picture in pixels, horizontal ``field_of_view`` in radians."""
 
     width: int
     height: int
@@ -68,15 +68,15 @@ class PinholeLens:
 
     @property
     def focal(self) -> float:
-        """The focal length in pixels."""
+        """Focal length in pixels."""
         return self.width / 2 / tan(self.field_of_view / 2)
 
     @property
     def half_diagonal(self) -> float:
-        """The angle in radians from the optical axis to a corner of the picture."""
+        """Angle in radians from the optical axis to a corner of the picture."""
         return atan(hypot(self.width, self.height) / 2 / self.focal)
 
     def matrix(self) -> Matrix3:
-        """Return the camera matrix K: camera coordinates to homogeneous pixels."""
+        """Return the camera matrix K, from camera coordinates to homogeneous pixels."""
         f = self.focal
         return (f, 0.0, (self.width - 1) / 2), (0.0, f, (self.height - 1) / 2), (0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Two driven wheels on one axle, with motors of limited strength: where a base really is, what its wheels turned."""
+"""Differential drive with motors of limited strength: true pose, wheel travel, and faults of the sensors."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -8,16 +8,16 @@ from typing import Generic, TypeVar
 from drivers.api import Pose2D, Velocity
 
 _INTEGRATION_STEP = 0.01
-"""Seconds of one step of integration while the speeds change; at constant speed a step is exact however long."""
+"""Seconds of one integration step while the speeds change; at constant speed a step of any length is exact."""
 
 
 class SimulatedWheels:
-    """A differential drive whose time is handed in. Not safe between threads.
+    """Differential drive. All methods take the time; not thread-safe.
 
-    ``acceleration`` in m/s^2 is what each motor does to its own wheel; ``dead_time`` in seconds passes between a
-    command and its effect (users of a Kobuki measured 0.2); ``slip`` is the share 0..1 of the wheels' travel that
-    does not move the base, so that odometry errs as it does on carpet. Metres, radians and seconds throughout.
-    Raises ValueError for values that make no sense.
+    ``acceleration`` in m/s^2 is that of each motor for its own wheel. ``dead_time`` in seconds passes between a command
+    and its effect (users of a Kobuki measured 0.2). ``slip`` is the share 0..1 of the wheels' travel that does not move
+    the base, so odometry errs as on carpet. Metres, radians and seconds throughout. Raises ValueError for values out of
+    range.
     """
 
     def __init__(
@@ -35,11 +35,11 @@ class SimulatedWheels:
         """The true pose; set it to lift the base and put it down elsewhere."""
         self.slip = slip
         self.gains = (1.0, 1.0)
-        """What the left and the right motor make of a command: 0 if it is not connected, -1 if it is swapped."""
+        """Factors of the left and the right motor: 0 if it is not connected, -1 if it is swapped."""
         self.blocked = False
-        """True while both wheels are held fast: their motors push in vain."""
+        """True while both wheels are blocked and their motors stall."""
         self.left = self.right = 0.0
-        """How far the rim of each wheel has turned, in metres, backwards negative: what its encoder counts."""
+        """Rim travel of each wheel, in metres, backwards negative, as its encoder measures it."""
         self.separation = separation
         self._acceleration = acceleration
         self._dead_time = dead_time
@@ -49,35 +49,35 @@ class SimulatedWheels:
 
     @property
     def velocity(self) -> Velocity:
-        """How fast the base really moves."""
+        """True velocity of the base."""
         left, right = self._speeds
         grip = 1 - self.slip
         return Velocity(grip * (left + right) / 2, grip * (right - left) / self.separation)
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """How fast the rims of the left and the right wheel turn, in m/s."""
+        """Rim speeds of the left and the right wheel, in m/s."""
         return self._speeds
 
     @property
     def stalled(self) -> tuple[bool, bool]:
-        """Whether the motors of the left and the right wheel push in vain."""
+        """Whether the motor of the left and of the right wheel stalls."""
         return self.blocked and self._goals[0] != 0.0, self.blocked and self._goals[1] != 0.0
 
     @property
     def is_turning(self) -> bool:
-        """True while a wheel turns, or a command waits that may make it turn."""
+        """True while a wheel turns, or a command is pending."""
         return self._speeds != (0.0, 0.0) or self._goals != (0.0, 0.0) or bool(self._commands)
 
     def command(self, linear: float, angular: float, now: float) -> None:
-        """Ask the motors for ``linear`` m/s and ``angular`` rad/s from time ``now``, or a dead time later."""
+        """Command ``linear`` m/s and ``angular`` rad/s from time ``now`` on, plus the dead time."""
         self.advance(now)
         half = angular * self.separation / 2
         due = max(now, self._now or now) + self._dead_time
         self._commands.append((due, self.gains[0] * (linear - half), self.gains[1] * (linear + half)))
 
     def advance(self, now: float) -> Pose2D:
-        """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
+        """Move until time ``now`` and return the true pose. Does nothing unless time has increased."""
         if self._now is None:
             self._now = now
         while self._now < now or self._is_due(self._now):
@@ -96,7 +96,7 @@ class SimulatedWheels:
         return bool(self._commands) and self._commands[0][0] <= now
 
     def _roll(self, seconds: float) -> None:
-        """Turn both wheels for ``delay``, and move the base along the arc that this makes."""
+        """Turn both wheels for ``seconds``, and move the base along the resulting arc."""
         if self.blocked:
             self._speeds = (0.0, 0.0)
         if self.blocked or self._speeds == self._goals == (0.0, 0.0):
@@ -114,7 +114,7 @@ class SimulatedWheels:
 
 
 def _accelerate(speed: float, goal: float, acceleration: float, seconds: float) -> tuple[float, float]:
-    """Return the travel of a wheel that changes from ``speed`` towards ``goal``, and its speed at the end."""
+    """Return the travel of a wheel whose speed changes from ``speed`` towards ``goal``, and its final speed."""
     if speed == goal:
         return goal * seconds, goal
     change = goal - speed
@@ -126,7 +126,7 @@ def _accelerate(speed: float, goal: float, acceleration: float, seconds: float) 
 
 
 def _sinc(angle: float) -> float:
-    """Return how much shorter a chord is than its arc of twice ``angle``."""
+    """Return the ratio of a chord to its arc of twice ``angle``."""
     return sin(angle) / angle if angle else 1.0
 
 
@@ -136,7 +136,7 @@ T = TypeVar("T")
 
 
 class Encoders:
-    """Counts how far two wheels turn, in metres; ``is_lost``, both stand still, ``is_swapped``, both count the other way."""
+    """Encoders of two wheels, in metres. ``is_lost``: both stand still; ``is_swapped``: both count backwards."""
 
     def __init__(self, wheels: SimulatedWheels) -> None:
         self._wheels = wheels
@@ -145,7 +145,7 @@ class Encoders:
 
     @property
     def is_lost(self) -> bool:
-        """Whether neither counts."""
+        """True if neither encoder counts."""
         return self._signs == (0.0, 0.0)
 
     @is_lost.setter
@@ -154,7 +154,7 @@ class Encoders:
 
     @property
     def is_swapped(self) -> bool:
-        """Whether both count the other way."""
+        """True if both encoders count backwards."""
         return self._signs == (-1.0, -1.0)
 
     @is_swapped.setter
@@ -162,53 +162,53 @@ class Encoders:
         self.set_signs(*(-1.0, -1.0) if swapped else (1.0, 1.0))
 
     def set_signs(self, left: float, right: float) -> None:
-        """Count so many metres for each that the left and the right wheel turn from now on."""
+        """Count with these signs for the left and the right wheel from now on: 1, -1, or 0 for a lost encoder."""
         self._travel_before, self._wheel_reference = self.travel, (self._wheels.left, self._wheels.right)
         self._signs = (left, right)
 
     @property
     def travel(self) -> tuple[float, float]:
-        """How far the left and the right wheel have turned, as far as was counted."""
+        """Counted travel of the left and the right wheel, in metres."""
         (left, right), (left_mark, right_mark), signs = self._travel_before, self._wheel_reference, self._signs
         wheels = self._wheels
         return left + signs[0] * (wheels.left - left_mark), right + signs[1] * (wheels.right - right_mark)
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """How fast both wheels turn, as far as that is counted, in m/s."""
+        """Counted speeds of the left and the right wheel, in m/s."""
         left, right = self._wheels.speeds
         return self._signs[0] * left, self._signs[1] * right
 
 
 class GyroDrift:
-    """A constant error of a gyro's rate, and the heading that it has added up to."""
+    """Constant error of a gyro's rate, and the accumulated error of the heading."""
 
     def __init__(self) -> None:
         self.rate = 0.0
-        """rad/s"""
+        """Rate error in rad/s."""
         self._error = self._changed_at = 0.0
 
     def set_rate(self, rate: float, now: float) -> None:
-        """Err by ``rate`` from ``now`` on."""
+        """Set the rate error (rad/s) from ``now`` on."""
         self._error, self._changed_at, self.rate = self.error(now), now, rate
 
     def error(self, now: float) -> float:
-        """Return the error of the heading at time ``now``, in radians."""
+        """Return the heading error at time ``now``, in radians."""
         return self._error + self.rate * max(now - self._changed_at, 0.0)
 
 
 class DelayLine(Generic[T]):
-    """Hands things on ``delay`` after they came; the delay may change at any time, and nothing overtakes."""
+    """A queue that releases each item ``delay`` seconds after it was put; the delay may change, the order does not."""
 
     def __init__(self) -> None:
         self.delay = 0.0
         self._queue: deque[tuple[float, T]] = deque()
 
     def put(self, now: float, item: T) -> None:
-        """Take something at time ``now``."""
+        """Add an item at time ``now``."""
         self._queue.append((now, item))
 
     def pop_due(self, now: float) -> Iterator[T]:
-        """Yield all that is due by ``now``."""
+        """Yield and remove all items that are due at ``now``."""
         while self._queue and self._queue[0][0] <= now - self.delay + 1e-9:
             yield self._queue.popleft()[1]

@@ -1,4 +1,4 @@
-"""The simulated world: a room, what stands in it, the people, and the light. Time is asked for, never kept."""
+"""The simulated world: a room, its objects, its people, and the light, as functions of time."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ from drivers.sim.world_objects import Edge, Rover, Wall, WorldBall, WorldBox, Wo
 
 @dataclass(frozen=True, slots=True)
 class LightChange:
-    """From ``at`` seconds on the light goes to ``level``, evenly within ``duration`` seconds."""
+    """The light changes to ``level`` from ``at`` seconds on, linearly within ``duration`` seconds."""
 
     at: float
     level: float
@@ -28,10 +28,10 @@ class LightChange:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """How bright it is: 1 is daylight, 0.25 a quarter of it. ``level`` at first, then what ``changes`` make of it.
+    """Brightness over time: 1 is daylight. It starts at ``level`` and follows ``changes``.
 
-    Each change begins from what the one before it had reached. Raises BadRequest for a level or a length below 0, and
-    for changes that are not in the order of time.
+    Each change starts from the level that the one before has reached. Raises BadRequest for a negative level or
+    duration, and for changes that are not in order of time.
     """
 
     level: float = 1.0
@@ -62,26 +62,26 @@ class Light:
 
 
 DRIVE_UNDER_HEIGHT = 0.5
-"""Metres: what begins higher than this above the floor, a base drives under."""
+"""Metres above the floor from which on a base drives under an object."""
 
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
-"""Where a robot starts of which nothing else is said."""
+"""Default start pose of a robot."""
 
 MOUTH_HEIGHT = 1.0
 """Metres above the floor at which a robot speaks and hears."""
 
 SENSOR_HEIGHT = 0.2
-"""Metres above the floor at which a range finder sits, unless it says otherwise."""
+"""Default height of a range finder above the floor, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedWorld:
-    """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.world_objects.Ground``.
+    """Everything that a simulated robot can see, hear and collide with; a ``drivers.sim.world_objects.Ground``.
 
-    A value, but for what has been said in it: ``deliver_speech`` adds to that, and people do what it makes them do. So what the
-    world is like is a function of the time and of what was said. ``light`` is 1 in daylight, 0.25 for a quarter of it.
-    ``start`` is where the robot stands at first. Not safe between threads while ``deliver_speech`` is called.
-    Raises BadRequest when a person's place or path leaves the room, two people share a name, or ``light`` is negative.
+    An immutable value, except for ``deliver_speech``, which triggers actions of people. So the world is a function of
+    the time and of the speech so far. ``light`` is 1 in daylight. ``start`` is the robot's start pose. Not thread-safe
+    while ``deliver_speech`` runs. Raises BadRequest if a person's position or path leaves the room, for two people with
+    one name, and for a negative light.
     """
 
     room: Room = field(default_factory=Room)
@@ -135,25 +135,24 @@ class SimulatedWorld:
     # --- how it is at a time ------------------------------------------------------------------------------------------
 
     def light_at(self, time: float) -> float:
-        """Return how bright it is: 1 is daylight."""
+        """Return the brightness at ``time`` seconds; 1 is daylight."""
         return self._light.level_at(time)
 
     def people_at(self, time: float) -> tuple[Presence, ...]:
-        """Return how everybody is who is still there at ``time`` seconds, in the order of ``people``."""
+        """Return the state of the people who are still there at ``time`` seconds, in the order of ``people``."""
         return tuple(self._presences(time))
 
     # --- what is said -------------------------------------------------------------------------------------------------
 
     @property
     def utterances(self) -> tuple[RobotUtterance, ...]:
-        """What has been said aloud so far."""
+        """Speech of the robot so far."""
         return tuple(self._utterances)
 
     def deliver_speech(self, text: str, time: float, place: FloorPosition | None = None) -> tuple[PersonReply, ...]:
-        """Let people hear what the robot says at ``time``, and return what is answered, in the order of time.
+        """Let people hear speech of the robot at ``time``, and return their replies in order of time.
 
-        Those hear it who are near enough to the place ``at``, with no inner wall between; without a place, all who are
-        there.
+        People hear it who are near enough to ``place``, without an inner wall in between; if None, all of them do.
         """
         there = ((each.person, each) for each in self.people_at(time))
         reached = {
@@ -170,27 +169,27 @@ class SimulatedWorld:
         return _sort_replies(reply for _, cues in listening for reply in cues.on_speech(text, time))
 
     def is_audible(self, speaker: str, time: float, place: FloorPosition) -> bool:
-        """Say whether a robot at that place hears the one of the name ``who`` at ``time`` seconds."""
+        """Return whether a robot at ``place`` hears the person named ``speaker`` at ``time`` seconds."""
         return any(
             each.person.name == speaker and self._is_in_earshot(place, each, EARSHOT) for each in self.people_at(time)
         )
 
     def _is_in_earshot(self, at: FloorPosition, presence: Presence, within: float) -> bool:
-        """Say whether sound gets from the one to the other: so far, and through no inner wall."""
+        """Return whether sound travels between a place and a person: near enough, with no inner wall."""
         robot, head = (*at, MOUTH_HEIGHT), (presence.x, presence.y, presence.eye_height)
         far = presence.distance(*at) > within
         return not far and not any(wall.solid().blocks_sight(robot, head) for wall in self.walls)
 
     def replies_between(self, after: float, until: float) -> tuple[PersonReply, ...]:
-        """Return all that people say, answers and else, later than ``after`` and up to ``until`` seconds."""
+        """Return all speech of people later than ``after`` and up to ``until`` seconds."""
         return _sort_replies(reply for cues in self._schedules for reply in cues.replies_between(after, until))
 
     # --- what is in the way -------------------------------------------------------------------------------------------
 
     def contact_directions(self, x: float, y: float, radius: float, time: float) -> list[float]:
-        """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps something solid.
+        """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps a solid.
 
-        Of what the middle of the disc is in, the direction of its middle.
+        For a solid that contains the middle of the disc, the direction of the solid's middle.
         """
         (x_low, x_high), (y_low, y_high) = self._room_extent
         found = []
@@ -210,15 +209,14 @@ class SimulatedWorld:
         return found
 
     def has_floor(self, x: float, y: float) -> bool:
-        """Say whether there is floor at (x, y)."""
         return not any(edge.contains(x, y) for edge in self.edges)
 
     def distance(
         self, x: float, y: float, angle: float, time: float, limit: float = inf, *, height: float = SENSOR_HEIGHT
     ) -> float:
-        """Return the metres from (x, y) to the nearest solid thing at ``angle``, as far as ``limit``.
+        """Return the metres from (x, y) to the nearest solid at ``angle``, at most ``limit``.
 
-        It is what a range finder measures that sits ``height`` metres above the floor.
+        The ray is ``height`` metres above the floor, as that of a range finder.
         """
         dx, dy = cos(angle), sin(angle)
         near = min(limit, self.room.intersect_ray(x, y, dx, dy))
@@ -228,9 +226,9 @@ class SimulatedWorld:
         return near
 
     def is_visible(self, eye: Point3, point: Point3, time: float) -> bool:
-        """Say whether nothing is between ``eye`` and ``point``, each (x, y, z): no wall, thing, nor body.
+        """Return whether the line from ``eye`` to ``point``, each (x, y, z), is free of walls, objects and people.
 
-        What the point is in does not count, so that the middle of a thing is seen where its outside is.
+        A solid that contains ``point`` is ignored, so the middle of an object is visible if its surface is.
         """
         x, y, z = point
         if not self.room.contains(x, y):
@@ -245,7 +243,7 @@ class SimulatedWorld:
         return True
 
     def _presences(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
-        """Yield how everybody is who is still there; those who always stay where they are only if ``staying``."""
+        """Yield the state of the people who are still there; those who never move only if ``staying``."""
         for person, cues in zip(self.people, self._schedules, strict=True):
             presence = (
                 person.presence_at(time, cues.actions_until(time), self.room)
@@ -256,7 +254,7 @@ class SimulatedWorld:
                 yield presence
 
     def solids(self, time: float) -> Iterator[Solid]:
-        """Yield the shape of every thing and body that is in the way at ``time`` seconds."""
+        """Yield the solid shape of every object and person at ``time`` seconds."""
         yield from self._static_solids
         for rover in self.robots:
             yield rover.solid(time)
@@ -265,7 +263,7 @@ class SimulatedWorld:
 
 
 def _covers(solid: Solid, x: float, y: float) -> bool:
-    """Say whether (x, y) is within the footprint of something, or on its edge."""
+    """Return whether (x, y) is in the footprint of a solid, or on its edge."""
     return hypot(*solid.nearest_offset(x, y)) < 0.01
 
 

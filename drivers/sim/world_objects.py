@@ -1,7 +1,7 @@
-"""What stands about in a simulated world besides people: walls, furniture, coloured things, other robots, holes.
+"""Objects in a simulated world: walls, furniture, coloured objects, other robots, edges and the dock.
 
-Plain values, in metres and radians in the world's frame, each with the solid shape that it has. What stands on
-something else has ``bottom`` metres of air below it.
+Plain values in metres and radians in the world frame, each with its solid shape. An object that stands on another one
+is ``bottom`` metres above the floor.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,18 +16,18 @@ from drivers.sim.room import Colour
 from drivers.sim.solids import Point3, UprightBox, UprightCylinder
 
 WALL_THICKNESS = 0.1
-"""Metres from one side of an inner wall to the other."""
+"""Metres of thickness of an inner wall."""
 
 MARKER_COUNT = 50
-"""How many markers there are in ArUco's dictionary DICT_4X4_50."""
+"""Number of markers in ArUco's dictionary DICT_4X4_50."""
 
 MARKER_SIZE = 0.15
-"""Metres from one side of a marker's black frame to the other."""
+"""Metres along one side of a marker's black frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """An inner wall from ``start`` to ``end``, each (x, y). Raises BadRequest for one that leads nowhere."""
+    """An inner wall from ``start`` to ``end``, each (x, y). Raises BadRequest for a wall without length or height."""
 
     start: FloorPosition
     end: FloorPosition
@@ -38,7 +38,7 @@ class Wall:
             raise BadRequest(f"wall from {self.start} to {self.end}, {self.height} m high: has no length or height")
 
     def solid(self) -> UprightBox:
-        """Return its shape."""
+        """Return the solid shape."""
         (x0, y0), (x1, y1) = self.start, self.end
         heading = atan2(y1 - y0, x1 - x0)
         length = dist(self.start, self.end)
@@ -49,7 +49,7 @@ class Wall:
 class WorldBox:
     """A piece of furniture, or a coloured box: its middle, its length along ``heading``, its width and height.
 
-    Raises BadRequest for a side that is not above 0 m, and for a place below the floor.
+    Raises BadRequest for a side of 0 m or less, and for a position below the floor.
     """
 
     name: str
@@ -65,14 +65,14 @@ class WorldBox:
             raise BadRequest(f"{self.name}: {self.size} m, {self.bottom} m above the floor: sides must be above 0 m")
 
     def solid(self) -> UprightBox:
-        """Return its shape."""
+        """Return the solid shape."""
         length, width, height = self.size
         return UprightBox(self.x, self.y, length, width, self.heading, self.bottom, self.bottom + height)
 
 
 @dataclass(frozen=True, slots=True)
 class WorldBall:
-    """A ball of the diameter ``size`` that lies at (x, y). Raises BadRequest for one without size."""
+    """A ball of the diameter ``size`` at (x, y). Raises BadRequest for a size of 0 or less."""
 
     name: str
     x: float
@@ -86,13 +86,13 @@ class WorldBall:
             raise BadRequest(f"{self.name}: {self.size} m, {self.bottom} m above the floor: must be above 0 m")
 
     def solid(self) -> UprightCylinder:
-        """Return its shape, which is that of the can it would just fit into."""
+        """Return the solid shape: the cylinder around the ball."""
         return UprightCylinder(self.x, self.y, self.size / 2, self.bottom, self.bottom + self.size)
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A rectangle about (x, y), ``length`` along x by ``width`` along y, in which there is no floor: stairs down."""
+    """A rectangle about (x, y) without floor, such as stairs down: ``length`` along x, ``width`` along y."""
 
     x: float
     y: float
@@ -104,16 +104,16 @@ class Edge:
             raise BadRequest(f"edge at ({self.x}, {self.y}): {self.length} x {self.width} m: must be above 0 m")
 
     def contains(self, x: float, y: float) -> bool:
-        """Say whether (x, y) is in it."""
+        """Return whether (x, y) is in the rectangle."""
         return abs(x - self.x) <= self.length / 2 and abs(y - self.y) <= self.width / 2
 
 
 @dataclass(frozen=True, slots=True)
 class Rover:
-    """Another robot: a box that stands, or drives along ``path`` as people walk, with a marker on each of its sides.
+    """Another robot: a box that stands, or drives along ``path``, with a marker on each side.
 
-    ``marker`` is the number of its markers in ArUco's dictionary DICT_4X4_50. It is turned to ``heading`` until it
-    drives, then the way that it goes. Raises BadRequest for a marker that is not there or does not fit on its sides.
+    ``marker`` is the number in ArUco's dictionary DICT_4X4_50. The robot faces ``heading`` until it drives, then its
+    direction of travel. Raises BadRequest for an unknown marker, or one that does not fit on the sides.
     """
 
     name: str
@@ -140,7 +140,7 @@ class Rover:
         object.__setattr__(self, "walk", walk)  # the way to fill in a field of a frozen class
 
     def solid(self, time: float) -> UprightBox:
-        """Return its shape at ``time`` seconds."""
+        """Return the solid shape at ``time`` seconds."""
         x, y = self.walk.position_at(time)
         way = self.walk.heading_at(time) if time > self.start else None
         length, width, height = self.size
@@ -153,29 +153,32 @@ class Rover:
 # and three receivers on the base. The vendor gives no figures for them: all those here are our assumption.
 
 DOCK_SIZE = (0.1, 0.25, 0.1)
-"""Its length along the way it faces, its width and its height, in metres."""
+"""Length along its heading, width and height, in metres."""
 
 DOCK_COLOUR: Colour = (44, 46, 52)
 
 CONTACT_REACH = 0.015
-"""Metres before its front at which its contacts, on springs, meet those of the base."""
+"""Metres before the front at which the spring contacts of the dock touch those of the base."""
 
 MAX_CONTACT_OFFSET, MAX_CONTACT_ANGLE = 0.04, radians(20)
-"""How far a base may stand beside its middle (metres), and how far turned, for the contacts to meet."""
+"""Largest sideways offset (metres) and angle (radians) of a base at which the contacts touch."""
 
 NEAR_RANGE, FAR_RANGE = 0.6, 2.5
-"""Metres from its middle up to which the base hears the near beams, and the far ones."""
+"""Metres from the middle of the dock up to which the base receives the near beams, and the far ones."""
 
 _BEAM_SECTORS = (
     (radians(4), radians(45), DockBeam.NEAR_LEFT, DockBeam.FAR_LEFT),
     (radians(-12), radians(12), DockBeam.NEAR_CENTRE, DockBeam.FAR_CENTRE),
     (radians(-45), radians(-4), DockBeam.NEAR_RIGHT, DockBeam.FAR_RIGHT),
 )
-"""From and to which bearing, left of where the dock faces, each beam goes."""
+"""First and last bearing of each beam, left of the heading of the dock."""
 
 _RECEIVER_SECTORS = ((radians(15), radians(95)), (radians(-15), radians(15)), (radians(-95), radians(-15)))
-"""From and to which direction, left of its heading, the left, centre and right receiver of the base hear. The centre
-one looks so narrowly that who drives towards what it hears comes to the dock, as the vendor's own program does."""
+"""First and last direction of the left, centre and right receiver of the base, left of its heading.
+
+The centre receiver is so narrow that a base that drives towards its signal reaches the dock, as the vendor's program
+does.
+"""
 
 _BEAM_HEIGHT = 0.05  # metres above the floor of beams and receivers
 NO_SIGNALS = DockSignals()
@@ -183,7 +186,7 @@ NO_SIGNALS = DockSignals()
 
 @dataclass(frozen=True, slots=True)
 class WorldDock:
-    """A dock about (x, y) that faces ``heading``: a base drives onto it from there, the other way round."""
+    """A dock about (x, y) that faces ``heading``; a base approaches it from there, facing it."""
 
     x: float
     y: float
@@ -191,17 +194,17 @@ class WorldDock:
 
     @property
     def box(self) -> WorldBox:
-        """What it is to whoever bumps into it or looks at it."""
+        """Box of the dock, for collisions and the camera."""
         return WorldBox("dock", self.x, self.y, DOCK_SIZE, DOCK_COLOUR, heading=self.heading)
 
     @property
     def approach_line(self) -> tuple[FloorPosition, FloorPosition]:
-        """The line that shows on maps where a base comes from: its two ends, in metres."""
+        """The line on maps that shows the approach of a base: its two ends, in metres."""
         c, s = cos(self.heading), sin(self.heading)
         return (self.x, self.y), (self.x + 2.5 * DOCK_SIZE[0] * c, self.y + 2.5 * DOCK_SIZE[0] * s)
 
     def has_contact(self, base: Pose2D, radius: float) -> bool:
-        """Say whether a base of that radius stands so on the floor that the contacts meet."""
+        """Return whether the contacts of a base of that radius touch the dock."""
         dx, dy = base.x - self.x, base.y - self.y
         if abs(dx) + abs(dy) > 1.0:
             return False
@@ -215,7 +218,7 @@ class WorldDock:
         )
 
     def signals(self, base: Pose2D, is_clear: Callable[[Point3, Point3], bool]) -> DockSignals:
-        """Return what the receivers of a base hear; ``clear`` says whether nothing is between two places."""
+        """Return the beams that the receivers of a base get; ``is_clear`` tests for free sight between two points."""
         dx, dy = base.x - self.x, base.y - self.y
         away = hypot(dx, dy)
         if away > FAR_RANGE:
@@ -239,16 +242,17 @@ class WorldDock:
 # The backup limit of a Create 3, which has no cliff sensors at its back: it backs only over floor that it has seen.
 
 INITIAL_BACKUP_DISTANCE = 0.12
-"""Metres that it backs before it has driven forwards: 10 cm and braking, as a user of a TurtleBot 4 reports."""
+"""Metres that the base may back before it has driven forwards: 10 cm and braking, as a TurtleBot 4 user reports."""
 
 RELEASE_DISTANCE = 0.05
-"""Metres that it has to drive forwards before it backs again. The vendor says "for a while": an assumption."""
+"""Metres to drive forwards before the base may back again. The vendor says "for a while"; this is our assumption."""
 
 
 class BackupLimit:
-    """Backs ``allowance`` metres (one of at least 0), and no farther than it has driven forwards since.
+    """Backup limit of a Create 3: it backs ``allowance`` metres, then only as far as it has driven forwards.
 
-    ``is_reached`` is True from when the base refuses to back until it has driven ``RELEASE_DISTANCE`` forwards.
+    ``is_reached`` is True from the moment when the base refuses to back until it has driven ``RELEASE_DISTANCE``
+    forwards.
     """
 
     def __init__(self, allowance: float = INITIAL_BACKUP_DISTANCE) -> None:
@@ -256,7 +260,7 @@ class BackupLimit:
         self._remaining = allowance
 
     def on_travel(self, distance: float) -> None:
-        """Take in how far the wheels have rolled since the last call, in metres, backwards negative."""
+        """Add the travel of the wheels since the last call, in metres, backwards negative."""
         self._remaining = max(self._remaining + distance, 0.0)
         if self._remaining <= 0.0 and distance < 0.0:
             self.is_reached = True
@@ -264,50 +268,46 @@ class BackupLimit:
             self.is_reached = False
 
     def on_lift(self) -> None:
-        """Take in that the base hangs in the air: that reaches the limit."""
+        """Reach the limit, because the base was lifted."""
         self._remaining, self.is_reached = 0.0, True
 
 
 class Ground(Protocol):
-    """Where a base drives. Metres and radians, in the world's frame."""
+    """The floor on which a base drives. Metres and radians, in the world frame."""
 
     @property
     def dock(self) -> WorldDock | None:
-        """The dock that the base may charge at; None where there is none."""
+        """The dock at which the base may charge, or None."""
         ...
 
     def contact_directions(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
-        """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps something solid."""
+        """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps a solid."""
         ...
 
     def has_floor(self, x: float, y: float) -> bool:
-        """Say whether there is floor at (x, y): a cliff sensor looks at such a spot."""
+        """Return whether there is floor at (x, y), as a cliff sensor measures it."""
         ...
 
     def is_visible(self, eye: Point3, point: Point3, time: float) -> bool:
-        """Say whether nothing is between two places: the dock is heard only then."""
+        """Return whether the line between two points is free; the base receives the dock only then."""
         ...
 
 
 class OpenFloor:
-    """A ``Ground`` without end, and with nothing on it."""
+    """An infinite ``Ground`` without objects."""
 
     @property
     def dock(self) -> WorldDock | None:
-        """None."""
         return None
 
     def contact_directions(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
-        """Return nothing."""
         del x, y, radius, time
         return ()
 
     def has_floor(self, x: float, y: float) -> bool:
-        """Say that there is."""
         del x, y
         return True
 
     def is_visible(self, eye: Point3, point: Point3, time: float) -> bool:
-        """Say that nothing is."""
         del eye, point, time
         return True

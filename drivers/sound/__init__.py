@@ -1,1 +1,1 @@
-"""Sound that several devices share: WAV files, and printed words."""
+"""Speech and sounds, shared by several devices: synthesis, playback, WAV files, and printed speech."""

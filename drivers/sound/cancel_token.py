@@ -1,4 +1,4 @@
-"""How what is being said is broken off: from another thread, at once, whatever is at work on it."""
+"""Cancellation of an utterance, from any thread and at any stage."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from threading import Event, RLock
 
 
 class CancelToken:
-    """Broken off or not; whoever works on an utterance says in ``on_cancel`` what is to be done at that moment."""
+    """Cancellation flag with a callback, which ``on_cancel`` sets for the current stage."""
 
     def __init__(self) -> None:
         self._cancelled = Event()
@@ -15,23 +15,23 @@ class CancelToken:
 
     @property
     def is_cancelled(self) -> bool:
-        """True once it was broken off."""
+        """True once ``cancel`` was called."""
         return self._cancelled.is_set()
 
     def cancel(self) -> None:
-        """Break it off. Safe more than once, from any thread."""
+        """Cancel, and call the current callback. Safe more than once, from any thread."""
         with self._lock:
             self._cancelled.set()
             if self._callback is not None:
                 self._callback()
 
     def wait(self, timeout: float) -> bool:
-        """Wait until it is broken off, for so many seconds at most; True when it was."""
+        """Wait for the cancellation, at most ``timeout`` seconds; return whether it was cancelled."""
         return self._cancelled.wait(max(0.0, timeout))
 
     @contextmanager
     def on_cancel(self, callback: Callable[[], None]) -> Iterator[None]:
-        """Within this, have ``act`` called when it is broken off; at once where it was already."""
+        """Call ``callback`` upon cancellation while the context is active; at once if already cancelled."""
         with self._lock:
             self._callback = callback
             if self.is_cancelled:

@@ -1,4 +1,4 @@
-"""What turns words into sound: espeak-ng in a process of ours, or the user's Piper."""
+"""Speech engines: espeak-ng in a worker process, or the user's Piper."""
 
 import json
 from pathlib import Path
@@ -17,40 +17,40 @@ from drivers.transport.worker_process import Message, WorkerProcess
 WORKER_PROGRAM = Path(__file__).with_name("espeak_worker.py")
 
 SYNTHESIS_TIMEOUT = 3.0
-"""Seconds that the synthesiser may take for a text, and one more for each 1000 letters: it needs a tenth of that."""
+"""Seconds to synthesise a text, plus 1 s per 1000 letters; the synthesiser needs a tenth of that."""
 
 
 class SpeechEngine(Protocol):
-    """Turns words into sound; one that ``plays_sound`` plays it too."""
+    """Converts text to sound. With ``plays_sound`` it also plays it."""
 
     @property
     def plays_sound(self) -> bool:
-        """Whether it needs no player."""
+        """True if the engine plays the sound itself, without a player."""
         ...
 
     @property
     def failure_reason(self) -> str:
-        """Why there is no hope for it, else ""."""
+        """Reason of a permanent failure, or an empty string."""
         ...
 
     def open(self) -> None:
-        """Start what it needs; returns at once."""
+        """Start the engine's process, if any; returns at once."""
         ...
 
     def close(self) -> None:
-        """End that. Safe from any state, more than once."""
+        """End the engine's process. Safe from any state, more than once."""
         ...
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
-        """Return a text as sound; None when it was broken off, or has been spoken. Raises DriverError.
+        """Return a text as sound; None if it was cancelled, or has been played. Raises DriverError.
 
-        ``manner`` has everything that the robot file or the mission says.
+        ``manner`` is complete: the defaults of the robot file are filled in.
         """
         ...
 
 
 class EspeakEngine(WorkerClient):
-    """espeak-ng through the wheel ``espeakng-loader``. ``usual`` is the voice where a mission's does not exist."""
+    """espeak-ng through the package ``espeakng-loader``. ``default_manner`` has the voice to use for unknown ones."""
 
     plays_sound = False
 
@@ -65,7 +65,7 @@ class EspeakEngine(WorkerClient):
         self._answer: tuple[Message, bytes] | None = None
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
-        """See Engine. Raises NotConnected or NoReply."""
+        """Return a text as sound; None if it was cancelled. Raises NotConnected or NoReply."""
         if not self._wait_until_ready(token):
             return None
         with self._condition:
@@ -81,7 +81,7 @@ class EspeakEngine(WorkerClient):
         raise NoReply(f"{self._worker.name}: espeak-ng hangs with {text[:40]!r}", hint=self._hint)
 
     def _parse_answer(self) -> Speech | None:
-        """Return the answer taken apart: here, where that keeps nobody from breaking it off."""
+        """Return the answer as speech; called without the lock, so that cancelling is not delayed."""
         return None if self._answer is None else parse_speech(*self._answer)
 
     def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:
@@ -96,7 +96,7 @@ class EspeakEngine(WorkerClient):
 
 
 class PiperEngine:
-    """The user's program ``piper`` with the voice in the file ``model``; what the voice is, its MODEL.json says."""
+    """The user's program ``piper`` with the voice in the file ``model``, whose sample rate is in MODEL.json."""
 
     plays_sound = False
     failure_reason = ""
@@ -107,14 +107,12 @@ class PiperEngine:
         self._program = program
         self._name = "voice"
 
-    def open(self) -> None:
-        """Do nothing: it is run for each text."""
+    def open(self) -> None: ...
 
-    def close(self) -> None:
-        """Do nothing: what runs is broken off with the words that it says."""
+    def close(self) -> None: ...
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
-        """See Engine. Raises DeviceFault and NoReply."""
+        """Return a text as sound; None if it was cancelled. Raises DeviceFault and NoReply."""
         rate = self._sample_rate()
         pace = WORDS_PER_MINUTE / manner.speed
         command = [self._program, "--model", str(self._model), "--output-raw", "--length-scale", f"{pace:.3f}"]

@@ -1,6 +1,7 @@
-"""The program that speaks with espeak-ng (GPL-3), in a process of its own; it imports nothing of ours.
+"""Worker process that speaks with espeak-ng (GPL-3); it imports nothing of ours.
 
-Messages as in ``protocol``. The calls, numbers and the structures are those of espeak-ng's ``speak_lib.h``.
+The messages are described in ``drivers.sound.speech_programs``. Calls, numbers and structures are those of espeak-ng's
+``speak_lib.h``.
 """
 
 import ctypes
@@ -19,17 +20,17 @@ RATE_PARAMETER = 1
 UTF8 = 1
 BUFFER_MS = 200
 MIN_SPEED, MAX_SPEED = 80, 450
-"""Words a minute that espeak can speak."""
+"""Words per minute that espeak-ng can speak."""
 
 
 class EspeakEventId(ctypes.Union):
-    """What an event is about."""
+    """Subject of an event."""
 
     _fields_ = (("number", ctypes.c_int), ("name", ctypes.c_char_p), ("string", ctypes.c_char * 8))
 
 
 class EspeakEvent(ctypes.Structure):
-    """Something that begins at a place in the sound."""
+    """Event at a position in the sound."""
 
     _fields_ = (
         ("type", ctypes.c_int),
@@ -44,7 +45,7 @@ class EspeakEvent(ctypes.Structure):
 
 
 class EspeakVoice(ctypes.Structure):
-    """One of its voices; ``languages`` are a byte of priority and a name, again and again."""
+    """Voice of espeak-ng; ``languages`` is a priority byte and a name, repeated."""
 
     _fields_ = (
         ("name", ctypes.c_char_p),
@@ -63,9 +64,9 @@ Callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.
 
 
 class EspeakLibrary:
-    """The library. One text at a time: ``sound`` and ``phonemes`` are those of the last.
+    """The library espeak-ng. ``sound`` and ``phonemes`` are those of the last text.
 
-    A text that ``obsolete`` calls so, asked five times for each second of sound, is left where it is.
+    Synthesis polls ``is_obsolete`` five times per second of sound, and stops once it returns True.
     """
 
     def __init__(self, library: str, data: str, is_obsolete: Callable[[], bool]) -> None:
@@ -84,7 +85,7 @@ class EspeakLibrary:
         self._languages = self._voices_by_language()
 
     def select_voice(self, voice: str) -> bool:
-        """Speak in a voice from now on; False where there is none of this name. Variants it would not check itself."""
+        """Select a voice; return False if it does not exist. espeak-ng itself does not check variants."""
         base, plus, variant = voice.partition("+")
         if plus and variant not in self._variants:
             return False
@@ -92,7 +93,7 @@ class EspeakLibrary:
         return int(self._library.espeak_SetVoiceByName(name.encode())) == 0
 
     def speak(self, text: str, speed: int) -> bool:
-        """Make sound of a text; False when that was left."""
+        """Synthesise a text; return False if it became obsolete."""
         self._abandoned = False
         self.sound.clear()
         self.phonemes.clear()
@@ -114,7 +115,7 @@ class EspeakLibrary:
         return int(self._abandoned)
 
     def _voices_by_language(self) -> dict[str, str]:
-        """Return the voices by their languages: "en-gb" is none of their names."""
+        """Return the voice identifiers by language: espeak-ng does not find a voice by "en-gb"."""
         found: dict[str, str] = {}
         voices, number = self._library.espeak_ListVoices(None), 0
         while voices[number]:
@@ -125,14 +126,14 @@ class EspeakLibrary:
 
 
 def send(message: dict[str, object], body: bytes = b"") -> None:
-    """Say something to the robot."""
+    """Send a message, with sound if any, to the robot."""
     head = {**message, "bytes": len(body)} if body else message
     sys.stdout.buffer.write(json.dumps(head).encode() + b"\n" + body)
     sys.stdout.buffer.flush()
 
 
 def handle_request(espeak: EspeakLibrary, request: dict[str, Any]) -> None:
-    """Answer one request, unless another has come meanwhile."""
+    """Answer one request, unless a newer one has arrived meanwhile."""
     trouble = ""
     if not espeak.select_voice(request["voice"] or "en"):
         trouble = f"espeak-ng has no voice that is called {request['voice'][:40]!r}"
@@ -145,7 +146,7 @@ def handle_request(espeak: EspeakLibrary, request: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Answer until the input ends."""
+    """Answer requests until the input ends."""
     try:
         import espeakng_loader  # noqa: PLC0415 - that it is missing is something to tell
     except ImportError as error:

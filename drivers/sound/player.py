@@ -1,4 +1,4 @@
-"""The loudspeaker: sounds one at a time, through a program that owns the sound card."""
+"""Player of sounds, one at a time, through a program that owns the sound card."""
 
 from collections.abc import Callable
 from enum import Enum
@@ -17,26 +17,26 @@ from drivers.transport.worker_process import Message, WorkerProcess
 WORKER_PROGRAM = Path(__file__).with_name("sound_worker.py")
 
 STOP_TIMEOUT = 0.06
-"""Seconds after which a player that was told to stop is killed: so that it is silent within a tenth of a second."""
+"""Seconds after a stop until the player is killed, for silence within 0.1 s."""
 
 PLAY_TIMEOUT_MARGIN = 3.0
-"""Seconds by which a sound may take longer than it is, before its player is taken to hang."""
+"""Seconds by which playback may exceed the length of a sound before the player counts as hanging."""
 
 DECODE_TIMEOUT = 20.0
-"""Seconds that a file may take to be decoded."""
+"""Seconds to decode a file."""
 
 StartCallback = Callable[[float, float], None]
-"""Told when a sound begins: the clock's time, and how many seconds it lasts."""
+"""Called when a sound starts, with the time on the clock and its length in seconds."""
 
 
 class SoundState(Enum):
-    """State of a sound in its program; REFUSED: it cannot be decoded."""
+    """State of a sound in the program. REFUSED: it cannot be decoded."""
 
     SENT, PLAYING, ENDED, REFUSED = range(4)
 
 
 class SoundEvent(Enum):
-    """A new sound, or a message of the program about it."""
+    """A new sound, or a message about it."""
 
     SEND, START, END, REFUSE = range(4)
 
@@ -47,14 +47,14 @@ TRANSITIONS: Final = {
     (SoundState.SENT, SoundEvent.REFUSE): SoundState.REFUSED,
     (SoundState.PLAYING, SoundEvent.END): SoundState.ENDED,
 }
-"""Any other pair changes nothing: the program may be mistaken, and what does not end is killed."""
+"""All other pairs change nothing: the program may be wrong, and a sound without an end is killed by timeout."""
 
 
 class SoundPlayer(WorkerClient):
-    """Plays through ``device`` (part of its name; empty: the system's choice), ``volume`` 1 as the sound comes.
+    """Plays through ``device`` (part of its name; empty: the system's default); ``volume`` 1 leaves sounds unchanged.
 
-    Without a sound card sounds take as long as they would; ``mute_reason`` says why then, and a notice once. ``backend`` is
-    one of miniaudio's, for tests. For one thread.
+    Without a sound card, sounds take their usual time in silence. ``mute_reason`` has the reason then, and one notice
+    is reported. ``backend`` is one of miniaudio's, for tests. For one thread.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class SoundPlayer(WorkerClient):
         self._refusal = ""
 
     def play(self, sound: Speech, token: CancelToken, on_start: StartCallback) -> bool:
-        """Play a sound to its end; False when it was broken off. Raises NotConnected or NoReply."""
+        """Play a sound to its end; return False if cancelled. Raises NotConnected or NoReply."""
         if not self._start_sound(token, on_start):
             return False
         for message, samples in split_sound(self._number, sound):
@@ -92,7 +92,7 @@ class SoundPlayer(WorkerClient):
         return self._wait_for_end(token, sound.seconds)
 
     def play_file(self, path: Path, token: CancelToken, on_start: StartCallback) -> bool:
-        """Play a file as ``play`` does. Raises BadRequest too: for what cannot be decoded."""
+        """Play a file as ``play`` does. Also raises BadRequest if it cannot be decoded."""
         if not self._start_sound(token, on_start):
             return False
         self._worker.send({"file": self._number, "path": str(path.absolute())})
@@ -112,13 +112,13 @@ class SoundPlayer(WorkerClient):
         return True
 
     def _report_start(self, seconds: float) -> None:
-        """Tell, once, that it has begun, if it has."""
+        """Call the start callback once, if the sound has started."""
         if self._sound_state in (SoundState.PLAYING, SoundState.ENDED) and self._on_start is not None:
             listener, self._on_start = self._on_start, None
             listener(self._sound_started_at, seconds)
 
     def _wait_for_end(self, token: CancelToken, seconds: float) -> bool:
-        """Wait for the beginning and the end of what is on its way."""
+        """Wait for the start and the end of the sound that was sent."""
         if not self._wait_until(
             lambda: self._sound_state in (SoundState.PLAYING, SoundState.ENDED), token, PLAY_TIMEOUT_MARGIN
         ):
@@ -128,7 +128,7 @@ class SoundPlayer(WorkerClient):
         return self._wait_until(lambda: self._sound_state is SoundState.ENDED, token, left) or self._stop_sound(token)
 
     def _stop_sound(self, token: CancelToken) -> bool:
-        """Return False once it is silent, by its leave or not. Raises NoReply where nobody wanted it to be."""
+        """Silence the player, by force if necessary, and return False. Raises NoReply if not cancelled."""
         if not token.is_cancelled:
             self._worker.kill()
             raise NoReply(f"{self._worker.name}: the loudspeaker hangs", hint=self._hint)
@@ -147,7 +147,7 @@ class SoundPlayer(WorkerClient):
         return False
 
     def on_exit(self, reason: str) -> None:
-        """Note that it has died: the next may find a sound card."""
+        """Note that the program has died; the next one may find a sound card."""
         self.mute_reason = ""
         super().on_exit(reason)
 

@@ -1,4 +1,4 @@
-"""The voice of a machine without one: it prints the words, and takes as long as they would."""
+"""Voice of a machine without sound: prints the words, and takes their usual time."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,10 +12,10 @@ from drivers.sound.wav import check_sound_file, sound_duration
 
 
 class PrintedVoice:
-    """A ``drivers.api.Voice`` that hands each text to ``out`` in its turn, and is then busy as long as it would take.
+    """A ``drivers.api.Voice`` that passes each text to ``out`` in its turn, then is busy for its usual duration.
 
-    It has no thread: whether something has ended shows when somebody asks, and ``changed`` is called then. ``usual``
-    has the speed; of a file, the name is printed.
+    It has no thread: the end of an utterance takes effect at the next query, which calls ``changed``.
+    ``default_manner`` has the speed. For a file, the name is printed.
     """
 
     name = "voice"
@@ -38,28 +38,25 @@ class PrintedVoice:
         self._open = False
 
     def open(self) -> None:
-        """Be ready to print."""
         self._open = True
 
     def rest(self) -> None:
-        """Fall silent: cancel all that is being said or waiting."""
+        """Cancel the current utterance and all waiting ones."""
         with self._lock:
             for words in reversed(tuple(self._queue)):  # so that nobody's turn comes
                 words.cancel()
 
     def close(self) -> None:
-        """Fall silent for good."""
         self.rest()
         self._open = False
 
     def health(self) -> Health:
-        """Say that words are printed here, not spoken."""
         return Health(
             self._open, "" if self._open else f"{self.name}: not opened yet", counters={"said": self._utterance_count}
         )
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Print ``text`` in its turn; it lasts as its speed says. Raises NotConnected before open."""
+        """Print ``text`` in its turn; it lasts as long as speech at its speed. Raises NotConnected before ``open``."""
         return self._enqueue(text, speaking_time(text, fill_manner(manner, self._default_manner).speed), priority)
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
@@ -67,7 +64,6 @@ class PrintedVoice:
         return self._enqueue(f"[{check_sound_file(self.name, path).name}]", sound_duration(path), priority)
 
     def speaking(self) -> Utterance | None:
-        """Return what is being said now."""
         with self._lock:
             self.update()
             return self._queue.first
@@ -87,7 +83,7 @@ class PrintedVoice:
         return words
 
     def update(self) -> None:
-        """Take out of the queue what has ended by now; what follows has had its turn from then on."""
+        """Remove the utterances that have ended by now, and start the next one at the end of the one before."""
         with self._lock:
             changed = False
             while (first := self._queue.first) is not None and self._clock.now() >= first.end:
@@ -98,7 +94,7 @@ class PrintedVoice:
             self._changed()
 
     def remove(self, utterance: "PrintedUtterance") -> None:
-        """Take ``words`` out of the queue before their time; those behind them move up."""
+        """Remove an utterance from the queue early; the next one starts now."""
         with self._lock:
             self.update()
             utterance.cancelled = utterance.cancelled or not utterance.ended
@@ -107,7 +103,7 @@ class PrintedVoice:
             self._start_first(self._clock.now())
 
     def _start_first(self, now: float) -> None:
-        """Print the first of the queue, if it has not begun; what it breaks off begins anew afterwards."""
+        """Print the first utterance, unless it has started; one that it interrupts will start over."""
         first = self._queue.first
         for words in self._queue:
             if words is not first:
@@ -118,7 +114,7 @@ class PrintedVoice:
 
 
 class PrintedUtterance:
-    """A ``drivers.api.Utterance`` that is printed and lasts ``duration`` seconds from its turn on."""
+    """A ``drivers.api.Utterance`` that is printed, and lasts ``duration`` seconds from its start."""
 
     mouth: Sequence[MouthShape] = ()
 
@@ -133,14 +129,12 @@ class PrintedUtterance:
 
     @property
     def end(self) -> float:
-        """When it will have been said, if nothing breaks it off; its turn has come."""
+        """Time of the end, unless it is interrupted; valid once it has started."""
         return (self.started or 0.0) + self.duration
 
     def done(self) -> bool:
-        """True once as much time has passed as the words take."""
         self._voice.update()
         return self.ended
 
     def cancel(self) -> None:
-        """End now."""
         self._voice.remove(self)

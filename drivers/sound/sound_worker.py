@@ -1,8 +1,9 @@
-"""The program that plays sound with miniaudio, in a process of its own: ALSA complains from C.
+"""Worker process that plays sound with miniaudio, because ALSA prints errors from C.
 
-``sound_worker.py DEVICE BACKEND VOLUME``: part of a device's name, empty for the system's own choice; a backend of
-miniaudio's such as ``null``, empty for any; how loud, 1 as it comes. Messages as in ``protocol``. Without a sound
-card it plays into nothing, in the time that it takes. It imports nothing of ours, and ends with its input.
+``sound_worker.py DEVICE BACKEND VOLUME``: part of a device name, or empty for the system's default; a miniaudio backend
+such as ``null``, or empty for any; a factor, 1 for unchanged. The messages are described in
+``drivers.sound.speech_programs``. Without a sound card, sounds take their usual time in silence. The worker imports
+nothing of ours, and ends with its input.
 """
 
 import json
@@ -18,21 +19,21 @@ from types import ModuleType
 from typing import Any
 
 BUFFER_MS = 20
-"""Milliseconds of sound that a device asks for at a time; it has three of them in store, which a halt cannot undo."""
+"""Milliseconds of sound per buffer of a device; it has three of them, which a stop cannot take back."""
 
 IDLE_TIMEOUT = 10.0
-"""Seconds of silence after which the device is stopped: it would ask for more of it 50 times a second."""
+"""Seconds of silence after which the device is stopped, because it would request silence 50 times per second."""
 
 MAX_DURATION = 600.0
-"""Seconds that a file may last, which is decoded as a whole: of WAV files, which may lie, the robot sees to it."""
+"""Seconds of a file, which is decoded as a whole. The robot checks WAV files, whose headers may be wrong."""
 
 DEFAULT_RATE = 22_050
-"""That of espeak-ng: so the sound card is ready when the first words come."""
+"""Sample rate of espeak-ng, so that the sound card is ready for the first words."""
 
 
 @dataclass(slots=True)
 class QueuedSound:
-    """Something to play: its samples so far, whether they are all, and the byte that is next."""
+    """A sound to play: its samples so far, whether they are complete, and the position of the next byte."""
 
     number: int
     rate: int
@@ -42,23 +43,22 @@ class QueuedSound:
 
 
 class MessagePipe:
-    """The way to the robot; two threads speak."""
+    """Output pipe to the robot; used by two threads."""
 
     def __init__(self) -> None:
         self._lock = Lock()
 
     def send(self, **message: object) -> None:
-        """Say something."""
+        """Send a message."""
         with self._lock:
             sys.stdout.buffer.write(json.dumps(message).encode() + b"\n")
             sys.stdout.buffer.flush()
 
 
 class PlaybackQueue:
-    """What is to be played, first things first. The device's thread takes, the main thread puts in.
+    """Sounds to play, in order. The device's thread takes samples, the main thread adds them.
 
-    ``idle`` is set once the device, which plays ``rate`` samples a second, was given nothing but silence for so long
-    that it can be stopped.
+    ``rate`` is the sample rate of the device. ``idle`` is set once the device has played silence for ``IDLE_TIMEOUT``.
     """
 
     def __init__(self, pipe: MessagePipe, rate: int = DEFAULT_RATE) -> None:
@@ -71,12 +71,12 @@ class PlaybackQueue:
         self._draining: QueuedSound | None = None  # the device has the last of it, and not yet played that
 
     def on_device_opened(self, rate: int) -> None:
-        """A device was opened: it has not been silent for long, also where the one before could not be stopped."""
+        """Reset the idle time for a new device, even if the one before could not be stopped."""
         with self._lock:
             self.rate, self._silent_bytes = rate, 0
 
     def add(self, number: int, rate: int, samples: bytes, *, is_complete: bool) -> None:
-        """Add samples to a sound, which may be new."""
+        """Append samples to a sound, or start a new one."""
         with self._lock:
             sound = next((sound for sound in self._sounds if sound.number == number), None)
             if sound is None:
@@ -88,7 +88,7 @@ class PlaybackQueue:
             self.idle.clear()
 
     def drop(self, number: int) -> None:
-        """Take a sound out."""
+        """Remove a sound."""
         with self._lock:
             sounds = [*self._sounds] if self._draining is None else [self._draining, *self._sounds]
             for sound in sounds:
@@ -98,13 +98,13 @@ class PlaybackQueue:
                     self._report_end(sound)
 
     def start_generator(self) -> Generator[bytes, int, None]:
-        """Return what gives a device the samples that it asks for, from now on."""
+        """Return a primed generator of samples for a device."""
         playing = self.generate_samples()
         next(playing)
         return playing
 
     def generate_samples(self) -> Generator[bytes, int, None]:
-        """Give the device the samples that it asks for; the first is no answer, as miniaudio wants it."""
+        """Yield as many samples as the device requests; the first yield is a dummy, as miniaudio requires."""
         wanted = yield b""
         while True:
             wanted = yield self._take_samples(2 * wanted)
@@ -135,7 +135,7 @@ class PlaybackQueue:
 
 
 class SoundCardPlayer:
-    """The sound card, at the rate of what it plays. It is stopped while there is nothing to be played for long."""
+    """The sound card, at the sample rate of the current sound. It is stopped after a long silence."""
 
     def __init__(self, name: str, backend: str, volume: float, pipe: MessagePipe) -> None:
         self._name = name
@@ -150,7 +150,7 @@ class SoundCardPlayer:
         self._idler.start()
 
     def handle_message(self, message: dict[str, Any], body: bytes) -> None:
-        """Do what the robot says."""
+        """Execute a message of the robot."""
         match message:
             case {"play": number, "rate": rate, "last": last}:
                 self._play_samples(number, rate, body, is_complete=last)
@@ -175,14 +175,14 @@ class SoundCardPlayer:
             self._play_samples(number, rate, samples, is_complete=True)
 
     def _play_samples(self, number: int, rate: int, samples: bytes, *, is_complete: bool) -> None:
-        """Have samples played, by a device that plays."""
+        """Queue samples, on a device that runs at their rate."""
         with self._lock:
             if rate != self._device.sample_rate or not self._ensure_running():
                 self._reopen_device(rate)
             self._queue.add(number, rate, self._apply_volume(samples), is_complete=is_complete)
 
     def _ensure_running(self) -> bool:
-        """Start the device where it was stopped; say whether it plays."""
+        """Start the device if it was stopped; return whether it runs."""
         with suppress(miniaudio.MiniaudioError):
             if not self._device.running:
                 self._device.start(self._queue.start_generator())
@@ -193,7 +193,7 @@ class SoundCardPlayer:
         self._device = self._open_device(rate)
 
     def _stop_when_idle(self) -> None:
-        """Stop the device whenever it has been silent for long."""
+        """Stop the device whenever it is idle."""
         while self._queue.idle.wait():
             with self._lock:
                 if self._closed:
@@ -212,7 +212,7 @@ class SoundCardPlayer:
         return array("h", (min(max(int(value * self._volume), -32768), 32767) for value in values)).tobytes()
 
     def _open_device(self, rate: int) -> "miniaudio.PlaybackDevice":
-        """Return the device, playing; where there is none, say why and return one that plays into nothing."""
+        """Return a running device; without a sound card, report it and return a silent device."""
         try:
             device = self._make_device(rate, self._backends)
             if device.backend == "Null" and self._backends is None:
@@ -237,7 +237,7 @@ class SoundCardPlayer:
         )
 
     def _find_device_id(self) -> Any:
-        """Return the first device whose name holds ours, None for the system's choice. Raises LookupError."""
+        """Return the id of the first device whose name contains ours; None for the default. Raises LookupError."""
         if not self._name:
             return None
         found = miniaudio.Devices(self._backends).get_playbacks()
@@ -249,11 +249,11 @@ class SoundCardPlayer:
 
     @property
     def backend(self) -> str:
-        """What plays: ``PulseAudio``, ``ALSA`` .. ``Null``."""
+        """Name of the backend: ``PulseAudio``, ``ALSA`` .. ``Null``."""
         return str(self._device.backend)
 
     def close(self) -> None:
-        """Let the device go."""
+        """Close the device."""
         with self._lock:
             self._closed = True
             self._device.close()
@@ -262,7 +262,7 @@ class SoundCardPlayer:
 
 
 def _decode_file(path: str, rate: int) -> bytes:
-    """Return a file in one channel of 16 bits. Raises miniaudio.MiniaudioError."""
+    """Return a file as 16-bit mono samples. Raises miniaudio.MiniaudioError."""
     # By way of floats: miniaudio mixes more than two channels of 16 bits with an overflow, which is loud noise.
     floats, whole = miniaudio.SampleFormat.FLOAT32, miniaudio.SampleFormat.SIGNED16
     sound = miniaudio.decode_file(path, floats, nchannels=1, sample_rate=rate)
@@ -270,7 +270,7 @@ def _decode_file(path: str, rate: int) -> bytes:
 
 
 def _file_duration(path: str) -> float:
-    """Return how long a file lasts that is not WAV, whatever its suffix says, else 0; the robot measures WAV files."""
+    """Return the seconds of a file by its content, 0 for WAV: the robot has measured those."""
     with suppress(miniaudio.MiniaudioError, OSError), Path(path).open("rb") as file:
         begin = file.read(4)
         measures = {b"fLaC": miniaudio.flac_get_file_info, b"OggS": miniaudio.vorbis_get_file_info}

@@ -1,6 +1,6 @@
-"""Programs of others that speak: which there are, and how each is told what to say.
+"""External programs that speak: the known ones, their arguments, and how they are run.
 
-Each is run once for each text, and silenced with all that it has started.
+A program is run once per text, and cancelled together with its child processes.
 """
 
 import os
@@ -32,12 +32,12 @@ from drivers.transport.worker_process import last_error_line
 Message = dict[str, Any]
 
 MAX_PIECE_BYTES = 32_768
-"""Bytes of sound in a message: less than a pipe holds, so that a player that has stopped keeps nobody waiting."""
+"""Bytes of sound per message: less than a pipe buffer, so a stopped player does not block the sender."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Speech:
-    """Sound: 16-bit ``samples``, one channel; when which phoneme begins (s); what was wrong with the request, or ""."""
+    """Sound as 16-bit mono ``samples``, with the start of each phoneme (s), and a problem of the request, or ""."""
 
     samples: bytes
     rate: int
@@ -46,18 +46,21 @@ class Speech:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts."""
+        """Duration in seconds."""
         return len(self.samples) / 2 / self.rate
 
 
 def make_request(number: int, text: str, voice: str, fallback_voice: str, speed: float) -> Message:
-    """Ask for a text in a ``voice``, or ``instead`` in that one where there is no such voice; in words a minute."""
+    """Return the request to speak ``text``; ``fallback_voice`` replaces an unknown ``voice``.
+
+    ``speed`` is in words per minute.
+    """
     text, voice = (each.encode("utf-8", "replace").decode() for each in (text, voice))
     return {"id": number, "text": text, "voice": voice, "instead": fallback_voice, "speed": round(speed)}
 
 
 def parse_speech(message: Mapping[str, Any], body: bytes) -> Speech:
-    """Return what the synthesiser has answered. Raises LookupError, TypeError or ValueError for what is no answer."""
+    """Return the synthesiser's answer. Raises LookupError, TypeError or ValueError if it is invalid."""
     phonemes = tuple((int(at) / 1000.0, str(phoneme)) for at, phoneme in message["phonemes"])
     rate = int(message["rate"])
     if rate <= 0:
@@ -80,16 +83,15 @@ KNOWN_PROGRAMS: Mapping[str, tuple[str, ...]] = {
     "espeak": _ESPEAK_ARGUMENTS,
     "say": ("-v{voice}", "-r{speed}", "-f", "-"),  # of macOS
 }
-"""Programs that speak their standard input, best first, and their arguments."""
+"""Programs that speak their standard input, best first, with their arguments."""
 
 
 @dataclass(frozen=True, slots=True)
 class Synthesiser:
-    """A program that speaks what it reads from its standard input (UTF-8), and ends when it has.
+    """A program that speaks its standard input (UTF-8), then ends.
 
-    In ``arguments``, ``{voice}``, ``{language}`` and ``{speed}`` (words a minute) stand for the manner of speaking,
-    ``{volume}`` for how loud (percent), ``{name}`` for the voice as espeak calls it: "en-us+f2". An argument is left
-    out while what stands in it is not known.
+    In ``arguments``, ``{voice}``, ``{language}``, ``{speed}`` (words per minute), ``{volume}`` (percent) and ``{name}``
+    (the voice as espeak calls it: "en-us+f2") are replaced. An argument with an unknown value is left out.
     """
 
     program: str
@@ -97,7 +99,7 @@ class Synthesiser:
     volume: float = 1.0
 
     def command(self, manner: SpeechStyle) -> list[str]:
-        """Return what to run; never through a shell, and the text is no part of it."""
+        """Return the command line; it is never run by a shell, and the text is not part of it."""
         values = {
             "{voice}": manner.voice,
             "{language}": manner.language,
@@ -122,7 +124,7 @@ def _fill_argument(argument: str, values: Mapping[str, str]) -> str:
 
 
 def find_synthesiser(folders: str | None = None, *, volume: float = 1.0) -> Synthesiser | None:
-    """Return the best program on the PATH (or in ``folders``, joined as in PATH); None where there is none."""
+    """Return the best program on the PATH (or in ``folders``, written like PATH); None if there is none."""
     for name, arguments in KNOWN_PROGRAMS.items():
         program = shutil.which(name, path=folders)
         if program is not None:
@@ -131,12 +133,12 @@ def find_synthesiser(folders: str | None = None, *, volume: float = 1.0) -> Synt
 
 
 PIPE_DRAIN_TIMEOUT = 0.2
-"""Seconds for which a program's pipes are still read when it has ended: what it has started may hold them for ever."""
+"""Seconds to read the pipes of an ended program, which its child processes may keep open."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProgramOutput:
-    """What a program that has ended wrote, if that was wanted, and the last line of its complaints."""
+    """Output of an ended program, if kept, and the last line of its error output."""
 
     output: bytes
     last_error_line: str
@@ -152,10 +154,10 @@ def run_program(
     timeout: float,
     keep_output: bool = False,
 ) -> ProgramOutput | None:
-    """Run ``command`` for ``name``, ``text`` on its standard input; what it writes is kept if that is ``wanted``.
+    """Run ``command`` for ``name`` with ``text`` on its standard input; return its output if ``keep_output``.
 
-    Returns None when it was broken off. Raises DeviceFault when it cannot be run, or fails, and NoReply when it has not
-    ended after ``limit`` seconds.
+    Returns None if cancelled. Raises DeviceFault if the program cannot be run or fails, and NoReply if it has not ended
+    after ``timeout`` seconds.
     """
     hint = f"echo hello | {shlex.join(command)}" + (" > hello.raw" if keep_output else "")
     try:
@@ -180,7 +182,7 @@ def run_program(
 
 
 def _read_output(process: "Popen[bytes]", text: bytes, clock: Clock, until: float) -> ProgramOutput | None:
-    """Return what a program says until it ends; None for one that had to be killed, since it did not in time."""
+    """Return the output of a program until it ends; None if it was killed at the time ``until``."""
     given: bytes | None = text
     output: bytes | None
     complaint: bytes | None
@@ -205,18 +207,18 @@ def _read_output(process: "Popen[bytes]", text: bytes, clock: Clock, until: floa
 
 
 def _kill_group(process: "Popen[bytes]") -> None:
-    """Kill a program and whatever it started, unless it has been waited for and its number may be another's."""
+    """Kill a program and its child processes, unless it was reaped and its process id may have been reused."""
     if process.returncode is None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
 
 
 MIN_DURATION_SHARE = 1 / 3
-"""Part of the time that words take: a program that complains and has ended by then has not spoken them."""
+"""Share of the speaking time: a program with error output that ends earlier has not spoken."""
 
 
 class ProgramEngine:
-    """A ``drivers.sound.engines.SpeechEngine`` that has a program speak."""
+    """A ``drivers.sound.engines.SpeechEngine`` that runs an external program, which plays the sound itself."""
 
     plays_sound = True
     failure_reason = ""
@@ -226,16 +228,14 @@ class ProgramEngine:
         self._clock = clock
         self._name = "voice"
 
-    def open(self) -> None:
-        """Do nothing: the program is run for each text."""
+    def open(self) -> None: ...
 
-    def close(self) -> None:
-        """Do nothing: what runs is broken off with the words that it says."""
+    def close(self) -> None: ...
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
-        """See Engine. Raises DeviceFault, also where it says that it has spoken and cannot have; and NoReply.
+        """Speak a text and return None. Raises NoReply, and DeviceFault if the program fails or ends too early.
 
-        Without a sound card espeak-ng complains, ends at once, and with 0.
+        Without a sound card, espeak-ng writes errors and ends at once with exit code 0.
         """
         command, began = self._synthesiser.command(manner), self._clock.now()
         ran = run_program(self._name, command, text, token, self._clock, timeout=speaking_timeout(text, manner))

@@ -1,4 +1,4 @@
-"""What a voice says or plays: whose turn it is, how far it has come, and how the mouth looks meanwhile."""
+"""Utterances of a voice: their order, their progress, and the movement of the mouth."""
 
 from bisect import insort
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,13 +11,13 @@ from drivers.api import Mouth, MouthShape, Priority, SpeechStyle
 # Voices, languages and speeds: what a mission leaves open, the robot file says.
 
 WORDS_PER_MINUTE = 150.0
-"""How fast people talk, and synthesisers by default."""
+"""Default speed of synthesisers, and of people."""
 
 
 def fill_manner(manner: SpeechStyle, default: SpeechStyle) -> SpeechStyle:
-    """Return ``manner`` with what it leaves open taken from ``usual``.
+    """Return ``manner`` with its missing values taken from ``default``.
 
-    Of a usual voice such as "en-us+f2", only the variant "+f2" goes with another language, and "en-us" with another
+    If the default voice is "en-us+f2", only the variant "+f2" applies to another language, and only "en-us" to another
     variant.
     """
     base, plus, variant = default.voice.partition("+")
@@ -34,31 +34,31 @@ def fill_manner(manner: SpeechStyle, default: SpeechStyle) -> SpeechStyle:
 
 
 def espeak_name(manner: SpeechStyle) -> str:
-    """Return the voice as espeak calls it: "en-us+f2", or "" for its own choice; a variant goes with the language."""
+    """Return the voice as espeak calls it: "en-us+f2", or "" for its own choice; a variant needs a language."""
     base, plus, variant = manner.voice.partition("+")
     base = base or manner.language
     return f"{base or 'en'}+{variant}" if plus else base
 
 
 def speaking_time(text: str, speed: float) -> float:
-    """Return how long a text takes to say, at so many words a minute."""
+    """Return the seconds that a text takes at ``speed`` words per minute."""
     return len(text.split()) * 60.0 / speed
 
 
 def speaking_timeout(text: str, manner: SpeechStyle) -> float:
-    """Return after how many seconds a program that speaks a text, or makes sound of it, is taken to hang.
+    """Return the seconds after which a program that speaks or synthesises a text counts as hanging.
 
-    0.4 s for each letter are five times what English takes, and enough for digits and for Chinese.
+    0.4 s per letter is five times the time for English, and enough for digits and for Chinese.
     """
     return 10.0 + 0.4 * len(text) * WORDS_PER_MINUTE / (manner.speed or WORDS_PER_MINUTE)
 
 
 class PrioritisedItem(Protocol):
-    """What has a priority."""
+    """An item of a queue with a priority."""
 
     @property
     def priority(self) -> Priority:
-        """What it goes before."""
+        """Priority of the item."""
         ...
 
 
@@ -66,32 +66,32 @@ W = TypeVar("W", bound=PrioritisedItem)
 
 
 class UtteranceQueue(Generic[W]):
-    """What is heard and what waits: of the highest priority first, then the oldest. Who uses it has the lock."""
+    """Current and waiting utterances: highest priority first, then oldest. The caller holds the lock."""
 
     def __init__(self) -> None:
         self._queue: list[W] = []
 
     def __iter__(self) -> Iterator[W]:
-        """Yield what there is now, in order."""
+        """Yield a snapshot of the utterances, in order."""
         return iter(tuple(self._queue))
 
     @property
     def first(self) -> W | None:
-        """Whose turn it is."""
+        """The utterance to play now, or None."""
         return self._queue[0] if self._queue else None
 
     def insert(self, item: W) -> None:
-        """Put ``words`` where they belong, which may be first."""
+        """Insert an item by its priority, possibly first."""
         insort(self._queue, item, key=lambda each: -each.priority)
 
     def remove(self, item: W) -> None:
-        """Take ``words`` out, if they are there."""
+        """Remove an item, if it is in the queue."""
         if item in self._queue:
             self._queue.remove(item)
 
 
 STRESS_MARKS = "',=%|!"
-"""Marks that espeak puts before a phoneme: how it is stressed."""
+"""Stress marks that espeak puts before a phoneme."""
 
 PHONEME_LETTERS = {
     Mouth.CLOSED: "pbm_",
@@ -100,7 +100,7 @@ PHONEME_LETTERS = {
     Mouth.WIDE: "iIeEj",
     Mouth.OPEN: "aAV0",
 }
-"""First letters of phonemes (docs/phonemes.md of espeak-ng); all others are sounds of the tongue, with a narrow mouth.
+"""First letters of phonemes (docs/phonemes.md of espeak-ng) by mouth shape; all others have a narrow mouth.
 
 S and Z are those of *shoe* and *measure*, 0 and V the vowels of *lot* and *cup*, _ is a pause.
 """
@@ -109,7 +109,7 @@ _BY_LETTER = {letter: shape for shape, letters in PHONEME_LETTERS.items() for le
 
 
 def mouth_shape(phoneme: str) -> Mouth:
-    """Return the shape for one phoneme, such as ``'oU``; a diphthong by its beginning, tS and dZ as S and Z."""
+    """Return the mouth shape of a phoneme such as ``'oU``: of a diphthong by its start, of tS and dZ as of S and Z."""
     bare = phoneme.lstrip(STRESS_MARKS)
     if bare in ("tS", "dZ"):
         return Mouth.ROUND
@@ -117,7 +117,7 @@ def mouth_shape(phoneme: str) -> Mouth:
 
 
 def mouth_movement(phonemes: Iterable[tuple[float, str]], end: float) -> tuple[MouthShape, ...]:
-    """Return how the mouth moves with ``phonemes``, each with the second when it begins; closed from ``end`` on."""
+    """Return the mouth shapes of ``phonemes``, each with its start in seconds; the mouth closes at ``end``."""
     shapes: list[MouthShape] = []
     for at, shape in (*((at, mouth_shape(phoneme)) for at, phoneme in phonemes), (end, Mouth.CLOSED)):
         if not shapes or shapes[-1].shape is not shape:
@@ -126,9 +126,9 @@ def mouth_movement(phonemes: Iterable[tuple[float, str]], end: float) -> tuple[M
 
 
 class SpokenUtterance:
-    """A ``drivers.api.Utterance``: a text, or the file at ``path``. ``ended`` is set once it was heard or cancelled.
+    """A ``drivers.api.Utterance``: a text, or the file at ``path``. ``ended`` is set at its end or when cancelled.
 
-    ``remove`` takes it out of its voice.
+    ``remove`` removes it from its voice.
     """
 
     def __init__(
@@ -151,33 +151,30 @@ class SpokenUtterance:
         self._started: float | None = None
 
     def done(self) -> bool:
-        """True once it was heard to the end, or cancelled."""
         return self.ended.is_set()
 
     def cancel(self) -> None:
-        """Fall silent now."""
         self._remove(self)
 
     @property
     def started(self) -> float | None:
-        """When its first sample was heard; of a program that plays by itself, when that was started."""
+        """Time of its first sample; for a program that plays sound itself, time of the program's start."""
         return self._started
 
     @property
     def mouth(self) -> Sequence[MouthShape]:
-        """How the mouth moves with it."""
         return () if self._started is None else self.shapes
 
     @property
     def end(self) -> float:
-        """When it will have been heard."""
+        """Time at which its last sample will have been played."""
         return (self._started or 0.0) + self.seconds
 
     def on_start(self, at: float, seconds: float) -> None:
-        """Note that it is heard from ``at`` on."""
+        """Record that playback started at ``at``."""
         self._started, self.seconds = at, seconds
 
     def reset_start(self) -> None:
-        """Forget a beginning that came to no end: it waits again."""
+        """Return to the waiting state after an interrupted playback."""
         if not self.done():
             self._started = None

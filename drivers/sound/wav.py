@@ -1,7 +1,7 @@
-"""WAV files: the one reader of headers, for recordings that are listened to and sounds that are played.
+"""WAV headers, for recordings and for sounds that are played; and other sound files.
 
-Programs that write to a pipe, or are killed, leave wrong sizes in the header; so a size counts only as far as the file
-goes. A data size of 0 is refused: whether a sound follows it cannot be told from other chunks.
+Programs that write to a pipe, or are killed, leave wrong sizes in the header, so a size is limited to that of the file.
+A data size of 0 is refused: the sound after it cannot be told from other chunks.
 """
 
 from contextlib import suppress
@@ -13,16 +13,16 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 
 PCM, MS_ADPCM, FLOAT, A_LAW, MU_LAW, IMA_ADPCM, EXTENSIBLE = 1, 2, 3, 6, 7, 0x11, 0xFFFE
-"""The encodings that a player takes, as the format chunk numbers them."""
+"""Encodings that a player accepts, as numbered in the format chunk."""
 
 ENCODING_NAMES = {
     PCM: "integers", MS_ADPCM: "ADPCM", FLOAT: "floats", A_LAW: "A-law", MU_LAW: "mu-law", IMA_ADPCM: "IMA ADPCM",
     0x31: "GSM", 0x50: "MPEG", 0x55: "MP3", 0xFF: "AAC", 0x161: "Windows Media", 0x674F: "Vorbis",
 }  # fmt: skip
-"""Names of encodings, for people."""
+"""Display names of encodings."""
 
 SAMPLE_WIDTHS = {PCM: (1, 2, 3, 4), FLOAT: (4, 8), A_LAW: (1,), MU_LAW: (1,)}
-"""Bytes a sample may have, by the encodings that are decoded to be listened to (``drivers.microphone.wav_microphone``)."""
+"""Bytes per sample, by the encodings that ``drivers.microphone.wav_microphone`` decodes."""
 
 _CHUNK, _FORMAT, _SIZES = Struct("<4sI"), Struct("<HHIIHH"), Struct("<QQ")
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")
@@ -45,14 +45,14 @@ _OTHER_FILE_TYPES = (
 
 
 class BadWav(ValueError):
-    """A file that is not a WAV file, or one that cannot be decoded; the text says what it is."""
+    """A file that is not a WAV file or cannot be decoded; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class WavFormat:
-    """What the header of a WAV file says: ``rate`` in frames a second, ``width`` in bytes a sample.
+    """Header of a WAV file: ``rate`` in frames/s, ``width`` in bytes per sample, ``byte_rate`` in bytes/s.
 
-    ``size`` bytes of sound begin at byte ``begin`` of the file, as many as are there. ``byte_rate`` is bytes a second.
+    ``size`` bytes of sound begin at byte ``begin`` of the file, as many as there really are.
     """
 
     encoding: int
@@ -65,12 +65,12 @@ class WavFormat:
 
     @property
     def frames(self) -> int:
-        """The number of whole frames."""
+        """Number of complete frames."""
         return self.size // (self.width * self.channels)
 
     @property
     def seconds(self) -> float:
-        """How long the sound lasts; as its header says where it is compressed."""
+        """Duration in seconds; for compressed sound by the byte rate of the header."""
         return self.frames / self.rate if self.encoding in SAMPLE_WIDTHS else self.size / self.byte_rate
 
 
@@ -144,17 +144,17 @@ _MP3_BITRATES = {
     True: (0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320),
     False: (0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160),
 }
-"""Of layer III, in kbit/s: of MPEG 1, and of 2 and 2.5."""
+"""Bit rates of layer III in kbit/s: of MPEG 1, and of 2 and 2.5."""
 
 _MP3_SAMPLE_RATES = {3: (44_100, 48_000, 32_000), 2: (22_050, 24_000, 16_000), 0: (11_025, 12_000, 8_000)}
-"""Samples a second, by the bits that tell the version."""
+"""Sample rates by the version bits."""
 
 _MP3_SEARCH_BYTES = 65_536
-"""Bytes in which the first frame of an MP3 must begin."""
+"""Bytes within which the first frame of an MP3 must begin."""
 
 
 def is_playable(file: BinaryIO) -> bool:
-    """Return whether the file begins as a sound that can be played, and has something of it.
+    """Return whether the file starts like a playable sound and has content.
 
     Raises BadWav for a WAV file that cannot be played, OSError.
     """
@@ -176,7 +176,7 @@ def _is_wav(begin: bytes) -> bool:
 
 
 def _is_mp3(file: BinaryIO, begin: bytes) -> bool:
-    """Look for two frames in a row, behind a tag if there is one."""
+    """Return whether there are two consecutive MP3 frames, after a tag if there is one."""
     tag = 0
     if begin[:3] == b"ID3" and len(begin) >= 10:
         tag = 10 + sum(byte << shift for byte, shift in zip(begin[6:10], (21, 14, 7, 0), strict=True))
@@ -193,7 +193,7 @@ def _is_mp3(file: BinaryIO, begin: bytes) -> bool:
 
 
 def _mp3_frame_length(head: bytes) -> int:
-    """Return the length in bytes of the frame of an MP3 that begins so; 0 for none."""
+    """Return the length in bytes of the MP3 frame with this header; 0 if it is not one."""
     if len(head) < 4 or head[0] != 0xFF or head[1] & 0xE0 != 0xE0 or head[1] & 0x06 != 0x02:
         return 0
     version, rate, bits = head[1] >> 3 & 3, head[2] >> 2 & 3, head[2] >> 4
@@ -206,15 +206,15 @@ def _mp3_frame_length(head: bytes) -> int:
 
 
 TYPICAL_BYTES_PER_SECOND = 16_000
-"""Of compressed sound at 128 kbit/s, which is common."""
+"""Bytes per second of compressed sound at 128 kbit/s, a common bit rate."""
 
 
 MAX_DURATION = 600.0
-"""Seconds that a sound may last: it is decoded as a whole, and what is not WAV is measured where that is done."""
+"""Seconds of a sound, which is decoded as a whole; the sound worker measures files other than WAV."""
 
 
 def check_sound_file(name: str, path: Path) -> Path:
-    """Return ``path``, which ``name`` is to play. Raises BadRequest where there is no such file, or it is no sound.
+    """Return ``path``, which ``name`` is to play. Raises BadRequest for a missing or unplayable file.
 
     Also for a WAV file of more than ten minutes.
     """
@@ -243,7 +243,7 @@ def check_sound_file(name: str, path: Path) -> Path:
 
 
 def sound_duration(path: Path) -> float:
-    """Return about how many seconds a sound lasts: exactly for a WAV file, else as its size suggests."""
+    """Return the seconds of a sound: exact for a WAV file, else estimated from its size."""
     if not path.is_file():
         return 0.0
     with suppress(OSError, BadWav), path.open("rb") as file:

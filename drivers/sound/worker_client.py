@@ -1,4 +1,4 @@
-"""One end of the talk with a program of ours: who wants something of it waits for the answer, or to be broken off."""
+"""Client of a worker process: blocking requests with cancellation and timeouts."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -14,23 +14,23 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.worker_process import Message, WorkerProcess
 
 START_TIMEOUT = 5.0
-"""Seconds for which a program that starts is waited for, also when it has died: shared machines are slow."""
+"""Seconds to wait for a starting program, also after it has died: shared machines are slow."""
 
 HANG_TIMEOUT = 10.0
-"""Seconds after its start when a program that somebody waits for, and that is not ready yet, is taken to hang."""
+"""Seconds after its start until a program that is not ready counts as hanging."""
 
 MAX_DEATHS = 3
-"""Deaths in a row after which a program is not waited for any more; it is started again all the same."""
+"""Deaths in a row after which requests fail at once; the program is still restarted."""
 
 
 class ProgramState(Enum):
-    """State of a program; DEAD: its worker starts it again."""
+    """State of the program. DEAD: the worker process restarts it."""
 
     CLOSED, STARTING, READY, DEAD = range(4)
 
 
 class ProgramEvent(Enum):
-    """Event of a program and of its worker."""
+    """Event of the program or its worker process."""
 
     OPEN, START, READY, DIE, CLOSE = range(5)
 
@@ -44,11 +44,11 @@ TRANSITIONS: Final = {
     (ProgramState.READY, ProgramEvent.DIE): ProgramState.DEAD,
     (ProgramState.DEAD, ProgramEvent.START): ProgramState.STARTING,
 }
-"""Any other pair changes nothing: what a program says while it is being closed comes too late."""
+"""All other pairs change nothing: messages of a program that is being closed are too late."""
 
 
 class WorkerClient(ABC):
-    """Talks with ``worker``: a ``drivers.transport.worker_process.WorkerHandler``. A subclass says what its answers mean."""
+    """Client of ``worker``; a ``drivers.transport.worker_process.WorkerHandler``. Subclasses handle the messages."""
 
     def __init__(self, worker: WorkerProcess, clock: Clock, *, report: StatusCallback = ignore, hint: str = "") -> None:
         self._worker = worker
@@ -69,7 +69,7 @@ class WorkerClient(ABC):
             self._worker.open(self)
 
     def close(self) -> None:
-        """End it. Safe from any state, more than once."""
+        """End the program. Safe from any state, more than once."""
         self._handle_program(ProgramEvent.CLOSE)
         self._worker.close()
         with self._condition:
@@ -87,12 +87,12 @@ class WorkerClient(ABC):
 
     @property
     def failure_reason(self) -> str:
-        """Why there is no hope for it, else ""."""
+        """Reason of a permanent failure, or an empty string."""
         health = self._worker.health()
         return self._missing_reason or (health.detail if self._deaths >= MAX_DEATHS and not health.online else "")
 
     def _wait_until_ready(self, token: CancelToken) -> bool:
-        """Wait for the program to be ready; False when it was broken off. Raises NotConnected and NoReply."""
+        """Wait until the program is ready; return False if cancelled. Raises NotConnected and NoReply."""
         with token.on_cancel(self._wake), self._condition:
             settled = ProgramState.READY, ProgramState.CLOSED
             self._condition.wait_for(
@@ -107,9 +107,9 @@ class WorkerClient(ABC):
         raise NotConnected(self.failure_reason or self._worker.health().detail or "it does not start", hint=self._hint)
 
     def _wait_until(self, condition: Callable[[], object], token: CancelToken, timeout: float) -> bool:
-        """Wait until ``holds`` is true, for some seconds at most; False when it is not. Raises NotConnected.
+        """Wait until ``condition`` is true; return False after ``timeout`` seconds or when cancelled.
 
-        It also ends when it is broken off, and raises when the program dies meanwhile.
+        Raises NotConnected if the program dies meanwhile.
         """
         with token.on_cancel(self._wake), self._condition:
             self._condition.wait_for(lambda: condition() or token.is_cancelled or not self._is_ready, timeout)
@@ -125,17 +125,17 @@ class WorkerClient(ABC):
 
     @abstractmethod
     def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:
-        """Keep what was told, under the lock; return what is to be reported of it, once."""
+        """Process a message under the lock; return a notice to report once, or None."""
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Note that it runs; that it is ready, it says itself."""
+        """Note that the program runs; it reports itself when it is ready."""
         self._started_at = self._clock.now()
         self._handle_program(ProgramEvent.START)
 
     def on_message(self, message: Message, body: bytes) -> None:
-        """Keep what it says, and wake who waits for that."""
+        """Process a message and wake the waiting threads."""
         with self._condition:
             notice = self._process_message(message, body)
             self._condition.notify_all()
@@ -154,6 +154,6 @@ class WorkerClient(ABC):
         return self._handle_message(message, body)
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Note that it has died."""
+        """Note that the program has died."""
         self._deaths += 1
         self._handle_program(ProgramEvent.DIE)

@@ -1,1 +1,1 @@
-"""Understanding the phrases that a mission listens for, and refusing all other speech."""
+"""Recognition of the phrases that a mission listens for, and refusal of all other speech."""

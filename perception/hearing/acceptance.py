@@ -1,7 +1,7 @@
-"""Whether a phrase was really said: one number out of the figures of its decoding, learned from examples.
+"""Acceptance score of a recognised phrase: logistic regression on features of its decoding.
 
-A logistic regression: above 0 it was more likely said than not, as far as the examples were like life. What they were,
-docs/speech.md says; ``acceptance.json`` beside this file holds what was learned.
+Above 0 the phrase was more likely said than not, by the training examples. docs/speech.md describes these;
+``acceptance.json`` beside this file has the trained parameters.
 """
 
 import json
@@ -14,12 +14,12 @@ import numpy as np
 MODEL_FILE = Path(__file__).with_name("acceptance.json")
 
 MAX_DEVIATIONS = 4.0
-"""Standard deviations beyond which a figure is no more extreme: one that is far off must not decide alone."""
+"""Standard deviations at which a feature is clipped, so that one outlier does not decide alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptanceModel:
-    """For each figure by ``names`` what is usual (``mean``, ``deviation``) and its ``weights``; and a ``bias``."""
+    """Logistic regression with ``mean``, ``deviation`` and weight of each feature in ``names``, and a ``bias``."""
 
     names: tuple[str, ...]
     mean: tuple[float, ...]
@@ -28,14 +28,14 @@ class AcceptanceModel:
     bias: float
 
     def score(self, figures: Mapping[str, float]) -> float:
-        """Return how surely it was said: the logarithm of the odds."""
+        """Return the logarithm of the odds that the phrase was said, from its features by name."""
         values = np.array([figures[name] for name in self.names])
         usual = np.clip((values - self.mean) / np.array(self.deviation), -MAX_DEVIATIONS, MAX_DEVIATIONS)
         return float(usual @ np.array(self.weights) + self.bias)
 
 
 def load_acceptance(path: Path = MODEL_FILE) -> AcceptanceModel:
-    """Read what was learned."""
+    """Read the trained parameters."""
     found = json.loads(path.read_text(encoding="utf-8"))
     return AcceptanceModel(
         names=tuple(found["names"]),

@@ -1,7 +1,7 @@
-"""The acoustic model that pocketsphinx carries, read from its files: how well a sound fits each state of each phone.
+"""Acoustic model of pocketsphinx, read from its files: likelihoods of sounds in the states of phones.
 
-A phone has three states, and sounds otherwise between other phones. 42 codebooks of 128 Gaussians for each of three
-streams (cepstra, their slopes, and the slopes of these) are shared by all states of a phone; a state weighs them.
+A phone has three states, and depends on its neighbours. 42 codebooks of 128 Gaussians for each of three streams
+(cepstra, their slopes, and the slopes of these) are shared by all states of a phone; each state has its own weights.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,22 +19,22 @@ from perception.hearing.sound import RATE, Floats, Samples
 # 130 and 6800 Hz, its removal of steady noise, cosine transform, lifter. One row for each 10 ms.
 
 HOP_SAMPLES, WINDOW_SAMPLES, FFT_SIZE = RATE // 100, 410, 512
-"""Samples from one row to the next, that count for a row, and of which a spectrum is taken."""
+"""Samples from one row to the next, samples per row, and samples per spectrum."""
 
 CEPSTRUM_SIZE, BAND_COUNT, MIN_FREQUENCY, MAX_FREQUENCY = 13, 25, 130.0, 6800.0
-"""Cepstra, triangles, and between which frequencies these lie (Hz)."""
+"""Number of cepstra and of triangles, and frequency range of the triangles (Hz)."""
 
 TYPICAL_CEPSTRA = (41.6, -6.2, -4.3, -0.8, -3.5, -6.0, -4.9, -2.5, 0.8, -2.2, -1.2, -1.6, -0.7)
-"""The mean of the cepstra of words at the level of ``denoise.LOUD``, over people and their microphones."""
+"""Mean of the cepstra of words at the level ``perception.hearing.sound.TARGET_LEVEL``, over people and microphones."""
 
 TYPICAL_ROWS = 100
-"""Rows for which ``TYPICAL_CEPSTRA`` counts: the mean of one word says as much about its sounds as about the microphone."""
+"""Rows that ``TYPICAL_CEPSTRA`` counts for: the mean of one word depends as much on its sounds as on the microphone."""
 
 _KEPT, _RISE, _FALL, _FADE, _MASK, _GAIN, _BESIDE = 0.7, 0.995, 0.5, 0.85, 0.2, 20.0, 4
 
 
 def cepstra(samples: Samples) -> Floats:
-    """Return the cepstra of a sound of a window at least: shape (rows, 13)."""
+    """Return the cepstra of a sound of at least ``WINDOW_SAMPLES``: shape (rows, 13)."""
     sound = np.asarray(samples, np.float64)
     sound = np.append(sound[:1], sound[1:] - 0.97 * sound[:-1])
     rows = max(1, -(-(len(sound) - WINDOW_SAMPLES + HOP_SAMPLES) // HOP_SAMPLES))
@@ -46,7 +46,7 @@ def cepstra(samples: Samples) -> Floats:
 
 
 def remove_noise(bands: Floats) -> Floats:
-    """Return the power in each band over time without what is steady: shape (rows, bands), both ways."""
+    """Return the power in each band over time without steady noise: input and output of shape (rows, bands)."""
     power, noise, floor = bands[0].copy(), bands[0] / _GAIN, bands[0] / _GAIN
     peak, found = np.zeros(len(power)), np.empty_like(bands)
     for number, band in enumerate(bands):
@@ -63,13 +63,13 @@ def remove_noise(bands: Floats) -> Floats:
 
 
 def normalise_cepstra(rows: Floats) -> Floats:
-    """Return cepstra without the colour of microphone and voice: less their mean, as far as one word tells it."""
+    """Return cepstra minus their mean, which removes the colour of microphone and voice; see ``TYPICAL_ROWS``."""
     mean = (rows.sum(axis=0) + TYPICAL_ROWS * np.array(TYPICAL_CEPSTRA)) / (len(rows) + TYPICAL_ROWS)
     return np.asarray(rows - mean, np.float64)
 
 
 def add_slopes(rows: Floats) -> Floats:
-    """Return cepstra, how they change, and how that changes: shape (rows, 3, 13)."""
+    """Return cepstra with their first and second slopes: shape (rows, 3, 13)."""
     count, padded = len(rows), np.pad(rows, ((3, 3), (0, 0)), mode="edge")
 
     def later(by: int) -> Floats:
@@ -79,13 +79,13 @@ def add_slopes(rows: Floats) -> Floats:
 
 
 def _lower_envelope(envelope: Floats, level: Floats) -> Floats:
-    """Follow the lower edge of a level: slowly up, quickly down."""
+    """Return the next value of the lower envelope of a level: slow rise, fast fall."""
     keep = np.where(level >= envelope, _RISE, _FALL)
     return np.asarray(keep * envelope + (1 - keep) * level, np.float64)
 
 
 def _mel_triangles() -> Floats:
-    """The triangles as weights of a spectrum: shape (FFT // 2 + 1, BANDS). Each has the area 1."""
+    """Return the triangular filters as weights of a spectrum, each of area 1: shape (FFT_SIZE // 2 + 1, BAND_COUNT)."""
     low, high = (2595 * np.log10(1 + edge / 700) for edge in (MIN_FREQUENCY, MAX_FREQUENCY))
     step = RATE / FFT_SIZE
     edges = np.floor(700 * (10 ** (np.linspace(low, high, BAND_COUNT + 2) / 2595) - 1) / step + 0.5) * step
@@ -95,7 +95,7 @@ def _mel_triangles() -> Floats:
 
 
 def _cosine_transform() -> Floats:
-    """The cosine transform and the lifter: shape (BANDS, COUNT)."""
+    """Return the cosine transform with the lifter: shape (BAND_COUNT, CEPSTRUM_SIZE)."""
     number = np.arange(CEPSTRUM_SIZE)
     waves = np.cos(np.pi * number * (np.arange(BAND_COUNT)[:, None] + 0.5) / BAND_COUNT) * np.sqrt(2 / BAND_COUNT)
     waves[:, 0] /= np.sqrt(2)
@@ -103,7 +103,7 @@ def _cosine_transform() -> Floats:
 
 
 def _neighbour_means() -> Floats:
-    """The mean over the bands beside each: shape (BANDS, BANDS)."""
+    """Return the averaging matrix over neighbouring bands: shape (BAND_COUNT, BAND_COUNT)."""
     band = np.arange(BAND_COUNT)
     near = np.abs(band[:, None] - band) <= _BESIDE
     return np.asarray(near / near.sum(axis=1, keepdims=True), np.float64)
@@ -116,7 +116,7 @@ Integers = npt.NDArray[np.int64]
 Floats32 = npt.NDArray[np.float32]
 
 STATES_PER_PHONE = 3
-"""Of a phone, one after the other."""
+"""Number of consecutive states of a phone."""
 
 SILENCE = "SIL"
 
@@ -130,7 +130,7 @@ REQUIRED_FEATURES = {
     "-svspec": "0-12/13-25/26-38",
     "-remove_noise": "yes",
 }
-"""What it must have been trained on, as its ``feat.params`` tells: what ``cepstra`` makes."""
+"""Required settings in ``feat.params`` of the model: those of ``cepstra``."""
 
 _WEIGHT_SCALE = 1024 * np.log(1.0001)  # of a state for a Gaussian: minus the logarithm, in these units
 _WORD_POSITIONS = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone in its word
@@ -138,7 +138,7 @@ _WORD_POSITIONS = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WordStates:
-    """The states of a word one after the other: which, and the logarithms of the chance to stay and to go on."""
+    """Consecutive states of a word: their numbers, and the log probabilities of staying and of leaving."""
 
     numbers: Integers
     log_stay: Floats
@@ -146,7 +146,7 @@ class WordStates:
 
 
 class AcousticModel:
-    """Reads the model in a ``folder``. Raises OSError where it is not, ValueError for one of another form."""
+    """Model in a ``folder``. Raises OSError if a file is missing, ValueError for another format."""
 
     def __init__(self, folder: Path) -> None:
         told = dict(line.split() for line in (folder / "feat.params").read_text("utf-8").splitlines() if line.strip())
@@ -161,7 +161,7 @@ class AcousticModel:
         self.weights = self._read_weights((folder / "sendump").read_bytes(), means.shape[1:3])
 
     def _read_phones(self, data: bytes) -> None:
-        """Read which states belong to which phone between which others."""
+        """Read the states of each phone between its neighbours."""
         if data[:4] != b"BMDF":
             raise ValueError("the acoustic model has no binary mdef")
         at = 12 + int(np.frombuffer(data, "<i4", 1, 8)[0])
@@ -189,7 +189,7 @@ class AcousticModel:
         self.phone_of[self._rows[self._phones["row"]]] = bases[:, None]
 
     def _read_weights(self, data: bytes, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
-        """Read how a state weighs the Gaussians: shape (streams, Gaussians, states)."""
+        """Return the weights of the Gaussians in each state: shape (streams, Gaussians, states)."""
         size = int(np.prod(shape)) * self.state_count
         if len(data) < size or b"cluster_count 0" not in data[:4096]:
             raise ValueError("the acoustic model has weights of another form")
@@ -200,7 +200,7 @@ class AcousticModel:
         return ((place * count + phone) * count + before) * count + after
 
     def word_states(self, phones: Sequence[str]) -> WordStates:
-        """Return the states of a word between silences. Raises KeyError for a phone that the model has not."""
+        """Return the states of a word between silences. Raises KeyError for an unknown phone."""
         around = (SILENCE, *phones, SILENCE)
         found = [
             self._phones[self._find_phone(number, len(phones), around[number : number + 3])]
@@ -212,7 +212,7 @@ class AcousticModel:
         return WordStates(np.concatenate([self._rows[each["row"]] for each in found]), np.log(stay), np.log(leave))
 
     def _find_phone(self, number: int, count: int, around: Sequence[str]) -> int:
-        """Return the phone that stands ``number`` in a word of ``state_count``, the likest that is known."""
+        """Return the phone at position ``number`` in a word of ``count`` phones, or the most similar known one."""
         before, phone, after = (self._phone_numbers[each] for each in around)
         name = "alone" if count == 1 else "first" if number == 0 else "last" if number == count - 1 else "inside"
         for place in (_WORD_POSITIONS[name], *_WORD_POSITIONS.values()):
@@ -226,7 +226,7 @@ class AcousticModel:
 
 
 class StateLikelihoods:
-    """How well sounds fit some ``states`` of a model."""
+    """Likelihoods of sounds in some ``states`` of a model."""
 
     def __init__(self, model: AcousticModel, states: Iterable[int]) -> None:
         self.states = np.unique(np.fromiter(states, np.int64))
@@ -239,11 +239,11 @@ class StateLikelihoods:
         ]
 
     def columns(self, states: Integers) -> Integers:
-        """Return in which columns of the fits some states are."""
+        """Return the columns of some states in the result."""
         return np.searchsorted(self.states, states)
 
     def __call__(self, features: Floats) -> Floats32:
-        """Return the logarithm of the density of each row of ``features`` in each state: shape (rows, states)."""
+        """Return the log likelihood of each row of ``features`` in each state: shape (rows, states)."""
         found = np.zeros((len(features), len(self.states)), np.float32)
         squares = np.concatenate([features**2, features], axis=-1).astype(np.float32)
         for phone, mine, weights in self._groups:
@@ -255,7 +255,7 @@ class StateLikelihoods:
 
 
 def _read_table(path: Path) -> Floats:
-    """Read a file of floats of Sphinx-3: their shape stands before them, then how many, but for what comes last."""
+    """Read a file of floats of Sphinx-3: a header with the shape, then the values."""
     data = path.read_bytes()
     at = data.index(b"endhdr\n") + 11
     sizes = np.frombuffer(data, "<i4", 3, at)
@@ -275,14 +275,14 @@ def _read_table(path: Path) -> Floats:
 # sound on its best path; that of two words differs by the same whatever the sound was recorded with.
 
 FILLERS = {SILENCE: 0.005, "+NSN+": 1e-8, "+SPN+": 1e-8}
-"""What may sound beside a word, and its chance: silence, noise, and voices."""
+"""Sounds beside a word, and their probabilities: silence, noise, and voices."""
 
 _LOG_ZERO = np.float32(-np.inf)
 
 
 @dataclass(frozen=True, slots=True)
 class WordScore:
-    """How one word did: in how many frames of 10 ms it was said, and the logarithm of the density of all the sound."""
+    """Result of one word: the frames of 10 ms in which it was said, and the log likelihood of the whole sound."""
 
     word: str
     frames: int
@@ -290,7 +290,7 @@ class WordScore:
 
 
 class WordContest:
-    """Some ``ways`` to say words: pairs of a word and its phones. For one thread."""
+    """Comparison of single words for one sound. ``pronunciations`` are pairs of a word and its phones. For one thread."""
 
     def __init__(self, model: AcousticModel, pronunciations: Iterable[tuple[str, Sequence[str]]]) -> None:
         pronunciations = list(pronunciations)
@@ -308,7 +308,7 @@ class WordContest:
         self._first_states = np.append(0, self._last_states[:-1] + 1)
 
     def rank_words(self, samples: Samples) -> list[WordScore]:
-        """Return how each word did, the best first, each word once."""
+        """Return the score of each word, the best first, each word once."""
         fits = self._likelihoods(add_slopes(normalise_cepstra(cepstra(samples))))
         before, after = self._filler_scores(fits), self._filler_scores(fits[::-1], backwards=True)[::-1]
         scores, frames = self._search(fits, before, after)
@@ -319,7 +319,7 @@ class WordContest:
         return list(found.values())
 
     def _search(self, fits: Floats32, before: Floats, after: Floats) -> tuple[Floats, Floats]:
-        """Return the score of each way and in how many frames it was said."""
+        """Return the score of each pronunciation, and in how many frames it was said (Viterbi search)."""
         score = np.full(len(self._log_stay), _LOG_ZERO)
         begun = np.zeros(len(score), np.int32)
         best, frames = np.full(len(self._last_states), -np.inf), np.zeros(len(self._last_states))
@@ -339,7 +339,7 @@ class WordContest:
         return best, frames
 
     def _filler_scores(self, fits: Floats32, *, backwards: bool = False) -> Floats:
-        """Return the score of the best fillers up to each frame, shape (frames + 1,); ``back`` in time."""
+        """Return the score of the best fillers up to each frame, shape (frames + 1,); ``backwards`` in time if set."""
         turn = -1 if backwards else 1
         states = [filler for filler, _ in self._fillers]
         columns = np.array([self._likelihoods.columns(each.numbers)[::turn] for each in states])

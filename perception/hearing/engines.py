@@ -1,4 +1,4 @@
-"""What recognises speech: how each program is asked, and how its answers are judged."""
+"""Recognition engines: the messages to their worker processes, and the interpretation of the replies."""
 
 from collections.abc import Mapping
 from math import log
@@ -12,22 +12,21 @@ from perception.hearing.lexicon import Lexicon
 from perception.hearing.sound import Clip, enhance_speech
 
 Judgement = tuple[str, float]
-"""The nearest phrase and how surely it was said: the logarithm of the odds. No phrase at all is ``NO_PHRASE``."""
+"""The nearest phrase and its score, the logarithm of the odds; ``NO_PHRASE`` if there is none."""
 
 NO_PHRASE: Judgement = ("", -99.0)
 
 DECOY_TOLERANCE, DECOY_SCALE = 1.4, 0.5
-"""By how much the best decoy may fit better than a word that was said, a logarithm for each frame; and how much more
-makes the odds e times as high."""
+"""Margin (log per frame) by which a decoy may fit better than a word that was said; margin per unit of score."""
 
 
 def limit_by_decoys(score: float, margin: float | None) -> float:
-    """Return a score, but no more than the decoys leave: ``margin`` is how much better than they it fits."""
+    """Return the score, limited by the ``margin`` to the best decoy."""
     return score if margin is None else min(score, (margin + DECOY_TOLERANCE) / DECOY_SCALE)
 
 
 class SphinxEngine:
-    """Pocketsphinx with its English model. Words of the grammar that ``lexicon`` does not know raise ValueError."""
+    """Pocketsphinx with its English model. Raises ValueError for words that ``lexicon`` does not know."""
 
     program = Path(__file__).with_name("recogniser_worker.py")
     hint = "`pip install 'missiontree[listen]'` installs the recogniser"
@@ -40,16 +39,16 @@ class SphinxEngine:
         self._acceptance = acceptance
 
     def setup_message(self) -> Mapping[str, Any]:
-        """Return what a new process must be told: how words are said, and in what order they come."""
+        """Return the setup message for a new process: pronunciations, and the network of words."""
         words = {word: [" ".join(ways) for ways in self._lexicon.pronunciations(word)] for word in self._grammar.words}
         return {"words": words, "arcs": self._grammar.arcs()}
 
     def prepare_sound(self, clip: Clip) -> bytes:
-        """Return what is decoded of a clip: speech made clearer."""
+        """Return the enhanced speech of a clip, to be decoded."""
         return enhance_speech(clip.samples, clip.noise).tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
-        """Return what an answer means."""
+        """Return the phrase and score for a reply."""
         said = Decoding.from_answer(answer)
         if said is None:
             return NO_PHRASE
@@ -59,7 +58,7 @@ class SphinxEngine:
 
 
 class ModelEngine:
-    """A recogniser that takes the model in a folder of the user's, has its own dictionary, and says how sure it is."""
+    """Recognition engine with a model folder of the user's, its own dictionary, and its own confidences."""
 
     program: Path
     hint: str
@@ -69,15 +68,15 @@ class ModelEngine:
         self._model = model
 
     def setup_message(self) -> Mapping[str, Any]:
-        """Return what a new process must be told: where the model is, and the phrases."""
+        """Return the setup message for a new process: model folder and phrases."""
         return {"model": str(self._model), "phrases": list(self._grammar.phrases)}
 
     def prepare_sound(self, clip: Clip) -> bytes:
-        """Return what is decoded of a clip: all of it, as it is."""
+        """Return the unchanged sound of a clip, to be decoded."""
         return clip.samples.tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:  # noqa: ARG002 - the answer says it all
-        """Return what an answer means: a phrase is as sure as its least sure part; others beside it are refused."""
+        """Return the phrase and score for a reply: the lowest confidence of its parts; other text is refused."""
         phrase, parts = normalise(str(answer.get("phrase", ""))), answer.get("sure", ())
         if phrase not in self._grammar.phrases or not parts:
             return NO_PHRASE
@@ -86,18 +85,18 @@ class ModelEngine:
 
 
 class VoskEngine(ModelEngine):
-    """Vosk. It looks for the phrases alone, and has an "unknown" of its own for all else."""
+    """Vosk. It recognises only the phrases, and has its own "unknown" for other speech."""
 
     program = Path(__file__).with_name("vosk_worker.py")
     hint = "`pip install 'missiontree[vosk]'` installs Vosk; alphacephei.com/vosk/models has models"
 
 
 class SherpaEngine(ModelEngine):
-    """Sherpa-onnx with a streaming transducer. It writes down whatever was said, of which only the phrases count."""
+    """Sherpa-onnx with a streaming transducer. It transcribes all speech, of which only phrases count."""
 
     program = Path(__file__).with_name("sherpa_worker.py")
     hint = "`pip install 'missiontree[sherpa]'` installs sherpa-onnx; its documentation has streaming transducers"
 
 
 MODEL_ENGINES: Mapping[str, type[ModelEngine]] = {"vosk": VoskEngine, "sherpa": SherpaEngine}
-"""Those that need a model of the user's, by what robot files call them."""
+"""Engines that need a model of the user's, by their names in robot files."""

@@ -1,8 +1,8 @@
-"""What tells a phrase that was said from other speech that was taken for it: figures of one decoding.
+"""Features of a decoding that distinguish a spoken phrase from other speech that was taken for it.
 
-Besides the best path through the grammar there is one through a loop over all phones, which fits whatever was said. A
-phrase that was really said fits nearly as well, phone by phone, leaves no loud sound beside its words, and has phones
-of ordinary length. Scores are logarithms to the base 1.0001, in units of 2**10; frames last 10 ms.
+Beside the best path through the grammar there is one through a loop over all phones, which fits all speech. A phrase
+that was really said fits nearly as well, phone by phone, leaves no loud sound beside its words, and has phones of
+ordinary length. Scores are logarithms to the base 1.0001, in units of 2**10; frames last 10 ms.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,14 +15,14 @@ from perception.hearing.lexicon import KIND_OF, edit_distance
 from perception.hearing.sound import RATE, Clip, Floats, levels
 
 DECODER_FRAME = RATE // 100
-"""Samples in a frame of the decoder."""
+"""Samples per frame of the decoder."""
 
 _SMOOTHING_FRAMES = 10  # frames over which silence that sounds is looked for
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A stretch of sound and what it was taken for: first frame, number of frames, score of all of them."""
+    """A section of sound and its label: first frame, number of frames, total score."""
 
     name: str
     start: int
@@ -31,13 +31,13 @@ class Segment:
 
     @property
     def frames(self) -> slice:
-        """Where it is."""
+        """Frames of the section."""
         return slice(self.start, self.start + self.length)
 
 
 @dataclass(frozen=True, slots=True)
 class Decoding:
-    """What the recogniser made of a clip: words of the grammar, their phones, and the phones of the loop."""
+    """Result of the recogniser for a clip: words of the grammar, their phones, and the phones of the loop."""
 
     phrase: str
     frames: int
@@ -47,7 +47,7 @@ class Decoding:
 
     @classmethod
     def from_answer(cls, answer: Mapping[str, Any]) -> "Decoding | None":
-        """Return what an answer of the worker says; None where it understood nothing, or could not align it."""
+        """Return the decoding in a reply of the worker; None if nothing was recognised or aligned."""
         if not answer.get("phrase") or not answer.get("aligned") or not answer.get("loop"):
             return None
         words, aligned, loop = (tuple(Segment(*each) for each in answer[key]) for key in ("words", "aligned", "loop"))
@@ -57,7 +57,7 @@ class Decoding:
 
 
 def acceptance_features(decoding: Decoding, clip: Clip) -> dict[str, float]:
-    """Return the figures, by name."""
+    """Return the features for ``AcceptanceModel.score``, by name."""
     phones = [segment for segment in decoding.aligned_phones if segment.name in KIND_OF]
     spoken = np.zeros(decoding.frames, bool)
     for segment in phones:
@@ -74,7 +74,7 @@ def acceptance_features(decoding: Decoding, clip: Clip) -> dict[str, float]:
 
 
 def _frame_scores(segments: Iterable[Segment], frames: int) -> Floats:
-    """Return the score of each frame, where a segment's is spread over it evenly."""
+    """Return the score of each frame; that of a segment is distributed evenly."""
     scores = np.zeros(frames)
     for segment in segments:
         scores[segment.frames] = segment.score / segment.length
@@ -82,7 +82,7 @@ def _frame_scores(segments: Iterable[Segment], frames: int) -> Floats:
 
 
 def _fit_features(decoding: Decoding, phones: Sequence[Segment], loop: Floats, spoken: Floats) -> dict[str, float]:
-    """How much worse the phrase fits than the loop: all of it, its phones, the worst of them, and its silence."""
+    """Return how much worse the phrase fits than the loop: in total, per phone, at the worst phone, and in silence."""
     goodness = np.array([each.score / each.length - float(np.mean(loop[each.frames])) for each in phones])
     difference = _frame_scores(decoding.aligned_phones, decoding.frames) - loop
     smooth = np.convolve(difference, np.full(_SMOOTHING_FRAMES, 1 / _SMOOTHING_FRAMES), "same")[: decoding.frames]
@@ -101,7 +101,7 @@ def _fit_features(decoding: Decoding, phones: Sequence[Segment], loop: Floats, s
 
 
 def _length_features(phones: Sequence[Segment], spoken: Floats) -> dict[str, float]:
-    """How long the phones are, as logarithms, and how long the pauses between them."""
+    """Return logarithms of the lengths of the phones, and the length of the pauses."""
     lengths = np.array([each.length for each in phones], float)
     where = np.flatnonzero(spoken)
     return {
@@ -115,7 +115,7 @@ def _length_features(phones: Sequence[Segment], spoken: Floats) -> dict[str, flo
 
 
 def _likeness_features(phrase: Sequence[str], loop: Sequence[str]) -> dict[str, float]:
-    """How many phones have to be changed to make the phrase of what the loop heard, for each phone of the phrase."""
+    """Return the edit distances between the phones of the phrase and of the loop, per phone of the phrase."""
     return {
         "changes": edit_distance(phrase, loop) / len(phrase),
         "changes of kind": edit_distance([KIND_OF[each] for each in phrase], [KIND_OF[each] for each in loop])
@@ -125,7 +125,7 @@ def _likeness_features(phrase: Sequence[str], loop: Sequence[str]) -> dict[str, 
 
 
 def _loudness_features(clip: Clip, spoken: Floats) -> dict[str, float]:
-    """How far the speech is above the background (dB), and how much of what is loud lies in the words."""
+    """Return the level of the speech above the background (dB), and the share of loud sound inside the words."""
     level = np.convolve(levels(clip.samples, DECODER_FRAME), np.full(5, 0.2), "same")[: len(spoken)]
     noise = levels(clip.noise, DECODER_FRAME)
     low = float(np.median(noise)) if len(noise) else float(level.min())

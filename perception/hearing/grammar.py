@@ -1,7 +1,7 @@
-"""What may be said: the phrases that a mission listens for, as text and as a network of words.
+"""Phrases that a mission listens for, as text and as a network of words.
 
-The network has one chain of states for each phrase. A grammar in JSGF would mean the same, but pocketsphinx puts empty
-arcs into it, and then cannot align phones.
+The network has one chain of states per phrase. A grammar in JSGF would be equivalent, but pocketsphinx inserts empty
+arcs for it, and then cannot align phones.
 """
 
 import re
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from drivers.api.fast_dataclass import dataclass
 
 Arc = tuple[int, int, float, str]
-"""From one state to another, with a probability, on a word."""
+"""Arc of the network: from state, to state, probability, word."""
 
 START, END = 0, 1
 
@@ -20,9 +20,9 @@ _BETWEEN = re.compile(r"[^\w']+|_+")
 
 
 def normalise(text: str) -> str:
-    """Return ``text`` as it is listened for: small letters, single spaces, no punctuation but within words.
+    """Return ``text`` in lower case, with single spaces, and without punctuation except inside words.
 
-    Accents are one with their letters (Unicode's NFC), as dictionaries have them.
+    Accents are composed with their letters (Unicode NFC), as in dictionaries.
     """
     small = unicodedata.normalize("NFC", text.casefold())
     words = _BETWEEN.sub(" ", small.translate(_APOSTROPHES)).split()
@@ -30,7 +30,7 @@ def normalise(text: str) -> str:
 
 
 def phrase_error(text: str) -> str:
-    """Say what is wrong with a phrase to listen for; empty when it can be said."""
+    """Return the reason why a phrase cannot be listened for; empty if it can."""
     phrase = normalise(text)
     if not phrase:
         return "there is no word in it"
@@ -41,13 +41,13 @@ def phrase_error(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class PhraseGrammar:
-    """The ``phrases`` that count, normalised, each once. Make it with ``PhraseGrammar.of``."""
+    """The normalised ``phrases``, each once. Use ``PhraseGrammar.from_texts`` to make one."""
 
     phrases: tuple[str, ...] = ()
 
     @classmethod
     def from_texts(cls, texts: Iterable[str]) -> "PhraseGrammar":
-        """Return the grammar of some texts. Raises ValueError for one that nobody can say."""
+        """Return the grammar of some texts. Raises ValueError for an invalid phrase."""
         texts = list(texts)
         for text in texts:
             if fault := phrase_error(text):
@@ -56,11 +56,11 @@ class PhraseGrammar:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words of all phrases, each once."""
+        """Words of all phrases, each once."""
         return tuple(dict.fromkeys(word for phrase in self.phrases for word in phrase.split()))
 
     def arcs(self) -> list[Arc]:
-        """Return the network, from ``START`` to ``END``; all phrases are equally likely."""
+        """Return the network from ``START`` to ``END``; all phrases have the same probability."""
         found: list[Arc] = []
         free = END + 1
         for phrase in self.phrases:
@@ -72,7 +72,7 @@ class PhraseGrammar:
         return found
 
     def find(self, text: str, *, extra_words: int = 2) -> str:
-        """Return the longest phrase that stands in a written ``text`` with at most ``beside`` other words, else ""."""
+        """Return the longest phrase in a written ``text`` with at most ``extra_words`` other words, or ""."""
         words = normalise(text).split()
         fitting = (phrase for phrase in self.phrases if _contains_phrase(phrase.split(), words, extra_words))
         return max(fitting, key=lambda phrase: len(phrase.split()), default="")

@@ -1,4 +1,4 @@
-"""How words are pronounced: by the robot file, else by the dictionary that comes with the recogniser."""
+"""Pronunciations of words: from the robot file, the recogniser's dictionary, or a synthesiser; and confusable phrases."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -23,13 +23,13 @@ _ESPEAK_PHONES = {
     "U@": "UH R", "u:": "UW", "eI": "EY", "aI": "AY", "aI@": "AY AH", "aI3": "AY ER", "OI": "OY", "aU": "AW",
     "oU": "OW",
 }  # fmt: skip
-"""Mnemonics of the voice en-us, without stress."""
+"""Phones by mnemonics of the voice en-us, without stress."""
 
 _SILENT_MNEMONICS = frozenset(("", "_", "_:", "?", ";", "|"))
 
 
 def espeak_to_phones(mnemonics: Sequence[str]) -> tuple[str, ...]:
-    """Return the phones of a word from espeak-ng's phoneme events. Raises ValueError for a mnemonic of other voices."""
+    """Return the phones of a word from espeak-ng's phoneme events. Raises ValueError for mnemonics of other voices."""
     found: list[str] = []
     for mnemonic in mnemonics:
         plain = mnemonic.lstrip("',%=")
@@ -49,10 +49,10 @@ PHONE_KINDS = {
     "nasal": ("M", "N", "NG"),
     "glide": ("L", "R", "W", "Y"),
 }
-"""The phones of each kind: those of one kind are easily mistaken for each other."""
+"""Phones of each kind; those of one kind are easily confused."""
 
 KIND_OF = {phone: kind for kind, phones in PHONE_KINDS.items() for phone in phones}
-"""The kind of each phone; noises and silence have none."""
+"""Kind of each phone; noises and silence have none."""
 
 VOWELS = frozenset(PHONE_KINDS["vowel"])
 
@@ -65,7 +65,7 @@ _CENTRING_VOWELS = frozenset(("IH", "EH", "UH"))  # near, hair, tour: what is le
 
 
 def british_variants(phones: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return how else a word of ``phones`` is said; nothing that equals it, and nothing twice."""
+    """Return the British pronunciations of a word, without ``phones`` itself and without duplicates."""
     plain = tuple(phones)
     rounded = _round_vowels(plain)
     found = dict.fromkeys((_drop_silent_r(plain), rounded, _drop_silent_r(rounded)))
@@ -74,13 +74,13 @@ def british_variants(phones: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _round_vowels(phones: Sequence[str]) -> tuple[str, ...]:
-    """Say the vowel of *stop* with round lips, but not that of *start*."""
+    """Return the phones with the vowel of *stop* rounded, but not that of *start*."""
     following = (*phones[1:], "")
     return tuple("AO" if (a, b != "R") == ("AA", True) else a for a, b in zip(phones, following, strict=True))
 
 
 def _drop_silent_r(phones: Sequence[str]) -> tuple[str, ...]:
-    """Leave out each R that no vowel follows; *near* and *forward* keep a faint vowel in its place."""
+    """Return the phones without each R that no vowel follows; *near* and *forward* keep a faint vowel instead."""
     said: list[str] = []
     for phone, following in zip(phones, (*phones[1:], ""), strict=True):
         if following in VOWELS or phone not in {"R", "ER"}:
@@ -98,16 +98,16 @@ Phones = tuple[str, ...]
 
 
 def model_folder() -> Path | None:
-    """Return where pocketsphinx keeps its English model; None where it is not installed. Does not import it."""
+    """Return the folder of pocketsphinx's English model, without importing pocketsphinx; None if it is not installed."""
     spec = find_spec("pocketsphinx")
     return None if spec is None or spec.origin is None else Path(spec.origin).parent / "model" / "en-us"
 
 
 class Lexicon:
-    """Pronunciations from the text of a dictionary (``word AH B ..`` a line, ``word(2) ..`` for another), and ``own``.
+    """Pronunciations from the text of a dictionary (lines ``word AH B ..``, then ``word(2) ..``), and ``overrides``.
 
-    ``own`` are those of the robot file, which come instead of the dictionary's. Raises ValueError for a phone in them
-    that the model has not.
+    ``overrides`` are those of the robot file, which replace the dictionary's. Raises ValueError for an unknown phone in
+    them.
     """
 
     def __init__(self, dictionary: str, overrides: Mapping[str, str] | None = None) -> None:
@@ -120,7 +120,7 @@ class Lexicon:
                 raise ValueError(f"pronunciation of {word!r}: {what}; phones are {' '.join(sorted(KIND_OF))}")
 
     def pronunciations(self, word: str) -> list[Phones]:
-        """Return all the ways to say ``word``, with British ones; empty when it is unknown."""
+        """Return all pronunciations of ``word``, including British ones; empty if it is unknown."""
         if word not in self._cache:
             own = self._overrides.get(word)
             known = [own] if own is not None else list(self._dictionary_pronunciations(word))
@@ -130,7 +130,7 @@ class Lexicon:
         return list(self._cache[word])
 
     def unknown_words(self, words: Sequence[str]) -> list[str]:
-        """Return those of ``words`` that nobody knows how to say."""
+        """Return those of ``words`` without a pronunciation."""
         return [word for word in words if not self.pronunciations(word)]
 
     def _dictionary_pronunciations(self, word: str) -> Iterator[Phones]:
@@ -144,28 +144,28 @@ class Lexicon:
 
 
 def load_english(overrides: Mapping[str, str] | None = None) -> Lexicon | None:
-    """Return the lexicon of the model that pocketsphinx carries; None where it is not installed."""
+    """Return the lexicon of pocketsphinx's English model; None if it is not installed."""
     folder = model_folder()
     return None if folder is None else _read_lexicon(folder / "cmudict-en-us.dict", tuple((overrides or {}).items()))
 
 
 @lru_cache(maxsize=4)
 def _read_lexicon(path: Path, overrides: Sequence[tuple[str, str]]) -> Lexicon:
-    """Read a dictionary once: each check of a mission asks for it."""
+    """Read a dictionary, cached, because each check of a mission needs it."""
     return Lexicon(path.read_text(encoding="utf-8"), dict(overrides))
 
 
 # Which phrases are easily confused: those that differ by hardly more than one sound.
 
 MAX_CONFUSABLE_CHANGES = 1.0
-"""Changes of phones up to which two phrases are near; one by another of its kind (m by n) counts half."""
+"""Largest phone distance of confusable phrases; a replacement within a kind (m by n) counts half."""
 
 MAX_PRONUNCIATIONS = 16
-"""Of the ways to say a phrase, as many are looked at."""
+"""Number of pronunciations of a phrase that are compared."""
 
 
 def find_confusable(phrases: Sequence[str], lexicon: Lexicon) -> list[tuple[str, str]]:
-    """Return the pairs of normalised phrases that are easily taken for each other; those unknown are in none."""
+    """Return the pairs of normalised phrases that are easily confused, without those with unknown words."""
     said = {phrase: _phrase_pronunciations(phrase, lexicon) for phrase in phrases}
     return [
         (one, other)
@@ -188,7 +188,7 @@ def _phone_distance(one: Sequence[str], other: Sequence[str]) -> float:
 
 
 def edit_distance(one: Sequence[str], other: Sequence[str]) -> int:
-    """Return how many insertions, deletions and replacements make ``other`` of ``one`` (Levenshtein's distance)."""
+    """Return the Levenshtein distance of two sequences."""
     row = list(range(len(other) + 1))
     for number, each in enumerate(one, 1):
         before, row[0] = row[0], number

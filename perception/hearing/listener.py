@@ -1,4 +1,4 @@
-"""From sound to words: cuts out what is said, has a program of its own recognise it, and keeps what it was ready."""
+"""Speech recognition: from pieces of sound to recognised phrases, by a worker process."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -17,16 +17,16 @@ MAX_WORD_AGE = 30.0
 """Seconds for which words are kept."""
 
 MAX_WAITING_CLIPS = 8
-"""Clips that wait for the recogniser at most; it is ten times as fast as speech, unless it has died."""
+"""Largest number of clips that wait for the recogniser, which is ten times as fast as speech unless it has died."""
 
 SILENCE_LEVEL = -90.0
-"""dBFS when there is no sound at all."""
+"""dBFS of digital silence."""
 
 CLIP_TIMEOUT = 10.0
-"""Seconds that the recogniser may take for a clip; then it hangs, and is killed."""
+"""Seconds to decode a clip, after which the recogniser hangs and is killed."""
 
 START_TIMEOUT = 60.0
-"""The same to get ready: large models of Vosk are slow to load."""
+"""Seconds to start: large models of Vosk load slowly."""
 
 
 class RecogniserState(Enum):
@@ -53,68 +53,68 @@ TRANSITIONS: Final = {
 
 
 class RecogniserHandler(Protocol):
-    """Who talks with a program: ``drivers.transport.worker_process.WorkerHandler``."""
+    """Handler of a worker process: see ``drivers.transport.worker_process.WorkerHandler``."""
 
     def on_started(self) -> None:
-        """It runs, and knows nothing yet."""
+        """Called when the process has started; it needs its setup."""
         ...
 
     def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
-        """It said something."""
+        """Called for each message of the process."""
         ...
 
     def on_exit(self, reason: str) -> None:
-        """It has died."""
+        """Called when the process has died."""
         ...
 
 
 class RecogniserWorker(Protocol):
-    """A program in a process of its own: ``drivers.transport.worker_process.WorkerProcess``."""
+    """A worker process: see ``drivers.transport.worker_process.WorkerProcess``."""
 
     def open(self, handler: RecogniserHandler) -> None:
-        """Start it."""
+        """Start the process."""
         ...
 
     def close(self) -> None:
-        """End it. Safe more than once."""
+        """End the process. Safe more than once."""
         ...
 
     def kill(self) -> None:
-        """Kill it, whatever it does; another one follows."""
+        """Kill the process; it is restarted."""
         ...
 
     def send(self, message: Mapping[str, Any], body: bytes = b"", *, timeout: float = 1.0) -> None:
-        """Tell it something. Raises OSError when it cannot be told."""
+        """Send a message. Raises OSError if it cannot be sent."""
         ...
 
 
 class RecogniserEngine(Protocol):
-    """A way to recognise speech: those of ``perception.hearing.engines``."""
+    """A recognition engine: see ``perception.hearing.engines``."""
 
     def setup_message(self) -> Mapping[str, Any]:
-        """Return what a new process must be told."""
+        """Return the setup message for a new process."""
         ...
 
     def prepare_sound(self, clip: Clip) -> bytes:
-        """Return what is decoded of a clip."""
+        """Return the sound of a clip that is to be decoded."""
         ...
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
-        """Return what an answer means."""
+        """Return the phrase and score for a reply."""
         ...
 
 
 def never_deaf(_start: float, _end: float) -> bool:
-    """Say that the robot is silent: the ``deaf`` of ears without a voice beside them."""
+    """Return False: the default for a robot without a voice."""
     return False
 
 
 class SpeechListener:
-    """Understands the sound that it is given: a ``Hearing``, and the ``RecogniserHandler`` of its ``worker``.
+    """Recognises phrases in sound: a ``perception.api.Hearing``, and the handler of its ``worker``.
 
-    What scores ``threshold`` or more is accepted. ``deaf(start, end)`` tells whether sound of that time is not to be
-    listened to, since the robot itself speaks. ``changed`` is called, from the worker's thread, after words have come,
-    accepted or not; it must return at once. ``process`` is for one thread, the rest for any.
+    Phrases with a score of ``threshold`` or more are accepted. Sound is ignored while ``is_deaf(start, end)``, because
+    the robot itself speaks. ``changed`` is called from the worker's thread after new words, accepted or not, and must
+    return at once. ``process`` is for one thread, the rest for any.
     """
 
     def __init__(
@@ -149,19 +149,16 @@ class SpeechListener:
     # --- Hearing ------------------------------------------------------------------------------------------------------
 
     def words(self) -> tuple[Words, ...]:
-        """The phrases of the last 30 s, newest first."""
         return self._recent_words(self._accepted)
 
     def refused(self) -> tuple[Words, ...]:
-        """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
         return self._recent_words(self._refused)
 
     def listened(self) -> float | None:
-        """The time up to which it has listened, None before it could."""
         return self._listened_until
 
     def level(self) -> float:
-        """How loud the last 0.1 s were, in dBFS."""
+        """Return the level of the last 0.1 s, in dBFS."""
         recent = self._recent_sound
         return (
             max(SILENCE_LEVEL, float(levels(recent, len(recent))[0] - FULL_SCALE_LEVEL))
@@ -171,19 +168,19 @@ class SpeechListener:
 
     @property
     def is_ready(self) -> bool:
-        """True while the recogniser runs and knows what to listen for."""
+        """True while the recogniser is set up and running."""
         return self._state in (RecogniserState.READY, RecogniserState.DECODING)
 
     @property
     def is_pending(self) -> bool:
-        """True while something that was said is not understood yet."""
+        """True while clips are waiting or being decoded."""
         with self._lock:
             return bool(self._waiting_clips) or self._state is RecogniserState.DECODING
 
     # --- sound --------------------------------------------------------------------------------------------------------
 
     def process(self, piece: Piece) -> None:
-        """Listen to the next piece of sound."""
+        """Process the next piece of sound."""
         self._recent_sound = np.concatenate([self._recent_sound, piece.samples])[-RATE // 10 :]
         gap = self._newest_number is not None and piece.number != self._newest_number + 1
         self._newest_number = piece.number
@@ -202,7 +199,7 @@ class SpeechListener:
             self._send_next_clip()
 
     def _is_hanging(self, now: float) -> bool:
-        """Say whether the recogniser has owed an answer for too long. Time is that of the sound."""
+        """Return whether the recogniser is overdue. Time is that of the sound."""
         if self._state not in (RecogniserState.STARTING, RecogniserState.DECODING):
             return False
         if self._waiting_since is None:
@@ -210,7 +207,7 @@ class SpeechListener:
         return now - self._waiting_since > (START_TIMEOUT if self._state is RecogniserState.STARTING else CLIP_TIMEOUT)
 
     def _send_next_clip(self) -> None:
-        """Have the oldest clip recognised, unless another is."""
+        """Send the oldest waiting clip to the recogniser, if it is ready."""
         with self._lock:
             if self._state is not RecogniserState.READY or not self._waiting_clips:
                 return
@@ -228,7 +225,7 @@ class SpeechListener:
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Tell a new process what to listen for."""
+        """Send the setup to a new process."""
         with self._lock:
             self._handle_event(RecogniserEvent.STARTED)
             self._waiting_since = None
@@ -236,12 +233,12 @@ class SpeechListener:
             self._worker.send(self._engine.setup_message(), timeout=CLIP_TIMEOUT)
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Forget what it was asked: nobody knows whether that was what killed it."""
+        """Drop the clip that was being decoded: it may have killed the process."""
         with self._lock:
             self._handle_event(RecogniserEvent.LOST)
 
     def on_message(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
-        """Take an answer, and ask for the next clip."""
+        """Process a reply, and send the next clip."""
         with self._lock:
             if "ready" in message:
                 self._handle_event(RecogniserEvent.READY)
@@ -271,21 +268,21 @@ class SpeechListener:
 # The robot's ears: listen to a microphone on a thread of their own.
 
 READ_INTERVAL = 0.05
-"""Seconds between looks at the microphone."""
+"""Seconds between two reads of the microphone."""
 
 
 class SoundSource(Protocol):
-    """Where sound comes from: a microphone."""
+    """Source of sound, such as a microphone."""
 
     def read(self, after: int) -> Sequence[Piece]:
-        """Return the pieces with a larger number than ``after``, oldest first."""
+        """Return the pieces with a number above ``after``, oldest first."""
         ...
 
 
 class Ears:
-    """Gives every sound of ``source`` to ``listener``, whose ``worker`` it starts and ends.
+    """Passes the sound of ``source`` to ``listener`` on its own thread, and manages the listener's ``worker``.
 
-    An error costs the sound that caused it, and goes to ``on_trouble`` unless it is the same as the last.
+    An error costs the sound that caused it, and is passed to ``on_trouble`` unless it equals the last one.
     """
 
     def __init__(

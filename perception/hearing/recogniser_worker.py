@@ -1,10 +1,10 @@
-"""The program that recognises speech with pocketsphinx, in a process of its own: it keeps Python busy while it decodes.
+"""Worker process that recognises speech with pocketsphinx, which holds the GIL while it decodes.
 
-Messages are lines of JSON on standard input and output; where one has ``bytes: N``, N bytes of sound follow, 16-bit
-mono at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` is what to listen for,
-from state 0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by what was
-understood of it, and how it looks beside a loop over all phones; each of its words also beside the common words of
-English. It ends with its input.
+Messages are lines of JSON on standard input and output. If one has ``bytes: N``, N bytes of sound follow, 16-bit mono
+at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` sets the grammar, from state
+0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by the recognised
+phrase, and its scores beside a loop over all phones; each of its words is also compared with common English words. The
+process ends with its input.
 """
 
 import heapq
@@ -28,32 +28,32 @@ from perception.hearing.features import DECODER_FRAME
 from perception.hearing.sound import Samples, add_noise
 
 LOG_SCALE = 1e4
-"""Scores come as exp of logarithms to the base 1.0001, which are shifted right by 10 bits: this undoes the exp."""
+"""Factor from natural logarithms to scores: they are logarithms to the base 1.0001, shifted right by 10 bits."""
 
 GRAMMAR_BEAMS = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
-"""How far a path may fall behind: grammars are small, so that hardly any need be given up early."""
+"""Search beams for the grammar: it is small, so hardly any path needs to be dropped early."""
 
 LOOP_BEAMS = {"beam": 1e-20, "wbeam": 1e-15, "pbeam": 1e-20}
-"""The same for the loop over phones, which has no end of paths."""
+"""Search beams for the loop over phones, which has countless paths."""
 
 DECODER_NOISE, CONTEST_NOISE = 40.0, 20.0
-"""Steps of noise under everything for pocketsphinx, and for the contest: the weak ends of words decide between them."""
+"""Standard deviation of noise added for pocketsphinx, and for the contest, in which weak ends of words are decisive."""
 
 MAX_COMMON_WORDS, MAX_DECOY_PHONES = 1000, 6
-"""How many of the commonest words may be decoys, and how many phones those have at most."""
+"""Number of the most common words that may be decoys, and the largest number of their phones."""
 
 CONNECTED_MARGIN = 1.6
-"""By how much less well words fit within a phrase, as they run into each other: a logarithm for each frame."""
+"""Log per frame by which words fit worse within a phrase, because they run into each other."""
 
 MIN_MARGIN_FRAMES = 5
-"""Frames of 10 ms over which a margin is spread at least."""
+"""Smallest number of frames of 10 ms by which a margin is divided."""
 
 Segments = list[tuple[str, int, int, float]]
-"""Name, first frame (of 10 ms), how many, and the score of all."""
+"""Name, first frame (of 10 ms), number of frames, and total score."""
 
 
 def make_decoder(**settings: Any) -> pocketsphinx.Decoder:
-    """Return a decoder with the English model and no words."""
+    """Return a decoder with the English model and without words."""
     folder = pocketsphinx.get_model_path("en-us/en-us")
     return pocketsphinx.Decoder(hmm=folder, dict=None, lm=None, bestpath=False, cmn="batch", **settings)
 
@@ -71,7 +71,7 @@ def to_log(score: float) -> float:
 
 
 def decoded_segments(engine: pocketsphinx.Decoder) -> Segments:
-    """Return what the newest decoding took each stretch of sound for."""
+    """Return the segments of the last decoding."""
     return [
         (each.word, each.start_frame, each.end_frame - each.start_frame + 1, to_log(each.ascore))
         for each in engine.seg()
@@ -81,7 +81,7 @@ def decoded_segments(engine: pocketsphinx.Decoder) -> Segments:
 def add_search(
     engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]], arcs: list[tuple[Any, ...]]
 ) -> None:
-    """Have a decoder look for a network of words, and tell it how they are said."""
+    """Add a search for a network of words, with their pronunciations, to a decoder."""
     for word, ways in words.items():
         for number, phones in enumerate(ways, 1):
             engine.add_word(word if number == 1 else f"{word}({number})", phones, False)
@@ -89,7 +89,7 @@ def add_search(
 
 
 def find_decoys(words: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the common words that nobody should take for one of ``words``, and how they are said: none sounds so."""
+    """Return common words, with their pronunciations, that do not sound exactly like any of ``words``."""
     model = pocketsphinx.NGramModel.readfile(pocketsphinx.get_model_path("en-us/en-us.lm.bin"))
     plain = (word for word, _ in iter_dictionary() if word.isalpha())
     ways: dict[str, list[str]] = {
@@ -107,7 +107,7 @@ def find_decoys(words: dict[str, list[str]]) -> dict[str, list[str]]:
 
 
 def iter_dictionary() -> Iterator[tuple[str, str]]:
-    """Yield the entries of the dictionary: a word, ``word(2)`` for another way to say it, and its phones."""
+    """Yield the entries of the dictionary: a word, or ``word(2)`` for another pronunciation, and its phones."""
     with Path(pocketsphinx.get_model_path("en-us/cmudict-en-us.dict")).open(encoding="utf-8") as lines:
         for line in lines:
             entry, _, phones = line.strip().partition(" ")
@@ -123,10 +123,10 @@ def make_contest(words: dict[str, list[str]]) -> WordContest:
 
 
 class SpeechRecogniser:
-    """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does.
+    """A grammar, and a loop over phones, in separate decoders, because beams apply to a whole decoder.
 
-    Single words compete with each other and with the decoys, where the acoustic model is one whose files we can read;
-    each word of a longer phrase competes with the decoys.
+    Single words are compared with each other and with decoys, if the acoustic model's files can be read. Each word of a
+    longer phrase is compared with decoys.
     """
 
     def __init__(self) -> None:
@@ -138,7 +138,7 @@ class SpeechRecogniser:
         self.loop.activate_search("phones")
 
     def set_grammar(self, words: dict[str, list[str]], arcs: list[list[Any]]) -> None:
-        """Take a new grammar in place of the old."""
+        """Replace the grammar."""
         self.grammar = make_decoder(**GRAMMAR_BEAMS)
         add_search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
         self.single_words = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
@@ -149,7 +149,7 @@ class SpeechRecogniser:
             self.contest = make_contest(words)
 
     def decode(self, sound: Samples) -> dict[str, Any]:
-        """Return what was said, as far as it was a phrase, with all that tells whether to believe it."""
+        """Return the recognised phrase with its scores, or an empty phrase."""
         engine = self.grammar
         if engine is None:
             return {"phrase": ""}
@@ -181,7 +181,7 @@ class SpeechRecogniser:
         }
 
     def connected_margin(self, phrase: str, words: Segments, sound: Samples) -> float | None:
-        """Return the mean margin of the words of a phrase, each by its frames; None without a contest."""
+        """Return the mean margin of the words of a phrase, weighted by frames; None without a contest."""
         if self.contest is None:
             return None
         total, frames = 0.0, 0
@@ -195,7 +195,7 @@ class SpeechRecogniser:
 
 
 def margin(word: str, entries: list[WordScore], own: Container[str]) -> float:
-    """Return by how much a word fits better than the best of those that are not ``own``, for each frame of it.
+    """Return by how much a word fits better than the best word outside ``own``, per frame of it.
 
     It is a natural logarithm.
     """
@@ -210,7 +210,7 @@ def single_word_search(word: str) -> str:
 
 
 def decode_phrase(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
-    """Return what a search makes of a sound; empty for nothing."""
+    """Return the text that a search recognises in a sound; empty for none."""
     engine.activate_search(name)
     decode_sound(engine, sound)
     found = engine.hyp()
@@ -218,7 +218,7 @@ def decode_phrase(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
 
 
 def main() -> None:
-    """Answer until the input ends."""
+    """Answer requests until the input ends."""
     pocketsphinx.set_loglevel("FATAL")
     recogniser = SpeechRecogniser()
     for line in sys.stdin.buffer:

@@ -1,8 +1,8 @@
-"""The program that recognises speech with sherpa-onnx and a model of the user's, in a process of its own.
+"""Worker process that recognises speech with sherpa-onnx and a model of the user's.
 
 The model is a folder with a streaming transducer: ``tokens.txt``, and ``encoder*.onnx``, ``decoder*.onnx`` and
-``joiner*.onnx``, of which those of 8 bits (``*.int8.onnx``) are taken where there are any. Messages are those of
-``vosk_worker.py``, but that ``sure`` is for each token, of which a word may have several. It imports nothing of ours.
+``joiner*.onnx``, preferably of 8 bits (``*.int8.onnx``). The messages are those of ``vosk_worker.py``, but ``sure`` has
+a value per token, of which a word may have several. It imports nothing of ours.
 """
 
 import json
@@ -16,14 +16,14 @@ import numpy as np
 import sherpa_onnx
 
 RATE = 16_000
-"""Samples a second."""
+"""Samples per second."""
 
 TRAILING_SILENCE = np.zeros(int(0.6 * RATE), np.float32)
-"""Behind a sound: a streaming model looks ahead, and would keep the last word back."""
+"""Appended to a sound: a streaming model looks ahead, and would withhold the last word."""
 
 
 def find_model_part(model: Path, name: str) -> str:
-    """Return the file of a part of the model. Ends the program where there is none."""
+    """Return the file of a part of the model. Exits if there is none."""
     found = [*sorted(model.glob(f"{name}*.int8.onnx")), *sorted(model.glob(f"{name}*.onnx"))]
     if not found:
         sys.exit(f"{model}: there is no {name}*.onnx: a streaming transducer has encoder, decoder, joiner, tokens.txt")
@@ -31,7 +31,7 @@ def find_model_part(model: Path, name: str) -> str:
 
 
 def load_recogniser(model: Path) -> "sherpa_onnx.OnlineRecognizer":
-    """Return a recogniser of one thread with the model in a folder."""
+    """Return a single-threaded recogniser with the model in a folder."""
     if not (model / "tokens.txt").is_file():
         sys.exit(f"{model}: there is no tokens.txt: unpack a streaming transducer of sherpa-onnx there")
     return sherpa_onnx.OnlineRecognizer.from_transducer(
@@ -45,7 +45,7 @@ def load_recogniser(model: Path) -> "sherpa_onnx.OnlineRecognizer":
 
 
 def decode(recogniser: "sherpa_onnx.OnlineRecognizer", sound: bytes) -> dict[str, Any]:
-    """Return what was said."""
+    """Return the transcription of a sound, with confidences."""
     stream = recogniser.create_stream()
     stream.accept_waveform(RATE, np.frombuffer(sound, "<i2").astype(np.float32) / 32768)
     stream.accept_waveform(RATE, TRAILING_SILENCE)
@@ -57,7 +57,7 @@ def decode(recogniser: "sherpa_onnx.OnlineRecognizer", sound: bytes) -> dict[str
 
 
 def main() -> None:
-    """Answer until the input ends."""
+    """Answer requests until the input ends."""
     recogniser = None
     for line in sys.stdin.buffer:
         message = json.loads(line)

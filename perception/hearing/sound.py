@@ -1,4 +1,4 @@
-"""What the ears deal in: pieces of sound, and the levels of short frames of it."""
+"""Processing of sound: levels, noise removal, and cutting of speech into clips."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -9,41 +9,41 @@ import numpy as np
 import numpy.typing as npt
 
 RATE = 16_000
-"""Samples a second."""
+"""Samples per second."""
 
 FRAME_SAMPLES = 320
-"""Samples whose level is measured at a time: 20 ms."""
+"""Samples per level measurement: 20 ms."""
 
 FULL_SCALE_LEVEL = 20 * np.log10(32768.0)
-"""dB by which the loudest square wave is above one of a single step: dBFS is a level less this."""
+"""dB of a full-scale square wave over one of a single step; dBFS is a level minus this."""
 
 Samples = npt.NDArray[np.int16]
-"""Sound: shape (n,), dtype int16, one channel, ``RATE`` samples a second."""
+"""Sound: shape (n,), dtype int16, one channel, ``RATE`` samples per second."""
 
 Floats = npt.NDArray[np.float64]
 
 
 class Piece(Protocol):
-    """A piece of sound from a microphone: ``drivers.api.Sound``."""
+    """A piece of sound from a microphone: see ``drivers.api.Sound``."""
 
     @property
     def number(self) -> int:
-        """Counts the pieces, so that a gap shows."""
+        """Sequence number, so that gaps are visible."""
         ...
 
     @property
     def stamp(self) -> float:
-        """The time of its first sample."""
+        """Time of the first sample."""
         ...
 
     @property
     def samples(self) -> Samples:
-        """The sound itself."""
+        """The samples."""
         ...
 
     @property
     def end(self) -> float:
-        """The time at which it ends."""
+        """Time of the end."""
         ...
 
 
@@ -59,26 +59,26 @@ def levels(samples: Samples | Floats, size: int = FRAME_SAMPLES) -> Floats:
 # enhancement using a minimum mean-square error short-time spectral amplitude estimator", 1984).
 
 WINDOW_SAMPLES, HOP_SAMPLES = 512, 128
-"""Samples of which a spectrum is taken, and how many later the next one: faded so, the pieces add up to a constant."""
+"""Samples per spectrum, and from one spectrum to the next; the windowed pieces add up to a constant."""
 
 OVERSUBTRACTION = 1.5
-"""By how much more than was measured is taken away: what is left of noise sounds like voices."""
+"""Factor of the measured noise that is removed, because residual noise sounds like voices."""
 
 MIN_GAIN = 0.1
-"""What is left of a frequency at least."""
+"""Smallest gain of a frequency."""
 
 SMOOTHING = 0.95
-"""How much of the estimate comes from the frame before."""
+"""Weight of the previous frame in the estimate."""
 
 TARGET_LEVEL = 66.0
-"""dB to which the loud frames of a clip are brought."""
+"""dB to which the loud frames of a clip are amplified."""
 
 MAX_AMPLIFICATION = 30.0
-"""dB by which a clip is amplified at most."""
+"""Largest amplification of a clip, in dB."""
 
 
 def enhance_speech(samples: Samples, noise: Samples) -> Samples:
-    """Return ``samples`` with less of the ``noise`` that was heard before them, and at the usual level."""
+    """Return ``samples`` at the usual level, with the ``noise`` from before them reduced."""
     sound = np.asarray(samples, np.float64)
     if len(noise) >= WINDOW_SAMPLES:
         sound = wiener_filter(sound, np.asarray(noise, np.float64))
@@ -87,12 +87,12 @@ def enhance_speech(samples: Samples, noise: Samples) -> Samples:
 
 
 def add_noise(samples: Samples, deviation: float) -> Samples:
-    """Return ``samples`` over noise of that standard deviation, in steps: no model of speech knows digital silence."""
+    """Return ``samples`` plus noise of that standard deviation, because speech models do not know digital silence."""
     return _to_int16(samples + np.random.default_rng(0).standard_normal(len(samples)) * deviation)
 
 
 def wiener_filter(sound: Floats, noise: Floats) -> Floats:
-    """Return ``sound``, as long as it is, without what is like ``noise`` (at least a window of it)."""
+    """Return ``sound``, of the same length, without noise like ``noise`` (at least ``WINDOW_SAMPLES`` long)."""
     spectra = np.fft.rfft(_windowed_pieces(np.pad(sound, (WINDOW_SAMPLES, 2 * WINDOW_SAMPLES))))
     expected = OVERSUBTRACTION * np.mean(np.abs(np.fft.rfft(_windowed_pieces(noise))) ** 2, axis=0) + 1e-9
     ratios = np.abs(spectra) ** 2 / expected
@@ -106,18 +106,18 @@ def wiener_filter(sound: Floats, noise: Floats) -> Floats:
 
 
 def _to_int16(sound: Floats) -> Samples:
-    """Return a sound in whole steps of 16 bits."""
+    """Return a sound rounded and clipped to 16 bits."""
     return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
 
 
 def _windowed_pieces(sound: Floats) -> Floats:
-    """Return the overlapping pieces of a sound, faded in and out: shape (n, WINDOW)."""
+    """Return the overlapping pieces of a sound, faded in and out: shape (n, WINDOW_SAMPLES)."""
     pieces = np.lib.stride_tricks.sliding_window_view(sound, WINDOW_SAMPLES)[::HOP_SAMPLES]
     return np.asarray(pieces * _hann_window(), np.float64)
 
 
 def _overlap_add(pieces: Floats) -> Floats:
-    """Lay faded pieces over each other: the sound that they are of, but for its first and last window."""
+    """Return the sum of overlapping faded pieces: their sound, except for its first and last window."""
     sound = np.zeros((len(pieces) - 1) * HOP_SAMPLES + WINDOW_SAMPLES)
     for number, piece in enumerate(pieces):
         sound[number * HOP_SAMPLES : number * HOP_SAMPLES + WINDOW_SAMPLES] += piece
@@ -125,28 +125,28 @@ def _overlap_add(pieces: Floats) -> Floats:
 
 
 def _hann_window() -> Floats:
-    """The Hann window, of which overlapping copies add up to a constant."""
+    """Return the Hann window, whose overlapping copies add up to a constant."""
     return np.hanning(WINDOW_SAMPLES + 1)[:-1]
 
 
 # Where in an endless sound somebody speaks: by its level over that of the background.
 
 LEAD_TIME = 0.3
-"""Seconds of sound before the speech that are kept with it: weak beginnings such as f and h."""
+"""Seconds of sound kept before the speech, for weak beginnings such as f and h."""
 
 TAIL_TIME = 0.3
-"""Seconds after it that are kept."""
+"""Seconds of sound kept after the speech."""
 
 MIN_BACKGROUND_LEVEL = 20.0
-"""dB over one step below which no background counts: the hiss after digital silence is no speech."""
+"""Smallest level of the background, in dB over one step: hiss after digital silence is not speech."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpeechGate:
-    """What counts as speech. Levels in dB, times in seconds.
+    """Criteria of speech. Levels in dB, times in seconds.
 
-    It is ``rise`` over the background, and ``drop`` at most below the loudest frame of what is being said. It has
-    ended when that was so for ``pause``, or has gone on for ``longest``. Less than ``shortest`` of it is a click.
+    A frame is speech if it is ``rise`` over the background, and at most ``drop`` below the loudest frame of the
+    utterance. An utterance ends after a ``pause``, or when it is ``longest``. Less speech than ``shortest`` is a click.
     """
 
     rise: float = 6.0
@@ -158,7 +158,7 @@ class SpeechGate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clip:
-    """What somebody said, cut out: ``start`` and ``end`` of the speech, on the clock of the microphone.
+    """An utterance cut out of the sound: ``start`` and ``end`` of the speech, on the clock of the microphone.
 
     ``samples`` begin ``lead`` seconds before ``start``. ``noise`` is the background from before, perhaps empty.
     """
@@ -171,7 +171,7 @@ class Clip:
 
 
 class EndPointer:
-    """Cuts an endless sound into clips. For one thread."""
+    """Cuts continuous sound into clips. For one thread."""
 
     def __init__(self, gate: SpeechGate = SpeechGate()) -> None:
         self._gate = gate
@@ -185,13 +185,13 @@ class EndPointer:
         self._lead_count = 0
 
     def reset(self) -> None:
-        """Forget what is being said: sound is missing now. What the background is like stays known."""
+        """Drop the current utterance after a gap in the sound; the background level is kept."""
         self._partial_frame = np.zeros(0, np.int16)
         self._lead_frames.clear()
         self._speech_frames, self._loud_flags = [], []
 
     def process(self, samples: Samples, stamp: float) -> list[Clip]:
-        """Take the next sound, whose first sample is of the time ``stamp``; return the clips that end in it."""
+        """Process the next sound, whose first sample has the time ``stamp``; return the clips that end in it."""
         stamp -= len(self._partial_frame) / RATE
         sound = np.concatenate([self._partial_frame, samples])
         found = []
@@ -204,7 +204,7 @@ class EndPointer:
         return found
 
     def _process_frame(self, frame: Samples, level: float, now: float) -> Clip | None:
-        """Take one frame that ends ``now``; return the clip that it ends."""
+        """Process a frame that ends ``now``; return the clip that it completes, or None."""
         gate = self._gate
         loud = level > max(MIN_BACKGROUND_LEVEL, float(np.median(self._background_levels or [level]))) + gate.rise
         if not self._speech_frames:
@@ -227,7 +227,7 @@ class EndPointer:
         self._lead_frames.append(frame)
 
     def _end_clip(self, now: float) -> Clip | None:
-        """End what is being said; what follows its tail is background again."""
+        """End the current utterance; sound after its tail is background again."""
         said, loud, self._speech_frames, self._loud_flags = self._speech_frames, self._loud_flags, [], []
         spoken = len(loud) - loud[::-1].index(True)
         endless = len(loud) >= _frame_count(self._gate.longest)
@@ -256,12 +256,12 @@ def _with_levels(frames: Sequence[Samples]) -> Iterator[tuple[Samples, float]]:
 
 
 def _select_quiet_frames(frames: Sequence[Samples], rise: float) -> list[tuple[Samples, float]]:
-    """Return the quiet ones of many frames, with their levels: all of a fan that was switched on, pauses of speech."""
+    """Return the quiet frames with their levels: all of a fan that was switched on, or the pauses of speech."""
     found = list(_with_levels(frames))
     low = float(np.percentile([level for _, level in found], 20))
     return [(frame, level) for frame, level in found if level <= low + rise]
 
 
 def _frame_count(seconds: float) -> int:
-    """Return how many frames that is."""
+    """Return the number of frames in ``seconds``."""
     return round(seconds * RATE / FRAME_SAMPLES)

@@ -1,7 +1,8 @@
-"""The program that recognises speech with Vosk and a model of the user's, in a process of its own.
+"""Worker process that recognises speech with Vosk and a model of the user's.
 
-Messages are those of ``recogniser_worker.py``, but for what to listen for: ``{"model": FOLDER, "phrases": [..]}``. A
-sound is answered by the words understood, ``phrase``, and ``sure``, from 0 to 1 for each. It imports nothing of ours.
+The messages are those of ``recogniser_worker.py``, except for the setup: ``{"model": FOLDER, "phrases": [..]}``. A
+sound is answered by the recognised ``phrase``, and the confidence ``sure``, 0 to 1, of each word. It imports nothing of
+ours.
 """
 
 import json
@@ -12,11 +13,11 @@ from typing import Any
 import vosk
 
 RATE = 16_000
-"""Samples a second."""
+"""Samples per second."""
 
 
 def decode(recogniser: "vosk.KaldiRecognizer", sound: bytes) -> dict[str, Any]:
-    """Return what was said."""
+    """Return the recognised text of a sound, with confidences."""
     recogniser.Reset()
     recogniser.AcceptWaveform(sound)
     found = json.loads(recogniser.FinalResult())
@@ -24,7 +25,7 @@ def decode(recogniser: "vosk.KaldiRecognizer", sound: bytes) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Answer until the input ends."""
+    """Answer requests until the input ends."""
     vosk.SetLogLevel(-1)
     recogniser = None
     for line in sys.stdin.buffer:

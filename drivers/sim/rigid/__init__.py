@@ -1,1 +1,1 @@
-"""Rigid bodies that stand, walk and fall: a robot's links and servos on a floor, stepped by MuJoCo."""
+"""Rigid-body physics of a robot: links and servos on a floor, simulated by MuJoCo."""

@@ -1,4 +1,4 @@
-"""Pictures of a robot in physics: by MuJoCo's renderer where EGL is there, which needs no screen; else of lines."""
+"""Pictures of a robot in physics: by MuJoCo's renderer if EGL is available (no screen needed), else as a stick figure."""
 
 from contextlib import suppress
 from math import cos, degrees, sin
@@ -12,22 +12,22 @@ from drivers.sim.rigid.scene import PhysicsScene
 from drivers.sim.rigid.stick_drawing import Floats, Stroke, draw_stick_figure
 
 AZIMUTH, ELEVATION = 140.0, -15.0
-"""Degrees from where the robot looks at first, and from level, in which the renderer's camera looks."""
+"""Direction of the renderer's camera: degrees from the initial heading of the robot, and from level."""
 
 CAMERA_DISTANCE_FACTOR = 2.0
-"""Times its height that the camera is away."""
+"""Distance of the camera, in heights of the robot."""
 
 MAX_GEOMS = 2000
-"""Shapes in one picture; OP3's model has some hundred."""
+"""Shapes in one picture; OP3's model has a few hundred."""
 
 LINE_RADIUS = 0.004
-"""Half the width (m) of a line from joint to joint."""
+"""Half the width of a line from joint to joint, in metres."""
 
 
 class BodyCamera:
-    """Draws the robot of a scene in pictures of ``size`` (width, height); it stays in their middle. For one thread.
+    """Draws the robot of a scene, centred, in pictures of ``size`` (width, height). For one thread.
 
-    ``is_rendered`` says whether MuJoCo draws. Looking changes nothing of the scene.
+    Drawing does not change the scene.
     """
 
     def __init__(self, scene: PhysicsScene, size: tuple[int, int], *, render: bool = True) -> None:
@@ -40,11 +40,11 @@ class BodyCamera:
 
     @property
     def is_rendered(self) -> bool:
-        """Whether MuJoCo's renderer draws."""
+        """True if MuJoCo's renderer draws, False for the stick figure."""
         return self._renderer is not None
 
     def draw(self, now: float) -> Image:
-        """Return the robot as it is ``now`` (s), (height, width, 3), blue, green, red."""
+        """Return the picture at time ``now`` (s): (height, width, 3), blue, green, red."""
         told = f"{now:.2f} s"
         if self._renderer is not None:
             image = self._renderer.draw(degrees(self._start_pose.heading) + AZIMUTH, self._height)
@@ -67,14 +67,14 @@ class BodyCamera:
         return draw_stick_figure(strokes, self._size, height=self._height, walked=self._walked_distance, caption=told)
 
     def close(self) -> None:
-        """Give the renderer's memory back. Safe more than once."""
+        """Free the renderer's memory. Safe more than once."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
 
 
 class _Renderer:
-    """MuJoCo's renderer on a context of EGL's."""
+    """MuJoCo's renderer on an EGL context."""
 
     def __init__(self, scene: PhysicsScene, size: tuple[int, int]) -> None:
         engine, self._size, self._physics = scene.engine, size, scene
@@ -114,7 +114,7 @@ def _egl_context_class() -> Any:
 
 
 def _has_egl() -> bool:
-    """Say whether EGL can draw here: PyOpenGL, libEGL and a driver of it, each of which fails in its own way."""
+    """Return whether EGL can draw here: PyOpenGL, libEGL and its driver each fail in their own way."""
     with suppress(Exception):
         context: Any = _egl_context_class()(16, 16)
         context.free()
@@ -123,13 +123,13 @@ def _has_egl() -> bool:
 
 
 def _robot_geoms(scene: PhysicsScene) -> list[int]:
-    """Return the shapes of the robot; planes are floors."""
+    """Return the shapes of the robot, which are all but planes."""
     plane = int(scene.engine.mjtGeom.mjGEOM_PLANE)
     return [each for each in range(scene.model.ngeom) if scene.model.geom_type[each] != plane]
 
 
 def _strokes(scene: PhysicsScene) -> list[Stroke]:
-    """Return the robot as lines: its shapes by their longest axes, and lines from joint to joint."""
+    """Return the robot as lines: shapes by their longest axes, and lines from joint to joint."""
     model, data, kinds = scene.model, scene.data, scene.engine.mjtGeom
     round_ones = {int(kinds.mjGEOM_CAPSULE), int(kinds.mjGEOM_CYLINDER)}
     plain = {int(kinds.mjGEOM_SPHERE), int(kinds.mjGEOM_BOX), int(kinds.mjGEOM_ELLIPSOID), *round_ones}
@@ -150,7 +150,7 @@ def _strokes(scene: PhysicsScene) -> list[Stroke]:
 
 
 def _edge_strokes(at: Floats, turned: Floats, size: Floats) -> list[Stroke]:
-    """Return a box, or something like one, as two lines along its longest sides."""
+    """Return a box or similar shape as two lines along its longest sides."""
     least, middle, most = np.argsort(size)
     radius = float(size[least] or size[most])  # a sphere has one size alone
     reach = turned[:, most] * max(float(size[most]) - radius, 0.0)

@@ -1,4 +1,4 @@
-"""What a robot is to physics: links with masses and shapes, joined by servos; and the floor beneath it. SI units."""
+"""Physical model of a robot: links with masses and shapes, joined by servos; and the floor. SI units."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,9 +11,9 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class RigidShape:
-    """A box (full sizes), or a capsule from ``at`` to ``to`` of a ``radius``, in the axes of its link.
+    """A box with full side lengths ``size``, or a capsule from ``at`` to ``to``, in the axes of its link.
 
-    A shape that is not ``solid`` weighs nothing and touches nothing: it is seen.
+    A shape that is not ``solid`` has no mass and no contacts; it is only visible.
     """
 
     at: Vector
@@ -25,10 +25,10 @@ class RigidShape:
 
 @dataclass(frozen=True, slots=True)
 class RigidLink:
-    """What turns about one joint: named after it, ``offset`` from its parent's joint (empty: the trunk).
+    """A link and its joint, which has the same ``name``, at ``offset`` from the joint of ``parent`` (empty: the trunk).
 
-    At zero all axes are the robot's: x forward, y left, z up. ``centre`` is the centre of mass from the joint, and
-    ``spread`` the radius of gyration about it along each axis.
+    At joint angle 0, all axes are those of the robot: x forward, y left, z up. ``centre`` is the centre of mass from
+    the joint, and ``spread`` the radius of gyration about it along each axis.
     """
 
     name: str
@@ -45,7 +45,7 @@ class RigidLink:
 
 @dataclass(frozen=True, slots=True)
 class RigidRobot:
-    """A robot: its trunk, and the links upon it, each after its parent."""
+    """A robot: its trunk, and its links, each after its parent."""
 
     mass: float
     centre: Vector
@@ -56,9 +56,9 @@ class RigidRobot:
 
 @dataclass(frozen=True, slots=True)
 class TrunkPush:
-    """A push at the trunk: for ``duration`` seconds from ``at`` on, such that the robot alone would go at ``speed`` (m/s).
+    """A push on the trunk for ``duration`` seconds from ``at`` on, which would give the free robot ``speed`` (m/s).
 
-    ``direction`` (rad) is which way, in the world.
+    ``direction`` is an angle in the world frame, in radians.
     """
 
     at: float
@@ -69,10 +69,10 @@ class TrunkPush:
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """The floor, and what disturbs who stands on it.
+    """The floor, and disturbances of the robot on it.
 
-    ``friction`` is Coulomb's; ``slope`` (rad) how far the floor rises ahead and to the left. ``mass_error`` is the share by
-    which each mass may be off, drawn by the seed; ``servo_delay`` (s) is from a goal to the servo that hears it.
+    ``friction`` is Coulomb's coefficient; ``slope`` (rad) is the rise ahead and to the left. Each mass is wrong by up
+    to the share ``mass_error``, drawn by the seed. ``servo_delay`` (s) is the delay from a goal to the servo.
     """
 
     friction: float = 1.0
@@ -85,11 +85,11 @@ class Floor:
 # From a robot's links to MuJoCo's model format (MJCF), as text. It needs no MuJoCo.
 
 TRUNK = "trunk"
-"""The body that everything hangs on; whose name no joint may have."""
+"""Name of the root body, which no joint may have."""
 
 
 def make_mjcf(figure: RigidRobot) -> str:
-    """Return the model of a robot, without a floor."""
+    """Return the model of a robot without a floor, in MuJoCo's format MJCF."""
     below: dict[str, list[RigidLink]] = {}
     for link in figure.links:
         below.setdefault(link.parent, []).append(link)
@@ -126,7 +126,7 @@ def _inertial_element(mass: float, centre: Vector, spread: Vector) -> str:
 
 
 def _shape_elements(shapes: Iterable[RigidShape]) -> str:
-    """Return shapes that touch the floor, and not each other: limbs that would hit are what gaits are checked for."""
+    """Return shapes that touch the floor but not each other: gaits are checked for colliding limbs elsewhere."""
     return "".join(
         f"<geom {_shape_attributes(shape)} "
         + ('contype="2" conaffinity="1"' if shape.solid else 'contype="0" conaffinity="0"')

@@ -1,4 +1,4 @@
-"""A robot as rigid bodies in MuJoCo: servos that are sent to goals, a trunk that moves as they push the floor."""
+"""Robot in MuJoCo: servos that move to goals, and a trunk that moves by their forces on the floor."""
 
 from collections.abc import Mapping
 from math import asin, atan2, cos, sin, sqrt
@@ -13,22 +13,22 @@ from drivers.errors import BadRequest
 from drivers.sim.rigid.rigid_model import Floor
 
 TIME_STEP = 0.002
-"""Seconds of one step of physics."""
+"""Seconds of one physics step."""
 
 GRAVITY = 9.81
 
 FALLEN_COSINE = 0.5
-"""The cosine of the lean at which a robot has fallen: it lies, or will in a moment."""
+"""Cosine of the lean from which on a robot has fallen."""
 
 FLOOR_MATERIAL = "tiles of the floor"
-"""The floor's material: tiles, so that films show how a robot moves. No name of a user's model is like it."""
+"""Name of the floor's tiled material, which makes motion visible in films; unlikely in a user's model."""
 
 START_CLEARANCE = 0.0005
-"""Metres over the floor from which a robot is set down."""
+"""Metres above the floor at which a robot is placed."""
 
 
 def import_mujoco() -> Any:
-    """Return MuJoCo. Raises BadRequest where it is not installed."""
+    """Return the module ``mujoco``. Raises BadRequest if it is not installed."""
     try:
         import mujoco as found  # noqa: PLC0415 - 60 MB, for those who ask for physics
     except ImportError as error:
@@ -39,13 +39,13 @@ def import_mujoco() -> Any:
 
 
 class PhysicsScene:
-    """One robot on a floor, by MuJoCo's ``model``: its text, or the file of a user's own. For one thread.
+    """One robot on a floor, in MuJoCo. ``model`` is MJCF text, or the path of a user's file. For one thread.
 
-    Time is the simulated clock's. It moves on as far as it is asked for, in steps of ``TIME_STEP`` on an absolute schedule:
-    so it is the same however often it is asked. At first the robot stands at ``start`` with all joints at 0, and stiff.
-    ``backlashes`` are those of the servos (rad) by the names of their joints, each of which the model must have with a
-    position actuator. ``energy`` (J) is what the motors have done so far, ``seed`` draws what is drawn by chance.
-    Raises BadRequest without MuJoCo, and for a model that is none or lacks a joint.
+    Time is the simulated clock's. Physics advances in steps of ``TIME_STEP`` on an absolute schedule, so the result
+    does not depend on the calls of ``advance``. The robot starts at ``start`` with all joints at 0 and torque on.
+    ``backlashes`` are those of the servos (rad) by joint name; the model must have each of these joints, with a
+    position actuator. ``energy`` (J) is the work of the motors so far. Raises BadRequest without MuJoCo, and for an
+    invalid model or a missing joint.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class PhysicsScene:
     # --- servos -------------------------------------------------------------------------------------------------------
 
     def set_goal(self, joint: str, goal: float, speed: float) -> None:
-        """Send a servo to ``goal`` (rad) at ``speed`` (rad/s); a limp one is stiff from now on."""
+        """Move a servo to ``goal`` (rad) at ``speed`` (rad/s), and switch its torque on."""
         place = self._joint_index[joint]
         if not self.has_torque(joint):
             self._setpoint[place] = self.angle(joint)
@@ -87,64 +87,64 @@ class PhysicsScene:
         self._goal[place], self._speed[place] = goal, speed
 
     def turn_limp_joint(self, joint: str, angle: float) -> None:
-        """Turn a limp joint to ``angle`` (rad) by hand."""
+        """Turn a joint without torque to ``angle`` (rad) by hand."""
         self.data.qpos[self._position_index[self._joint_index[joint]]] = angle
 
     def switch_torque_off(self, joint: str) -> None:
-        """Take a servo's torque away: its motor is turned by what pulls at it."""
+        """Switch the torque of a servo off, so that external forces turn its joint."""
         self._set_torque(self._joint_index[joint], 0.0)
 
     def has_torque(self, joint: str) -> bool:
-        """Whether a servo has its torque."""
+        """Return whether the torque of a servo is on."""
         return bool(self.model.actuator_gainprm[self._servo[self._joint_index[joint]], 0])
 
     def angle(self, joint: str) -> float:
-        """Return where a joint is, in radians."""
+        """Return the angle of a joint in radians."""
         return float(self.data.qpos[self._position_index[self._joint_index[joint]]])
 
     def rate(self, joint: str) -> float:
-        """Return how fast a joint turns, in rad/s."""
+        """Return the angular velocity of a joint in rad/s."""
         return float(self.data.qvel[self._velocity_index[self._joint_index[joint]]])
 
     def load(self, joint: str) -> float:
-        """Return a servo's torque in -1..1 of its most."""
+        """Return the torque of a servo as a share -1..1 of its maximum."""
         return self.torque(joint) / float(self._max_torque[self._joint_index[joint]])
 
     def torque(self, joint: str) -> float:
-        """Return the torque (Nm) that a servo gives."""
+        """Return the torque of a servo in Nm."""
         return float(self.data.actuator_force[self._servo[self._joint_index[joint]]])
 
     # --- the body -----------------------------------------------------------------------------------------------------
 
     def pose(self) -> Pose2D:
-        """Return where the trunk is on the floor, and where it looks."""
+        """Return position and heading of the trunk on the floor."""
         x, y, _ = self.data.xpos[self._trunk]
         turn = self.data.xmat[self._trunk]
         return Pose2D(float(x), float(y), atan2(turn[3], turn[0]))
 
     def lean(self) -> tuple[float, float]:
-        """Return roll and pitch of the trunk in radians: to its right and ahead above 0."""
+        """Return roll and pitch of the trunk in radians, positive to its right and ahead."""
         turn = self.data.xmat[self._trunk]
         return atan2(turn[7], turn[8]), -asin(min(max(turn[6], -1.0), 1.0))
 
     def gyro_rates(self) -> tuple[float, float, float]:
-        """Return how fast the trunk turns about its own axes, in rad/s: what a gyro feels."""
+        """Return the angular velocity of the trunk about its own axes in rad/s, as a gyro measures it."""
         x, y, z = self.data.qvel[self._free + 3 : self._free + 6]
         return float(x), float(y), float(z)
 
     def proper_acceleration(self) -> tuple[float, float, float]:
-        """Return the acceleration that the trunk feels along its own axes, gravity's among them, in m/s2."""
+        """Return the acceleration of the trunk along its own axes, gravity included, in m/s2."""
         felt = self.data.qacc[self._free : self._free + 3] - self.model.opt.gravity
         x, y, z = self.data.xmat[self._trunk].reshape(3, 3).T @ felt
         return float(x), float(y), float(z)
 
     @property
     def has_fallen(self) -> bool:
-        """Whether the robot lies, or will in a moment."""
+        """True if the robot lies, or leans too far to recover."""
         return bool(self.data.xmat[self._trunk][8] < FALLEN_COSINE)
 
     def advance(self, now: float) -> None:
-        """Let time pass to ``now`` (s), in whole steps; time that is over changes nothing."""
+        """Advance physics to ``now`` (s), in whole steps; earlier times do nothing."""
         last = int(now / TIME_STEP + 1e-6)
         while self._steps < last:
             self._step()
@@ -167,7 +167,7 @@ class PhysicsScene:
         self._steps += 1
 
     def _push_force(self, now: float) -> tuple[float, float]:
-        """Return the force (N) of the pushes at a time."""
+        """Return the force (N) of all pushes at a time, in x and y."""
         x = y = 0.0
         for push in self._floor.pushes:
             if push.at <= now < push.at + push.duration:
@@ -182,7 +182,7 @@ class PhysicsScene:
         self.model.actuator_biasprm[servo, 1] = -torque * stiffness
 
     def _find_joints(self, model: str | Path) -> None:
-        """Find trunk, joints and servos in the model."""
+        """Find the indices of trunk, joints and actuators in the model."""
         mine, types = self.model, self.engine.mjtJoint
         free = [joint for joint in range(mine.njnt) if mine.jnt_type[joint] == types.mjJNT_FREE]
         if not free:
@@ -208,7 +208,7 @@ class PhysicsScene:
         self._max_torque = np.where(most > 0, most, self._stiffness)
 
     def _apply_disturbances(self, seed: int) -> None:
-        """Make floor and masses what they are to be."""
+        """Set friction, slope and mass errors."""
         mine, floor = self.model, self._floor
         chance = Random(f"masses {seed}")  # noqa: S311 - no secret
         for body in range(1, mine.nbody):
@@ -223,7 +223,7 @@ class PhysicsScene:
         self._mass = float(mine.body_subtreemass[self._trunk])
 
     def _place_robot(self, start: Pose2D) -> None:
-        """Stand the robot on the floor, with its joints at 0."""
+        """Place the robot on the floor, with its joints at 0."""
         mine, data, engine = self.model, self.data, self.engine
         at = int(mine.jnt_qposadr[mine.body_jntadr[self._trunk]])
         data.qpos[at : at + 7] = start.x, start.y, 1.0, cos(start.heading / 2), 0.0, 0.0, sin(start.heading / 2)
@@ -236,7 +236,7 @@ class PhysicsScene:
 
 
 def _compile_model(engine: Any, model: str | Path) -> Any:
-    """Return a model with a floor, which steps as all do here."""
+    """Return a compiled model with a floor, our time step and our solver options."""
     try:
         own = isinstance(model, Path)
         spec = engine.MjSpec.from_file(str(model)) if own else engine.MjSpec.from_string(model)

@@ -1,4 +1,4 @@
-"""A body as a figure of lines, from its right and from the front: for films of gaits, and of physics without OpenGL."""
+"""Stick figure of a body, from its right and from the front, for films of gaits and of physics without OpenGL."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,25 +15,25 @@ BACKGROUND, FLOOR, MARKS, INK = (242, 248, 250), (150, 150, 150), (190, 190, 190
 """Colours: blue, green, red."""
 
 LEFT, RIGHT, MIDDLE = (180, 96, 38), (44, 90, 214), (120, 120, 120)
-"""Those of the left half of a body, of its right half, and of what lies between."""
+"""Colours of the left half of a body, the right half, and the middle."""
 
 MIDDLE_HALF_WIDTH = 0.01
-"""Metres from its middle within which a line belongs to neither half."""
+"""Metres from the middle within which a line belongs to neither half."""
 
 MARK_SPACING = 0.1
-"""Metres from mark to mark on the floor."""
+"""Metres between two marks on the floor."""
 
 PICTURE_HEIGHT_FACTOR = 1.3
-"""Times its height that a picture is high."""
+"""Height of a picture, in heights of the body."""
 
 FLOOR_HEIGHT_SHARE = 0.88
-"""Where in the height of a picture the floor is."""
+"""Position of the floor, as a share of the picture's height from the top."""
 
 SUBPIXEL_BITS = 4
 """Bits of sub-pixel accuracy in OpenCV's drawing functions."""
 
 MAX_PIXEL = 1e4
-"""Pixels beyond which nothing is drawn: OpenCV counts them in 32 bits."""
+"""Largest pixel coordinate that is drawn: OpenCV's are 32 bits."""
 
 
 class Stroke(NamedTuple):
@@ -47,10 +47,10 @@ class Stroke(NamedTuple):
 def draw_stick_figure(
     strokes: Sequence[Stroke], size: tuple[int, int], *, height: float, walked: float = 0.0, caption: str = ""
 ) -> Image:
-    """Return a picture of ``size`` (width, height): from its right at the left, from the front at the right.
+    """Return a picture of ``size`` (width, height): left half seen from the right side, right half from the front.
 
-    ``height`` is that of the body (m), ``gone`` how far it has walked, by which the marks on the floor lie back;
-    ``told`` stands below.
+    ``height`` is that of the body (m). ``walked`` is the distance so far (m), by which the marks on the floor are
+    shifted. ``caption`` is written below.
     """
     width = size[0] // 2
     image: Image = np.full((size[1], size[0], 3), BACKGROUND, np.uint8)

@@ -1,4 +1,4 @@
-"""Driving by hand: keys of a terminal or a game pad in, commands to base and head out."""
+"""Teleoperation: keys of a terminal or a game pad drive base and head."""
 
 FIRST_PAD = "first"
-"""Stands for the game pad that is found first, in the place of a device."""
+"""Device name that stands for the first game pad found."""

@@ -39,23 +39,23 @@ from missions.plugins.teleop.teaching import PadTeacher
 # The line between a person's keyboard and this program: whether it may be long, and how late it is.
 
 RELAYS: Mapping[str, str] = {"TMUX": "tmux", "STY": "screen", "ZELLIJ": "zellij"}
-"""Variables by which programs name themselves that answer for a terminal, wherever that is."""
+"""Environment variables of programs that answer for a remote terminal."""
 
 RELAY_PROGRAMS = ("tmux", "screen", "zellij", "mosh-server")
 REMOTE_PROGRAMS = ("sshd", "dropbear", "telnetd", "in.telnetd", "ttyd", "gotty")
 REMOTE_VARIABLES = ("SSH_CONNECTION", "SSH_TTY")
 
 LAST_ANSWERS_TIMEOUT = 0.6
-"""Seconds for which answers are waited for in the end: the shell would take those that come later for keys."""
+"""Seconds to wait for answers at the end: the shell would take later ones for keys."""
 
 
 @contextmanager
 def measure_line(
     descriptor: int, clock: Clock, *, allow_unknown: bool = False
 ) -> Iterator[tuple[LineDelay, Callable[[Callable[[float], str]], None]]]:
-    """Give the delay of the terminal behind ``descriptor``, and a function that waits for its last answers.
+    """Yield the delay of the terminal behind ``descriptor``, and a function that waits for its last answers.
 
-    ``unknown_is_good`` lets keys drive also where the delay cannot be known.
+    With ``allow_unknown``, keys drive even if the delay is unknown.
     """
     programs = [*ancestors(os.getpid())]
     relay = _find_relay(programs)
@@ -90,7 +90,7 @@ def measure_line(
 
 
 def ancestors(process: int, folder: Path = Path("/proc")) -> Iterator[str]:
-    """Yield the names of the programs that have started a process, the nearest first; none where there is no /proc."""
+    """Yield the names of the parent processes, the nearest first; none without /proc."""
     while process > 1:
         try:
             text = (folder / str(process) / "stat").read_text(encoding="utf-8", errors="replace")
@@ -102,7 +102,7 @@ def ancestors(process: int, folder: Path = Path("/proc")) -> Iterator[str]:
 
 
 def _find_relay(programs: list[str]) -> str:
-    """Return the name of a program that answers for the terminal; empty where there is none."""
+    """Return the name of a program that answers for the terminal; empty if there is none."""
     found = next((name for variable, name in RELAYS.items() if os.environ.get(variable)), "")
     return found or next((each for each in RELAY_PROGRAMS if _has_program(programs, (each,))), "")
 
@@ -112,11 +112,11 @@ def _has_program(programs: list[str], names: tuple[str, ...]) -> bool:
 
 
 SHOW_INTERVAL = 0.1
-"""Seconds between two changes of that line: a slow line has to keep up with it."""
+"""Seconds between two updates of the status line: a slow line must keep up."""
 
 
 def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> float:
-    """Read a share, such as 30 %."""
+    """Convert an option value such as 30 %."""
     try:
         share = si_value(value, "share")
     except ValueError as error:
@@ -173,11 +173,11 @@ def command(
     taught: str | None,
     unknown_delay: bool,
 ) -> int:
-    """Drive a robot by hand: hold a key to drive, let go to stop. Works over SSH.
+    """Drive a robot by hand: hold a key to drive, release it to stop. Works over SSH.
 
-    Over a line with a round trip of more than 0.5 s keys do not drive.
-    Simulated unless a robot is named, as with `mission run`. The limits and the reflexes of the robot file hold.
-    Whatever ends it, a line that breaks too, the robot is left at rest.
+    Keys do not drive over a line with a round trip of more than 0.5 s. Without --robot the robot is simulated, as with
+    `mission run`. The limits and reflexes of the robot file apply. The robot is left at rest however the command ends,
+    even if the line breaks.
     """
     if taught is not None:
         return _teach_pad(taught, SystemClock())
@@ -216,7 +216,7 @@ def command(
 
 
 def _teach_pad(node: str, clock: Clock) -> int:
-    """Have a person teach the pad at a node, and keep that. Raises NotConnected and TeachingError."""
+    """Let a person teach the layout of a pad, and save it. Raises NotConnected and TeachingError."""
     if node == FIRST_PAD:
         found = pad.find_pads()
         if len(found) > 1:
@@ -242,9 +242,9 @@ def _teach_pad(node: str, clock: Clock) -> int:
 
 @contextmanager
 def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
-    """Open the base of a robot, and its ``head``, if it has one, and wait for the base; in the end close them.
+    """Open the base of a robot and its ``head``, if any, wait for the base, and close them at the end.
 
-    Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``.
+    Raises NotConnected, with the reason, after ``CONNECT_TIME``.
     """
     config = load_robot(robot_file(name))
     if config.base is None:
@@ -269,13 +269,13 @@ def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock)
 
 
 def _pause(seconds: float) -> str:
-    """Wait; nothing is typed meanwhile where there is no terminal."""
+    """Wait; without a terminal no key is pressed."""
     Event().wait(seconds)
     return ""
 
 
 def _make_line_display(clock: Clock) -> Callable[[str], None]:
-    """Return what shows a line in the place of the one before, when it is another, and not too often."""
+    """Return a function that replaces the status line if it has changed, but not too often."""
     shown, at = "", -SHOW_INTERVAL
 
     def show(line: str) -> None:

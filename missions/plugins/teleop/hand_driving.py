@@ -1,4 +1,4 @@
-"""A game pad beside a mission: whoever holds its shoulder button has the wheels, and the mission waits."""
+"""Driving by hand, with keys or a game pad, alone or during a mission, which waits meanwhile."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -21,13 +21,13 @@ from missions.plugins.teleop.pad import Pad
 # for as long as it keeps coming.
 
 KEY_HOLD_TIME = 0.75
-"""Seconds that a key counts as held when it was pressed: auto-repeat begins after up to 0.66 s (the X server's)."""
+"""Seconds that a key counts as held after it was pressed: auto-repeat starts after up to 0.66 s (the X server's)."""
 
 REPEAT_HOLD_TIME = 0.3
-"""Seconds that it counts as held once it repeats: some keyboards do so only ten times a second, and lines stutter."""
+"""Seconds that a repeating key counts as held: some keyboards repeat only ten times per second, and lines stall."""
 
 MAX_REPEAT_INTERVAL = 0.2
-"""Seconds within which a key that comes again repeats by itself; nobody types the same key so fast for long."""
+"""Seconds between two equal keys that count as auto-repeat; people do not type that fast for long."""
 
 
 DRIVE_KEYS: Mapping[str, DriveInput] = MappingProxyType(
@@ -37,7 +37,7 @@ DRIVE_KEYS: Mapping[str, DriveInput] = MappingProxyType(
         "m": DriveInput(-1, -1), ",": DriveInput(-1, 0), ".": DriveInput(-1, 1),
     }
 )  # fmt: skip
-"""The keys that drive; back to the left turns the base to the right, as ROS has it."""
+"""Keys that drive; back to the left turns the base to the right, as in ROS's teleop_twist_keyboard."""
 
 STOP_KEY = "k"
 END_KEYS = frozenset({"escape", "end"})
@@ -50,14 +50,14 @@ space stops until Enter enables again; Esc or Ctrl-C ends"""
 
 
 class HeldKeys:
-    """The keys of a terminal that a person holds. It begins with no key."""
+    """The key of a terminal that a person holds, if any."""
 
     def __init__(self) -> None:
         self._key = ""
         self._pressed_at = self._held_until = -inf
 
     def press(self, key: str, now: float) -> None:
-        """Take a key that came at ``now`` seconds. One that neither drives, nor changes speed or gaze, stops."""
+        """Process a key pressed at ``now`` seconds. A key that neither drives nor changes speed or gaze stops."""
         if key in SPEED_KEYS or key in HEAD_KEYS:
             return
         repeats = key == self._key and now - self._pressed_at <= MAX_REPEAT_INTERVAL
@@ -65,7 +65,7 @@ class HeldKeys:
         self._held_until = now + (REPEAT_HOLD_TIME if repeats else KEY_HOLD_TIME)
 
     def push(self, now: float) -> DriveInput | None:
-        """Return which way at ``now`` seconds; None when no key that drives is held."""
+        """Return the drive input at ``now`` seconds; None if no drive key is held."""
         return DRIVE_KEYS.get(self._key) if now <= self._held_until else None
 
 
@@ -78,28 +78,30 @@ class HeldKeys:
 # the question.
 
 QUERY_INTERVAL = 0.1
-"""Seconds from one question to the next."""
+"""Seconds between two queries."""
 
 MAX_OPEN_QUERIES = 8
-"""Questions that wait for an answer; more would say nothing new, and would be left to the shell at the end."""
+"""Queries without an answer; more would add nothing, and their answers would reach the shell at the end."""
 
 ANSWER_TIMEOUT = 60.0
-"""Seconds after which a question counts as lost."""
+"""Seconds after which a query counts as lost."""
 
 FIRST_ANSWER_TIMEOUT = 12.0
-"""Seconds after which a terminal of this machine counts as one that never answers, so that its keys drive: more than
-the slowest line takes there and back, 5 s each."""
+"""Seconds after which a local terminal counts as one that never answers, so its keys drive.
+
+Longer than the round trip of the slowest line, 5 s each way.
+"""
 
 FIRST_ROW = 2
-"""The row of the first place: F3 with Shift is a key that looks like an answer of row 1."""
+"""Row of the first query: Shift-F3 looks like an answer of row 1."""
 
 
 class LineDelay:
-    """Measures the delay of a terminal with ``write``, by its ``clock``; ``size`` returns its columns and rows.
+    """Measures the delay of a terminal by cursor position reports; ``size`` returns its columns and rows.
 
-    The place to which a question moves the cursor is its number: an answer belongs to one question. ``remote`` says
-    whether the terminal may be on another machine, and ``relay`` names a program that answers for it. With
-    ``unknown_is_good`` keys drive also where the delay cannot be known.
+    Each query moves the cursor to its own place, so each answer belongs to one query. ``remote`` is True if the
+    terminal may be on another machine; ``relay`` is a program that answers for it. With ``allow_unknown``, keys drive
+    even if the delay is unknown.
     """
 
     def __init__(
@@ -122,7 +124,7 @@ class LineDelay:
         self._round_trip = inf
 
     def send_query(self) -> None:
-        """Ask the terminal, unless that was done a moment ago. The cursor is back at once."""
+        """Query the terminal, at most every ``QUERY_INTERVAL``. The cursor is restored at once."""
         now = self._clock.now()
         while self._open_queries and now - next(iter(self._open_queries.values())) > ANSWER_TIMEOUT:
             self._open_queries.popitem(last=False)
@@ -137,7 +139,7 @@ class LineDelay:
         self._write(f"\x1b7\x1b[{place[0]};{place[1]}H\x1b[6n\x1b8")
 
     def on_answer(self, row: int, column: int) -> None:
-        """Take an answer of the terminal; one to no question is none."""
+        """Process an answer of the terminal; one without a query is ignored."""
         if (row, column) not in self._open_queries:
             return
         place = None
@@ -147,12 +149,12 @@ class LineDelay:
 
     @property
     def has_open_queries(self) -> bool:
-        """Whether answers are on their way."""
+        """True while answers are missing."""
         return bool(self._open_queries)
 
     @property
     def refusal(self) -> str:
-        """Why keys do not drive at present; empty where they do."""
+        """Reason why keys do not drive now; empty if they do."""
         now = self._clock.now()
         if self._answered_query_at == -inf:
             waits = self._remote or now - self._started_at < FIRST_ANSWER_TIMEOUT
@@ -168,16 +170,16 @@ class LineDelay:
 
     @property
     def is_late(self) -> bool:
-        """Whether the line has answered, and is too slow."""
+        """True if the line has answered, and is too slow."""
         return self._answered_query_at > -inf and self._clock.now() - self._answered_query_at >= MAX_STATE_AGE
 
     def status_text(self) -> str:
-        """Return why keys do not drive, or the round trip, for the line that is shown; empty where it is unknown."""
+        """Return the reason why keys do not drive, or the round trip; empty if it is unknown."""
         return self.refusal or ("" if self._answered_query_at == -inf else f"{1000 * self._round_trip:.0f} ms")
 
 
 COMMAND_INTERVAL = 0.05
-"""Seconds between two commands: a command that lives for 0.3 s may miss five."""
+"""Seconds between two commands: a command expires after 0.3 s, so five may be missed."""
 
 
 def drive_by_hand(
@@ -188,12 +190,12 @@ def drive_by_hand(
     show: Callable[[str], None],
     line: LineDelay | None = None,
 ) -> None:
-    """Let a person drive with the keys that ``typed`` gives out, or with a ``pad`` that is open, until a key ends it.
+    """Let a person drive, with the keys from ``read_key`` or with an open ``pad``, until a key ends it.
 
-    ``typed`` waits for so many seconds at most, and returns the empty text where none came; ``show`` is given a line
-    to be seen. Keys that waited because all this was held up (SIGSTOP, a line that is stuck) drive nothing any more.
-    Keys that come over a slow ``line`` neither drive nor turn the head; then all is to be let go once.
-    Whatever ends it, the wheels are let go. Raises NotConnected when the pad has gone.
+    ``read_key`` waits for at most the given seconds, and returns an empty text without a key; ``show`` displays a
+    status line. Keys that queued up while the process was suspended (SIGSTOP, a stalled line) do not drive. Keys over a
+    slow ``line`` neither drive nor turn the head; then all keys must be released once. At the end the base is released
+    in any case. Raises NotConnected when the pad disconnects.
     """
     hand = HeldKeys() if pad is None else pad
     before, late, refused = clock.now(), False, False
@@ -224,7 +226,7 @@ def drive_by_hand(
 
 
 def _flush_keys(key: str, read_key: Callable[[float], str]) -> str:
-    """Take the keys that have waited, ``key`` and those behind it; return the one that ends or latches, else STOP."""
+    """Read the queued keys after ``key``; return the one that ends or latches, else STOP_KEY."""
     found = STOP_KEY
     while key and key not in END_KEYS:
         found = LATCH_KEY if LATCH_KEY in (key, found) else STOP_KEY
@@ -237,9 +239,9 @@ RETRY_INTERVAL = 1.0
 
 
 class PadDevice:
-    """A ``drivers.api.Device`` that moves nothing of its own: it reads a pad and commands ``base``, on its own thread.
+    """A ``drivers.api.Device`` that reads a game pad and commands ``base``, on its own thread.
 
-    ``pad`` makes the pad, plugged in or not: it may be another each time. The head stays the mission's.
+    ``make_pad`` returns the pad, plugged in or not; it may be another one each time.
     """
 
     name = "pad"
@@ -256,24 +258,23 @@ class PadDevice:
         self._health = Health(False, "pad: not opened yet")
 
     def open(self) -> None:
-        """Start looking for the pad; returns at once, whether it is there or not."""
+        """Start looking for the pad; returns at once."""
         if self._thread is None:
             self._closing.clear()
             self._thread = Thread(target=self._run, name="pad", daemon=True)
             self._thread.start()
 
     def rest(self) -> None:
-        """Do nothing: the base comes to rest by itself."""
+        """Do nothing: the base stops by itself without commands."""
 
     def close(self) -> None:
-        """Let go of the wheels and end the thread. Safe from any state, more than once."""
+        """Release the base and end the thread. Safe from any state, more than once."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
 
     def health(self) -> Health:
-        """Say whether the pad is there."""
         return self._health
 
     def _run(self) -> None:
@@ -287,14 +288,14 @@ class PadDevice:
                 self._set_offline(f"pad: {type(error).__name__}: {error}", "")
 
     def _set_offline(self, reason: str, hint: str, *, refused: bool = False) -> None:
-        """Say once that the pad is not there, or why it is refused, and wait a while."""
+        """Report once that the pad is missing or refused, and wait for ``RETRY_INTERVAL``."""
         if self._health.online or (refused and reason != self._health.detail):
             self._report(DeviceStatus(self.name, "offline", reason, hint))
         self._health = Health(False, reason, hint)
         self._closing.wait(RETRY_INTERVAL)
 
     def _read_pad(self) -> None:
-        """Pass on what the pad says until it has gone, or all ends."""
+        """Drive with the pad until it disconnects, or the device is closed."""
         pad = self._make_pad()
         pad.open()
         self._health = Health(True)
@@ -305,10 +306,10 @@ class PadDevice:
             pad.close()
 
     def _wait(self, seconds: float) -> str:
-        """Wait; the only key that is ever pressed here is that of the end."""
+        """Wait; return the key "end" when the device is closed."""
         return "end" if self._closing.wait(seconds) else ""
 
 
 def _discard_line(line: str) -> None:
-    """Show a line to nobody: the mission shows its own."""
+    """Ignore the status line: the mission shows its own."""
     del line

@@ -1,7 +1,7 @@
-"""Which button and which stick of a game pad does what: as its kernel driver names them, known, or taught.
+"""Button layouts of game pads: standard ones, known models, and taught ones.
 
-Only a driver that knows a pad names its buttons by their places. Others, such as pads in D mode, number them, and each
-maker numbers in another order: an unknown pad is refused until a person has taught it.
+Only some kernel drivers name the buttons by their places. Others, such as pads in D mode, number them, in an order that
+depends on the maker. So an unknown pad is refused until a person has taught its layout.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,43 +21,43 @@ ABSINFO_SIZE = _ABSINFO.size
 
 SYN, KEY, ABS = 0, 1, 3
 SYN_DROPPED = 3
-"""The code of the event of kind ``SYN`` that says: you read too slowly, and events were lost."""
+"""Code of a ``SYN`` event that reports lost events, because they were read too slowly."""
 
 SOUTH, EAST, C, Z, SHOULDER_LEFT, START = 0x130, 0x131, 0x132, 0x135, 0x136, 0x13B
 TRIGGER = 0x120
-"""The first button of a joystick, and of a pad in its D mode, which numbers its buttons from here on."""
+"""First button of a joystick, and of a pad in its D mode, which numbers its buttons from here on."""
 
 BUTTONS = range(0x100, 0x300)
-"""Where buttons of any kind are."""
+"""Codes of buttons."""
 
 STICK_X, STICK_Y, HAT_X, HAT_Y = 0x00, 0x01, 0x10, 0x11
 
 
 @dataclass(frozen=True, slots=True)
 class PadEvent:
-    """One change: of a button (``KEY``: 1 down, 0 up) or of an axis (``ABS``: in the pad's own steps)."""
+    """Change of a button (``KEY``: 1 down, 0 up) or of an axis (``ABS``: in the pad's own units)."""
 
     kind: int
     code: int
     value: int
 
     def pack(self) -> bytes:
-        """Return its bytes, at the time zero."""
+        """Return the event as bytes, with the time zero."""
         return _EVENT.pack(0, 0, self.kind, self.code, self.value)
 
 
 @dataclass(frozen=True, slots=True)
 class AxisRange:
-    """What an axis measures at its ends, and where it ``rests`` if that is not the middle."""
+    """Range of an axis; ``rest`` is its rest position if that is not the middle."""
 
     least: int
     most: int
     rest: float | None = None
 
     def scale(self, value: int, dead_zone: float = 0.0) -> float:
-        """Return where ``value`` is between the ends, as -1..1; the ``dead`` share around its rest counts as 0.
+        """Return ``value`` scaled to -1..1; the share ``dead_zone`` around the rest position is 0.
 
-        Beyond it the square, so that small movements of the stick are fine ones.
+        Beyond the dead zone the square is returned, so that small movements of the stick are precise.
         """
         middle = (self.least + self.most) / 2 if self.rest is None else self.rest
         half = self.most - middle if value > middle else middle - self.least
@@ -71,12 +71,12 @@ class AxisRange:
 
 
 def range_request(axis: int) -> int:
-    """Return the ioctl number EVIOCGABS, which asks the driver for the ``struct input_absinfo`` of an axis."""
+    """Return the ioctl number EVIOCGABS, which reads the ``struct input_absinfo`` of an axis."""
     return 2 << 30 | ABSINFO_SIZE << 16 | ord("E") << 8 | 0x40 + axis
 
 
 def bits_request(kind: int, size: int) -> int:
-    """Return the ioctl number EVIOCGBIT, which asks which codes of a kind of event there are, in ``size`` bytes."""
+    """Return the ioctl number EVIOCGBIT, which reads the codes of a kind of event, as ``size`` bytes."""
     return 2 << 30 | size << 16 | ord("E") << 8 | 0x20 + kind
 
 
@@ -90,35 +90,35 @@ ID_REQUEST = 2 << 30 | 8 << 16 | ord("E") << 8 | 0x02
 
 
 def parse_ids(data: bytes) -> tuple[int, int]:
-    """Read vendor and product from a ``struct input_id``."""
+    """Return vendor and product from a ``struct input_id``."""
     _, vendor, product, _ = _ID.unpack(data)
     return vendor, product
 
 
 def parse_codes(bits: bytes) -> frozenset[int]:
-    """Read which codes there are from the bitmap of ``bits_request``."""
+    """Return the codes in a bitmap of ``bits_request``."""
     return frozenset(8 * place + bit for place, byte in enumerate(bits) for bit in range(8) if byte >> bit & 1)
 
 
 def parse_range(absinfo: bytes) -> AxisRange:
-    """Read the ends of an axis from its ``struct input_absinfo``."""
+    """Return the range of an axis from its ``struct input_absinfo``."""
     _, least, most, *_ = _ABSINFO.unpack(absinfo)
     return AxisRange(least, most)
 
 
 def parse_value(absinfo: bytes) -> int:
-    """Read where an axis is from its ``struct input_absinfo``."""
+    """Return the position of an axis from its ``struct input_absinfo``."""
     return int(_ABSINFO.unpack(absinfo)[0])
 
 
 def parse_events(data: bytes) -> list[PadEvent]:
-    """Read events; the kernel hands out whole ones only, and what is left over at the end is no event."""
+    """Return the events in ``data``; an incomplete one at the end is dropped."""
     whole = len(data) - len(data) % _EVENT.size
     return [PadEvent(*fields[2:]) for fields in _EVENT.iter_unpack(data[:whole])]
 
 
 def has_button(capabilities: str, button: int) -> bool:
-    """Say whether a device has a button, by the ``capabilities/key`` of its node in sysfs.
+    """Return whether a device has a button, by the ``capabilities/key`` of its node in sysfs.
 
     That is a bitmap in hexadecimal words of the machine's ``long``, the lowest last.
     """
@@ -129,7 +129,7 @@ def has_button(capabilities: str, button: int) -> bool:
 
 
 PRESS_SHARE, RELEASE_SHARE = 0.6, 0.4
-"""Shares of its way from which on a trigger counts as pressed, and below which it is let go."""
+"""Shares of its travel above which a trigger becomes pressed, and below which it is released."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,11 +142,11 @@ class Control:
 
     @property
     def kind(self) -> int:
-        """The kind of its events."""
+        """Kind of its events."""
         return KEY if self.rest is None else ABS
 
     def is_pressed_after(self, event: PadEvent, *, before: bool) -> bool | None:
-        """Return whether it is pressed after an event, as it was ``before``; None for an event of something else."""
+        """Return whether it is pressed after an event, given the state ``before``; None for other controls."""
         if (event.kind, event.code) != (self.kind, self.code):
             return None
         if self.rest is None:
@@ -157,7 +157,7 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Stick:
-    """An axis of the stick that drives: ``sign`` is 1 if it counts up ahead or to the left; its ``rest``, if known."""
+    """Axis of the drive stick: ``sign`` is 1 if it increases ahead or to the left; ``rest`` position, if known."""
 
     code: int
     sign: int = -1
@@ -166,7 +166,7 @@ class Stick:
 
 @dataclass(frozen=True, slots=True)
 class PadLayout:
-    """The controls of a pad: ``hold`` drives while it is held, each of ``stops`` latches, ``enable`` ends that."""
+    """Controls of a pad: ``hold`` must be held to drive, each of ``stops`` latches, ``enable`` releases the latch."""
 
     hold: Control
     stops: tuple[Control, ...]
@@ -188,20 +188,20 @@ class PadLayout:
             yield "one axis does two things"
 
     def control_keys(self) -> Mapping[Control, str]:
-        """Return the controls that do what a key does."""
+        """Return the keys that controls stand for."""
         return {self.enable: ENABLE_KEY, **dict.fromkeys(self.stops, LATCH_KEY)}
 
 
 STANDARD_LAYOUT = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(START))
-"""That of linux/Documentation/input/gamepad.rst."""
+"""Layout of linux/Documentation/input/gamepad.rst."""
 
 D_MODE_LAYOUT = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
-"""Left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2, as the maker likes it, so both stop."""
+"""Left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2, depending on the maker, so both stop."""
 
 UNIDENTIFIED_LAYOUT = PadLayout(
     STANDARD_LAYOUT.hold, (*STANDARD_LAYOUT.stops, *D_MODE_LAYOUT.stops), STANDARD_LAYOUT.enable
 )
-"""For a node of which the kernel tells nothing: both kinds of stop."""
+"""Layout of a node that the kernel does not describe: both kinds of stop."""
 
 D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
     {
@@ -211,12 +211,12 @@ D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
         (0x0079, 0x0006): "DragonRise",
     }
 )
-"""Pads whose buttons are numbered as ``D_MODE_LAYOUT`` says; by SDL's game controller database."""
+"""Pads whose buttons are numbered as in ``D_MODE_LAYOUT``, by SDL's game controller database."""
 
 
 @dataclass(frozen=True, slots=True)
 class PadModel:
-    """Which pad it is, and which ``buttons`` and ``axes`` it has."""
+    """Model of a pad, and its ``buttons`` and ``axes``."""
 
     vendor: int
     product: int
@@ -226,22 +226,22 @@ class PadModel:
 
     @property
     def key(self) -> str:
-        """Its name among the pads that were taught: a wireless and a wired one of a make differ in it."""
+        """Key of the model among the taught layouts; wireless and wired pads of a make differ in it."""
         return f"{self.vendor:04x}:{self.product:04x} {self.name}".strip()
 
     def has_controls(self, layout: PadLayout) -> bool:
-        """Return whether it has all controls of a layout."""
+        """Return whether the pad has all controls of a layout."""
         buttons = {each.code for each in (layout.hold, layout.enable, *layout.stops) if each.rest is None}
         axes = {each.code for each in (layout.hold, layout.enable, *layout.stops) if each.rest is not None}
         return buttons <= self.buttons and axes | {layout.ahead.code, layout.left.code} <= self.axes
 
 
 class UnknownPadError(NotConnected):
-    """A pad that is there, and whose buttons are not known."""
+    """A pad whose button layout is unknown."""
 
 
 def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout]) -> PadLayout:
-    """Return the layout of a pad: the one that was taught, else of its model. Raises UnknownPadError."""
+    """Return the layout of a pad: the taught one, else that of its model. Raises UnknownPadError."""
     if model is None:
         return UNIDENTIFIED_LAYOUT
     found = saved.get(model.key)
@@ -264,7 +264,7 @@ def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout
 
 
 class PadState:
-    """The state of a pad of a layout: is ``hold`` pressed, and where is the stick. ``spans`` are those of its axes."""
+    """State of a pad: whether ``hold`` is pressed, and the positions of the stick. ``ranges`` are those of its axes."""
 
     def __init__(self, layout: PadLayout, ranges: Mapping[int, AxisRange], dead_zone: float) -> None:
         self.layout = layout
@@ -275,13 +275,13 @@ class PadState:
         self.is_held = False  # since it was pressed, without a gap in what is known
 
     def clear(self) -> None:
-        """Let go: events were lost, so the state of buttons and stick is not known."""
+        """Release all controls, because events were lost and the state is unknown."""
         self.is_held = False
         self._values.clear()
         self._pressed.clear()
 
     def on_event(self, event: PadEvent) -> str:
-        """Take an event; return the key that it stands for, empty for none."""
+        """Process an event; return the key that it stands for, or an empty text."""
         found = ""
         if event.kind == ABS:
             self._values[event.code] = event.value
@@ -302,7 +302,7 @@ class PadState:
         return found
 
     def deflection(self, stick: Stick) -> float:
-        """Return how far the stick is pushed ahead or to the left, -1..1."""
+        """Return the deflection of a stick ahead or to the left, -1..1."""
         span, value = self._ranges.get(stick.code), self._values.get(stick.code)
         if span is None or value is None:
             return 0.0

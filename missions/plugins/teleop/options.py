@@ -1,4 +1,4 @@
-"""The option of `mission run` for a game pad beside the mission."""
+"""Option of `mission run` for a game pad during the mission."""
 
 from drivers.api.fast_dataclass import dataclass
 from missions.options import option
@@ -8,7 +8,7 @@ from missions.request import WHERE, RunOptions, RunRequest
 
 @dataclass(frozen=True, kw_only=True)
 class PadOptions(RunOptions):
-    """The game pad that may drive the base meanwhile."""
+    """Game pad that may drive the base during a mission."""
 
     pad: str | None = option(
         "Let a game pad drive the base while you hold its left shoulder button: the first one, or this device.",
@@ -18,6 +18,5 @@ class PadOptions(RunOptions):
     )
 
     def check(self, request: RunRequest) -> None:
-        """Raise ValueError for a pad in simulated time."""
         if self.pad is not None and request.simulation == "fast":
             raise ValueError("--pad is for hands, in real time: it goes with --simulate wire, not with fast")

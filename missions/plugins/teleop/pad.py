@@ -1,4 +1,4 @@
-"""A game pad as the kernel shows it, read without any library: push while you hold its left shoulder button."""
+"""Game pad, read through the Linux input interface; it drives while its left shoulder button is held."""
 
 import fcntl
 import json
@@ -40,14 +40,14 @@ TEACH_HINT = "mission teleop --teach-pad  (again; it replaces this file's entry)
 
 
 def pads_file() -> Path:
-    """Return where they are."""
+    """Return the file of the taught layouts."""
     return config_folder() / PADS_FILE_NAME
 
 
 def load_layouts(path: Path | None = None) -> dict[str, PadLayout]:
-    """Return the layouts by ``PadModel.key``; none without the file.
+    """Return the taught layouts by ``PadModel.key``; none without the file.
 
-    Raises NotConnected for a file that is damaged: a pad with half a layout must not drive.
+    Raises NotConnected for a damaged file: a pad with half a layout must not drive.
     """
     path = pads_file() if path is None else path
     try:
@@ -64,7 +64,7 @@ def load_layouts(path: Path | None = None) -> dict[str, PadLayout]:
 
 
 def save_layout(key: str, layout: PadLayout, path: Path | None = None) -> Path:
-    """Keep a layout, in the place of an earlier one of this pad; return the file. Raises OSError, NotConnected."""
+    """Save a layout, replacing an earlier one of this pad; return the file. Raises OSError, NotConnected."""
     path = pads_file() if path is None else path
     layouts = {**load_layouts(path), key: layout}
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -122,11 +122,13 @@ def _check_int(value: object, low: int, high: int) -> int:
 
 
 DEAD_ZONE = 0.1
-"""The share of a stick's way around its middle that counts as its middle: none springs back exactly."""
+"""Share of a stick's travel around its middle that counts as the middle, because sticks do not return exactly."""
 
 SILENCE_TIMEOUT = 3.0
-"""Seconds without a word of the pad after which its hold no longer counts: many receivers do not tell that they have
-lost the pad. A hand that drives moves a stick more often than that."""
+"""Seconds without events after which the hold button counts as released.
+
+Many receivers do not report that they have lost the pad. A driving hand moves a stick more often than that.
+"""
 
 HAT_KEYS: Mapping[tuple[int, int], str] = MappingProxyType(
     {
@@ -136,7 +138,7 @@ HAT_KEYS: Mapping[tuple[int, int], str] = MappingProxyType(
         (events.HAT_Y, 1): "down",
     }
 )
-"""The cross, likewise."""
+"""Keys that the directions of the hat stand for."""
 
 PAD_HELP = """\
 hold the left shoulder button and push the left stick; let go of the button to stop
@@ -147,8 +149,8 @@ the keys of the terminal do the same: space, Enter, and Esc or Ctrl-C to end"""
 class Pad:
     """The game pad at ``path``, a node /dev/input/event*, between ``open`` and ``close``. For one thread.
 
-    ``span`` tells what an axis measures, None for one that the pad lacks; ``model`` which pad it is, None where the
-    kernel does not tell; ``taught`` returns the layouts that were taught.
+    ``read_range`` returns the range of an axis, or None; ``read_model`` the model, or None if the kernel does not know
+    it; ``load_saved`` the taught layouts.
     """
 
     def __init__(
@@ -172,7 +174,7 @@ class Pad:
         self._last_event_at = -inf
 
     def open(self) -> None:
-        """Open the node. Raises NotConnected with what to try, also for a pad whose buttons are not known."""
+        """Open the node. Raises NotConnected with a hint, also for a pad with an unknown layout."""
         model = self.identify()
         try:
             layout = find_layout(self.path, model, self._load_saved())
@@ -183,7 +185,7 @@ class Pad:
         self._state = PadState(layout, {code: span for code, span in spans.items() if span is not None}, DEAD_ZONE)
 
     def identify(self) -> PadModel | None:
-        """Open the node alone, and return which pad it is. Raises NotConnected with what to try."""
+        """Open the node only, and return the model of the pad. Raises NotConnected with a hint."""
         try:
             self._descriptor = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
@@ -198,7 +200,7 @@ class Pad:
         return model
 
     def read_axes(self, model: PadModel) -> tuple[dict[int, AxisRange], dict[int, int]]:
-        """Return the spans of the axes of an identified pad, and their values now."""
+        """Return the ranges of the axes of an identified pad, and their current values."""
         told = {code: absinfo for code in model.axes if (absinfo := read_absinfo(self._descriptor, code))}
         return (
             {code: events.parse_range(absinfo) for code, absinfo in told.items()},
@@ -213,7 +215,7 @@ class Pad:
             os.close(descriptor)
 
     def read_keys(self) -> list[str]:
-        """Take what has come, without waiting; return the keys that it stands for. Raises NotConnected: it has gone."""
+        """Return the keys of all events so far, without waiting. Raises NotConnected if the pad has disconnected."""
         found: list[str] = []
         while news := self.read_events():
             self._last_event_at = self._clock.now()
@@ -221,7 +223,7 @@ class Pad:
         return found
 
     def read_events(self) -> list[PadEvent]:
-        """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
+        """Return the events so far, without waiting. Raises NotConnected if the pad has disconnected."""
         try:
             data = os.read(self._descriptor, 4096)
         except BlockingIOError:
@@ -233,13 +235,13 @@ class Pad:
         return events.parse_events(data)
 
     def press(self, key: str, now: float) -> None:
-        """Whoever stops or enables the base has to press the shoulder button anew before it drives."""
+        """Require a new press of the hold button after the base was latched or enabled."""
         del now
         if key in (LATCH_KEY, ENABLE_KEY):
             self._state.is_held = False
 
     def push(self, now: float) -> DriveInput | None:
-        """Return which way the stick is pushed at ``now`` seconds; None unless the shoulder button is held."""
+        """Return the drive input of the stick at ``now`` seconds; None unless the hold button is held."""
         if now - self._last_event_at > SILENCE_TIMEOUT:
             self._state.is_held = False
         if not self._state.is_held:
@@ -248,7 +250,7 @@ class Pad:
         return DriveInput(ahead=self._state.deflection(layout.ahead), left=self._state.deflection(layout.left))
 
     def _handle_event(self, event: PadEvent) -> str:
-        """Note an event; return the key that it stands for, empty for none."""
+        """Process an event; return the key that it stands for, or an empty text."""
         if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
             self._state.clear()
             return ""
@@ -264,25 +266,25 @@ class Pad:
 
 
 def read_axis_range(descriptor: int, axis: int) -> AxisRange | None:
-    """Ask the kernel what an axis measures at its ends; None for one that is not there."""
+    """Read the range of an axis from the kernel; None if there is no such axis."""
     absinfo = read_absinfo(descriptor, axis)
     return events.parse_range(absinfo) if absinfo else None
 
 
 def read_absinfo(descriptor: int, axis: int) -> bytes:
-    """Ask the kernel for the ``struct input_absinfo`` of an axis; nothing for one that is not there."""
+    """Read the ``struct input_absinfo`` of an axis from the kernel; empty if there is no such axis."""
     with suppress(OSError):
         return fcntl.ioctl(descriptor, events.range_request(axis), bytes(events.ABSINFO_SIZE))
     return b""
 
 
 def make_pad(node: str, clock: Clock) -> Pad:
-    """Return the pad at a node; the first that is there for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
+    """Return the pad at a node; the first one for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
     return Pad(find_pad() if node == FIRST_PAD else node, clock)
 
 
 def read_pad_model(descriptor: int) -> PadModel | None:
-    """Ask the kernel which pad it is; None for a node of which it tells nothing."""
+    """Read the model of a pad from the kernel; None if it does not know it."""
     try:
         vendor, product = events.parse_ids(fcntl.ioctl(descriptor, events.ID_REQUEST, bytes(8)))
         name = fcntl.ioctl(descriptor, events.name_request(256), bytes(256)).split(b"\0")[0].decode(errors="replace")
@@ -296,7 +298,7 @@ def read_pad_model(descriptor: int) -> PadModel | None:
 
 
 def find_pads(nodes: Path = Path("/sys/class/input")) -> list[str]:
-    """Return the game pads that are plugged in: first those whose buttons have names, then those with numbers."""
+    """Return the game pads that are plugged in: first those with named buttons, then those with numbered ones."""
     found: tuple[list[str], list[str]] = [], []
     for node in sorted(nodes.glob("event*"), key=lambda found: (len(found.name), found.name)):
         with suppress(OSError, ValueError):
@@ -309,7 +311,7 @@ def find_pads(nodes: Path = Path("/sys/class/input")) -> list[str]:
 
 
 def find_pad(nodes: Path = Path("/sys/class/input")) -> str:
-    """Return the first game pad that is plugged in. Raises NotConnected when there is none."""
+    """Return the first game pad that is plugged in. Raises NotConnected if there is none."""
     if found := find_pads(nodes):
         return found[0]
     raise NotConnected("pad: no game pad is plugged in", hint="ls /dev/input  (and name it: --pad /dev/input/eventN)")

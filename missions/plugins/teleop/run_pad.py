@@ -1,4 +1,4 @@
-"""``mission run --pad``: a game pad beside a mission."""
+"""``mission run --pad``: a game pad during a mission."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

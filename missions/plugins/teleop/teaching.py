@@ -1,8 +1,8 @@
-"""Teaching the layout of a game pad: a person presses one control after another, then tries all of it dry.
+"""Teaching of a game pad's layout: a person presses one control after another, then tries them in a dry run.
 
     stop -> stop again -> enable -> hold -> ahead -> left -> dry run -> layout
 
-Nothing of a robot is open meanwhile. A wrong press is named, and the question is asked again.
+No robot is open meanwhile. A wrong press is reported, and the question is repeated.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,31 +16,31 @@ from missions.plugins.teleop import layout as events
 from missions.plugins.teleop.layout import PRESS_SHARE, AxisRange, Control, PadEvent, PadLayout, PadState, Stick
 
 ANSWER_TIMEOUT = 30.0
-"""Seconds in which a control must be pressed and let go."""
+"""Seconds within which a control must be pressed and released."""
 
 RELEASE_TIME = 0.3
-"""Seconds without a press or a wide movement after which all is let go."""
+"""Seconds without a press or a large movement after which all controls count as released."""
 
 MAX_TRIES = 5
 """Wrong answers to one question after which teaching ends."""
 
 MAX_AXIS_NOISE = 0.1
-"""The share of its span by which an axis at rest trembles at most."""
+"""Largest noise of an axis at rest, as a share of its range."""
 
 MAX_TRIGGER_REST = 0.2
-"""The share of its span from an end within which a trigger rests; a stick rests elsewhere."""
+"""Largest distance of a trigger's rest position from an end, as a share of its range; sticks rest elsewhere."""
 
 MIN_STICK_SHARE = 0.25
-"""The share of its span that a stick is pushed at least: from its middle to the end are 0.5."""
+"""Smallest movement of a stick, as a share of its range; from the middle to an end is 0.5."""
 
 POLL_INTERVAL = 0.02
-"""Seconds between two looks at the pad."""
+"""Seconds between two reads of the pad."""
 
 DRY_RUN_DEAD_ZONE = 0.15
-"""The share of a stick's way that counts as its rest in the dry run."""
+"""Dead zone of a stick in the dry run, as a share of its travel."""
 
 HAT_AXES = range(0x10, 0x18)
-"""The axes of hats, which rest in their middle."""
+"""Axes of hats, which rest in the middle."""
 
 
 class TeachingError(DriverError):
@@ -48,25 +48,25 @@ class TeachingError(DriverError):
 
 
 class PadEventSource(Protocol):
-    """The part of a pad that teaching needs."""
+    """Source of pad events."""
 
     def read_events(self) -> list[PadEvent]:
-        """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
+        """Return the events so far, without waiting. Raises NotConnected if the pad has disconnected."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Movement:
-    """The changes from one rest to the next: ``buttons`` that were pressed, and axes that moved."""
+    """Changes from one rest to the next: pressed ``buttons``, and moved axes."""
 
     buttons: tuple[int, ...]
     axes: Mapping[int, tuple[int, int, float]]  # rest, farthest value, share of the span between them
 
 
 class PadTeacher:
-    """Asks by ``say``, and listens to a ``pad``; ``spans`` and ``values`` are those of its axes as it begins.
+    """Teaches a layout by questions through ``say`` and events of ``pad``.
 
-    ``pause`` waits so many seconds, and raises where the person wants to end.
+    ``ranges`` and ``values`` are those of its axes at the start. ``pause`` waits, and raises if the person ends it.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class PadTeacher:
         }
 
     def teach(self) -> PadLayout:
-        """Return the layout that was shown and tried. Raises TeachingError, and NotConnected when the pad has gone."""
+        """Return the taught and tested layout. Raises TeachingError, and NotConnected if the pad disconnects."""
         stop = self._ask_control("press the button that is to STOP the robot", {})
         self._confirm("press the STOP button again", stop)
         enable = self._ask_control("press the button that ENABLES it again after a stop", {stop: "STOP"})
@@ -137,7 +137,7 @@ class PadTeacher:
         raise TeachingError("pad: too many wrong answers; nothing is kept", hint="mission teleop --teach-pad")
 
     def _control_of(self, moved: Movement) -> Control | str:
-        """Return the control that was pressed, or why that was none."""
+        """Return the control that was pressed, or an error text."""
         if len(moved.buttons) > 1:
             return "two buttons at once; one alone"
         if moved.buttons:  # a trigger may be a button and an axis
@@ -158,7 +158,7 @@ class PadTeacher:
         return Control(code, rest, end)
 
     def _stick_of(self, moved: Movement, taken: tuple[int, ...]) -> Stick | str:
-        """Return the axis that was pushed, or why that was none."""
+        """Return the axis that was pushed, or an error text."""
         if moved.buttons:
             return "a button, and not a stick"
         ranked = sorted(moved.axes.items(), key=lambda each: -each[1][2])
@@ -179,7 +179,7 @@ class PadTeacher:
     # --- listening ----------------------------------------------------------------------------------------------------
 
     def _movement(self) -> Movement:
-        """Wait until something was pressed or moved, and let go. Raises TeachingError after ``ANSWER_TIMEOUT``."""
+        """Wait until a control was pressed or moved, and released. Raises TeachingError after ``ANSWER_TIMEOUT``."""
         begun = quiet_since = self._clock.now()
         down, pressed = set[int](), list[int]()
         seen = {code: [value] for code, value in self._values.items()}
@@ -217,7 +217,7 @@ class PadTeacher:
         return abs(value - other) / (span.most - span.least)
 
     def _is_released(self, code: int, values: list[int]) -> bool:
-        """Return whether an axis is where it was; a trigger may only now have said where it rests: at an end."""
+        """Return whether an axis is at its start, or at an end: a trigger may only now have reported its rest position."""
         span = self._ranges[code]
         whole = self._share(code, max(values), min(values)) >= 1 - MAX_AXIS_NOISE
         at_end = min(self._share(code, values[-1], end) for end in (span.least, span.most)) <= MAX_AXIS_NOISE
@@ -231,7 +231,7 @@ class PadTeacher:
     # --- the dry run --------------------------------------------------------------------------------------------------
 
     def _dry_run(self, layout: PadLayout) -> None:
-        """Have each control tried with nothing that moves. Raises TeachingError where one does something else."""
+        """Let the person try each control without a robot. Raises TeachingError after too many wrong ones."""
         state = PadState(layout, self._ranges, DRY_RUN_DEAD_ZONE)
         self._say("now a dry run: nothing moves")
         self._wait_for(state, "hold HOLD and push AHEAD", lambda _: _is_pushed(state, layout.ahead, layout.left))
@@ -263,7 +263,7 @@ def _is_pushed(state: PadState, there: Stick, other: Stick) -> bool:
 
 
 def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
-    """Return the role that a control has already: values of a trigger differ a little from press to press."""
+    """Return the role that a control already has, or None; values of a trigger differ a little from press to press."""
     for other, role in taken.items():
         same = (control.kind, control.code) == (other.kind, other.code)
         if same and (control.rest is None or (control.end > control.rest) == (other.end > (other.rest or 0))):
@@ -272,5 +272,5 @@ def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
 
 
 def describe_control(control: Control) -> str:
-    """Return a control in words."""
+    """Return the name of a control, for people."""
     return f"button {control.code:#x}" if control.rest is None else f"axis {control.code}, to {control.end}"

@@ -1,1 +1,1 @@
-"""A run as it goes on, on a terminal: the tree, the variables, the parts of the robot."""
+"""Live view of a run on a terminal: the tree, the variables, the parts of the robot."""

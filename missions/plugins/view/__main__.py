@@ -1,4 +1,4 @@
-"""The process that shows a run: ``python -m missions.plugins.view FD``, FD being its end of a socket to the run."""
+"""View process: ``python -m missions.plugins.view FD``, with FD its end of a socket to the run."""
 
 import asyncio
 import json
@@ -11,7 +11,7 @@ from drivers.clock import SystemClock
 from missions.plugins.view.app import ViewApp
 
 MAX_MESSAGE_SIZE = 1 << 26
-"""Bytes of a message at most: the drawing of a mission with as many nodes as there may be."""
+"""Bytes of a message: the drawing of the largest allowed mission."""
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
 
 
 async def run_view(run: socket.socket, *, plain: bool) -> None:
-    """Show what comes from ``run`` until that closes it."""
+    """Show the messages from ``run`` until it closes the socket."""
     reader, writer = await asyncio.open_connection(sock=run, limit=MAX_MESSAGE_SIZE)
 
     def send(order: str) -> None:

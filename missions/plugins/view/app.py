@@ -1,4 +1,4 @@
-"""The view on the terminal: what comes from a run is shown, and keys go back as orders."""
+"""Terminal application of the view: shows messages of a run, and sends orders for keys."""
 
 import json
 from asyncio import StreamReader
@@ -21,22 +21,22 @@ from missions.plugins.view.panels import ViewState
 from missions.trees.drawing import TreeBox, from_json
 
 STALE_TIMEOUT = 2.0
-"""Seconds without a message after which what is shown is called old."""
+"""Seconds without a message after which the display is marked as old."""
 
 MIN_WIDE_COLUMNS = 110
-"""Columns from which on the robot stands beside the tree, not below it."""
+"""Columns from which on the robot is shown beside the tree, not below it."""
 
 MAX_LOG_LINES = 1000
-"""Lines of the log that can be looked at."""
+"""Lines kept in the log."""
 
 OrderSender = Callable[[str], None]
 """Sends an order, one of ``missions.trees.feed.VIEW_COMMANDS``."""
 
 
 class ViewApp(App[None]):
-    """Shows the messages that it reads from ``messages`` until they end.
+    """Shows the messages from ``messages`` until they end.
 
-    ``send`` takes orders away. With ``plain`` there is nothing on the screen but ASCII, except in the words of others.
+    ``send`` sends orders. With ``plain`` only ASCII is used, except in texts of the mission.
     """
 
     CSS_PATH = Path(__file__).with_name("view.tcss")
@@ -65,7 +65,6 @@ class ViewApp(App[None]):
         self._last_message_at = clock.now()
 
     def compose(self) -> ComposeResult:
-        """Make the parts of the screen."""
         yield Static(id="head")
         with Container(id="body"):
             with Vertical(id="mission"):
@@ -81,7 +80,6 @@ class ViewApp(App[None]):
         yield Static(id="foot")
 
     async def on_mount(self) -> None:
-        """Begin to read."""
         self.screen.set_class(self.view_state.plain, "-plain")
         for name, title in (("robot", "robot"), ("memory", "variables"), ("log", "log")):
             self.query_one(f"#{name}").border_title = title
@@ -93,7 +91,7 @@ class ViewApp(App[None]):
 
     @property
     def nodes(self) -> NodeTree:
-        """The tree."""
+        """The tree widget."""
         return self.query_one(NodeTree)
 
     async def _read(self) -> None:
@@ -103,7 +101,7 @@ class ViewApp(App[None]):
         self.exit()
 
     def show_message(self, message: Message) -> None:
-        """Show a message."""
+        """Update the display by a message."""
         self._last_message_at = self._clock.now()
         if "drawing" in message:
             drawing = from_json(message["drawing"])
@@ -127,7 +125,7 @@ class ViewApp(App[None]):
         )
 
     def _show(self, name: str, text: Text) -> None:
-        """Show a text, unless the screen is being taken down; the same text again costs nothing on the wire."""
+        """Update a text widget, unless the screen is being closed; an unchanged text sends nothing to the terminal."""
         for shown in self.query(f"#{name}").results(Static):
             shown.update(text)
 
@@ -138,55 +136,55 @@ class ViewApp(App[None]):
     # --- keys ---------------------------------------------------------------------------------------------------------
 
     def on_tree_node_highlighted(self, event: Tree.NodeHighlighted[TreeBox]) -> None:
-        """Say more of the node on which the cursor is."""
+        """Show details of the node at the cursor."""
         del event
         self._show("about", self._node_details())
 
     def action_pause(self) -> None:
-        """Pause, or go on."""
+        """Pause or resume the mission."""
         self._send_order("resume" if self.view_state.paused else "pause")
 
     def action_step(self) -> None:
-        """Make one tick; only while paused."""
+        """Make one tick, only while paused."""
         if self.view_state.paused:
             self._send_order("step")
 
     def action_stop(self) -> None:
-        """Stop the mission; once that has been heard and still lasts, as Ctrl-C does."""
+        """Stop the mission; while it is stopping, interrupt it as Ctrl-C does."""
         self._send_order("interrupt" if self.view_state.stopping else "stop")
 
     def action_interrupt(self) -> None:
-        """Do what Ctrl-C does where there is no view."""
+        """Interrupt the run as Ctrl-C does without a view."""
         self._send_order("interrupt")
 
     def action_fold(self) -> None:
-        """Fold the missions inside, or unfold them."""
+        """Fold or unfold all sub-missions."""
         self.nodes.toggle_fold()
 
     def action_follow(self) -> None:
-        """Let the cursor stay with what runs again."""
+        """Let the cursor follow the running node again."""
         self.nodes.follows_running = True
         self.nodes.show_changes({})
 
     def action_search(self) -> None:
-        """Ask for what to search."""
+        """Open the search field."""
         field = self.query_one("#search", Input)
         field.display = True
         field.focus()
 
     def action_leave_search(self) -> None:
-        """End the search, where it has led to."""
+        """Close the search field; the cursor stays."""
         field = self.query_one("#search", Input)
         field.value = ""
         field.display = False
         self.nodes.focus()
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Go to the first node in which these words stand."""
+        """Move the cursor to the first match."""
         self._search(event.value, further=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Go to the next one."""
+        """Move the cursor to the next match."""
         self._search(event.value, further=True)
 
     def _search(self, words: str, *, further: bool) -> None:

@@ -1,4 +1,4 @@
-"""``mission run --view``: the run on the whole terminal, and its lines afterwards, as they would be without it."""
+"""``mission run --view``: the run on the whole terminal, and its usual output lines afterwards."""
 
 import io
 import sys
@@ -25,17 +25,17 @@ from missions.trees.drawing_builder import drawing_of
 from missions.trees.feed import ViewFeed
 
 MAX_KEPT_EVENTS = 20_000
-"""Events that are kept to be shown as lines afterwards; older ones are dropped."""
+"""Events kept for the lines afterwards; older ones are dropped."""
 
 EVENTS_WITHOUT_LINES = (Ticked, CommandSent, PerceptSeen, VariableSet)
-"""Events that are no lines."""
+"""Events that are not shown as lines."""
 
 
 class LiveView:
-    """A listener in the place of a ``watcher``, whose lines are kept back for as long as there is a view.
+    """Event listener that replaces a ``watcher``, whose lines are held back while there is a view.
 
-    They are written in the end, or when a view has died before it; then the watcher goes on by itself.
-    The terminal is restored by the end of the ``with`` at the latest.
+    They are written at the end, or when the view has died; then the watcher takes over. The terminal is restored by the
+    end of the ``with`` at the latest.
     """
 
     def __init__(self, runner: Runner, watcher: RunDisplay) -> None:
@@ -72,7 +72,7 @@ class LiveView:
         self._watcher.__exit__(kind, error, trace)
 
     def __call__(self, event: Event) -> None:
-        """Show one event: in the view, or as a line once there is none."""
+        """Show an event: in the view, or as a line once the view has ended."""
         self._parts.on_event(event)
         self._feed(event)
         if not isinstance(event, EVENTS_WITHOUT_LINES):
@@ -83,7 +83,7 @@ class LiveView:
                 self._watcher(event)
 
     def _hand_over(self) -> None:
-        """Let the watcher write what was kept back; from then on, each event at once."""
+        """Let the watcher write the lines held back, and from then on each event at once."""
         if not self._is_handed_over:
             self._is_handed_over = True
             self._watcher.__enter__()
@@ -99,7 +99,7 @@ class LiveView:
         return self._parts.check(self._runner.executive.time())
 
     def _event_lines(self, event: Event) -> Sequence[str]:
-        """Return what the watcher would write of an event."""
+        """Return the lines that the watcher would write for an event."""
         self._line_writer(event)
         lines = Text.from_ansi(self._line_buffer.getvalue()).plain.splitlines()  # FORCE_COLOR may have it coloured
         self._line_buffer.seek(0)
@@ -109,7 +109,7 @@ class LiveView:
 
 @contextmanager
 def view_run(options: ViewOptions, session: RunSession) -> Iterator[None]:
-    """Show a run on the whole terminal. Raises click.UsageError where that cannot be."""
+    """Show a run on the whole terminal. Raises click.UsageError if that is impossible."""
     del options
     if session.out is sys.stderr:
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")

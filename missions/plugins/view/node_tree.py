@@ -1,6 +1,6 @@
-"""The tree of a mission on the terminal: fold it, search it, and keep its cursor at the running node.
+"""Tree widget of a mission: folding, search, and a cursor that follows the running node.
 
-Needs the extra ``view``. The rest of the view's text is in ``panels``, which replays and pictures use without it.
+Needs the extra ``view``. Other texts of the view are in ``panels``, which replays and pictures use without that extra.
 """
 
 from collections.abc import Mapping
@@ -16,14 +16,14 @@ from missions.plugins.view.panels import DIM, ViewState, node_details, node_labe
 from missions.trees.drawing import ACTIVE, TreeBox, TreeDrawing
 
 Message = Mapping[str, Any]
-"""One of ``missions.trees.feed``."""
+"""Message of ``missions.trees.feed``."""
 
 MAX_UNFOLDED_NODES = 60
-"""Nodes from which on the missions inside are folded at first."""
+"""Nodes above which sub-missions are folded at first."""
 
 
 class NodeTree(Tree[TreeBox], inherit_bindings=False):
-    """The tree of a mission; its cursor stays with what runs until somebody moves it."""
+    """Tree of a mission; its cursor follows the running node until the user moves it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "go('cursor_up')"),
@@ -47,7 +47,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
         self._box: TreeBox | None = None
 
     def render_label(self, node: TreeNode[TreeBox], base_style: Style, style: Style) -> Text:
-        """Return a line, on the cursor too in its own colours; a folded one says how much there is below."""
+        """Return the line of a node, with its own colours at the cursor, and with the number of folded nodes."""
         del base_style
         line = node.label.copy() if isinstance(node.label, Text) else Text(node.label)
         if node.data is not None and node.allow_expand and not node.is_expanded:
@@ -56,7 +56,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
         return line
 
     def set_drawing(self, drawing: TreeDrawing) -> None:
-        """Show this tree from now on."""
+        """Show the tree of a drawing."""
         self._box = drawing.root
         many = sum(1 for _ in drawing.root.walk()) > MAX_UNFOLDED_NODES
         self._add_box(self.root, drawing.root, fold=many)
@@ -72,7 +72,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
             node.expand()
 
     def show_changes(self, message: Message) -> None:
-        """Show what a message has changed, and for how long what runs has been running."""
+        """Update the changed nodes of a message, and the times of running ones."""
         changed = {self._nodes_by_key[key] for key in message.get("changed", ()) if key in self._nodes_by_key}
         running = {
             self._nodes_by_key[key]
@@ -96,7 +96,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
             node.set_label(words)
 
     def reveal_node(self, node: TreeNode[TreeBox], *, unfold: bool) -> None:
-        """Move the cursor to a node, or to what it is folded into."""
+        """Move the cursor to a node, or to the folded node that contains it."""
         above = node.parent
         while above is not None:
             if unfold:
@@ -107,7 +107,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
         self.call_after_refresh(self.move_cursor, node)
 
     def toggle_fold(self) -> None:
-        """Fold all missions inside, or unfold them where all are folded."""
+        """Fold all sub-missions, or unfold them if all are folded."""
         inside = [node for node in self._nodes_by_key.values() if node.data is not None and node.data.mission]
         wanted = not any(node.is_expanded for node in inside)
         for node in inside:
@@ -117,7 +117,10 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
                 node.collapse()
 
     def find_next(self, words: str, *, further: bool) -> bool:
-        """Move to the next node in which ``words`` stand, from the present one on; False where there is none."""
+        """Move the cursor to the next node that contains ``words``; return False if there is none.
+
+        The search starts at the cursor, or after it if ``further``.
+        """
         nodes = list(dict.fromkeys(self._nodes_by_key.values()))
         here = next((place for place, node in enumerate(nodes) if node is self.cursor_node), 0) + further
         for node in (*nodes[here:], *nodes[:here]):
@@ -128,11 +131,11 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
         return False
 
     def action_go(self, where: str) -> None:
-        """Move the cursor, which does not stay with what runs any more."""
+        """Move the cursor, and stop following the running node."""
         self.follows_running = False
         getattr(self, f"action_{where}")()
 
 
 def _searchable_text(box: TreeBox, scene: ViewState) -> str:
-    """Return all that a search looks through."""
+    """Return the text of a node that a search looks through."""
     return f"{node_label(box, scene).plain} {node_details(box, scene).plain}"

@@ -1,4 +1,4 @@
-"""The option of `mission run` for the live view."""
+"""Option of `mission run` for the live view."""
 
 from dataclasses import replace
 from math import inf
@@ -10,7 +10,7 @@ from missions.request import RunOptions, RunRequest
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions(RunOptions):
-    """Whether the run is shown on the whole terminal."""
+    """Live view on the whole terminal."""
 
     view: bool = option(
         "Show the tree, the variables, the robot and the log on the whole terminal; keys pause, step and stop.",
@@ -19,6 +19,6 @@ class ViewOptions(RunOptions):
     )
 
     def adapt(self, request: RunRequest) -> RunRequest:
-        """Return the request at the speed of real time, to be watched, unless it names a speed."""
+        """Return the request in real time, unless it sets a speed."""
         watched = self.view and request.simulate == "fast" and request.speed == inf
         return replace(request, speed=1.0) if watched else request

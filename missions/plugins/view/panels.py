@@ -1,4 +1,4 @@
-"""What a view shows, in words: lines of text with signs, of which colours only say more of the same."""
+"""Texts of the view: lines with signs, in colours that only repeat the information."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,13 +17,13 @@ STYLES: Mapping[str, str] = {
     "skipped": "#8a8a8a",
     "failure": "bold #f08a5d",
 }
-"""Colours for statuses that people with any kind of colour vision tell apart, as far as colours can."""
+"""Colours of statuses, as distinguishable as possible with any kind of colour vision."""
 
 DIM, GOOD, POOR, BAD = "#8a8a8a", "#4fc08d", "#e0c060", "bold #f08a5d"
 
 
 class LevelSign(NamedTuple):
-    """How a level is shown."""
+    """Sign and colour of a level."""
 
     sign: str
     ascii: str
@@ -36,7 +36,7 @@ LEVELS: Mapping[str, LevelSign] = {
     "ERROR": LevelSign("✗", "x", BAD),
     "STALE": LevelSign("…", "~", POOR),
 }
-"""The levels of parts, in the words of ``missions.executive.parts``."""
+"""Signs of the levels of parts, as in ``missions.executive.parts``."""
 
 LOG_STYLES: Mapping[str, str] = {
     "✗": BAD,
@@ -46,10 +46,10 @@ LOG_STYLES: Mapping[str, str] = {
     "warning:": POOR,
     "robot:": "bold",
 }
-"""Words among the first of a line of the log, and the colour that they give it."""
+"""Colours of log lines that contain one of these words among the first."""
 
 ASCII_TABLE = str.maketrans({"✓": "+", "✗": "x", "…": "~", "°": "deg", "\N{REPLACEMENT CHARACTER}": "?"})
-"""Signs of ours where there is only ASCII."""
+"""ASCII replacements of our signs."""
 
 FIGURE_FORMATS: Mapping[str, tuple[str, float]] = {
     "battery": ("battery {:.0f} %", 1.0),
@@ -65,12 +65,12 @@ FIGURE_FORMATS: Mapping[str, tuple[str, float]] = {
     "moving": ("{:.0f} moving", 1.0),
     "hottest": ("up to {:.0f} °C", 1.0),
 }
-"""How the figures of parts are written, in this order: a form, and what one SI unit is in it."""
+"""Formats of the values of parts, in this order, with the factor from SI units."""
 
 
 @dataclass(slots=True)
 class ViewState:
-    """All that a view knows of a run; ``plain`` where its terminal has no other signs than ASCII's."""
+    """Known state of a run; ``plain`` for a terminal with ASCII only."""
 
     plain: bool = False
     mission: str = ""
@@ -86,7 +86,7 @@ class ViewState:
     parts: Sequence[Mapping[str, Any]] = ()
 
     def apply(self, message: Mapping[str, Any]) -> None:
-        """Take in what a message of ``missions.trees.feed`` says is new, but for the log."""
+        """Apply the changes in a message of ``missions.trees.feed``, except for the log."""
         for name in ("t", "tick", "lates", "paused", "stopping", "parts"):
             if name in message:
                 setattr(self, name, message[name])
@@ -98,12 +98,12 @@ class ViewState:
                 del self.variables[name]
 
     def set_drawing(self, drawing: TreeDrawing, robot: str) -> None:
-        """Take in what is run, on what."""
+        """Set the mission and the robot."""
         self.mission, self.robot = drawing.mission, robot
         self.inside = {box.key: box.mission for box in drawing.root.walk() if box.mission}
 
     def node_status(self, key: str) -> NodeState:
-        """Return what the node with this key is doing."""
+        """Return the status of the node with this key."""
         return self.nodes.get(key, NodeState())
 
     def status_sign(self, status: Status) -> str:
@@ -111,13 +111,13 @@ class ViewState:
         return (ASCII_SIGNS if self.plain else SIGNS)[status]
 
     def newest_running_leaf(self, root: TreeBox) -> str:
-        """Return the key of the leaf that has begun last of those that run; empty where none does."""
+        """Return the key of the running leaf that started last; empty if there is none."""
         running = (box.key for box in root.walk() if not box.children and self.node_status(box.key).status in ACTIVE)
         return max(running, key=lambda key: self.node_status(key).since, default="")
 
 
 def node_label(box: TreeBox, scene: ViewState) -> Text:
-    """Return the line of a node: its sign and title, why it is so and for how long, and its modifiers."""
+    """Return the line of a node: sign and title, running time, reason, and modifiers."""
     now = scene.node_status(box.key)
     line = Text(f"{box.case}: " if box.case else "", style=DIM, no_wrap=True)
     line.append(f"{scene.status_sign(now.status)} {box.title}", style=STYLES[now.status])
@@ -134,14 +134,14 @@ def node_label(box: TreeBox, scene: ViewState) -> Text:
 
 
 def _node_reason(box: TreeBox, scene: ViewState) -> str:
-    """Return why a node is as it is; first what a modifier that has failed says."""
+    """Return the reason of a node's status; that of a failed modifier comes first."""
     badges = (scene.node_status(badge.key) for badge in box.badges)
     failed = next((now.reason for now in badges if now.status == "failure" and now.reason), "")
     return failed or scene.node_status(box.key).reason
 
 
 def header_line(scene: ViewState, width: int, silence: float = 0.0) -> Text:
-    """Return the first line: which mission on what, and how it goes; ``silence`` is how long nothing came (s)."""
+    """Return the first line: mission, robot and progress; ``silence`` is the time since the last message (s)."""
     left = Text.assemble((f" {scene.mission}", "bold"), (f" on {scene.robot}" if scene.robot else "", DIM))
     right = Text()
     if scene.lates:
@@ -160,7 +160,7 @@ def header_line(scene: ViewState, width: int, silence: float = 0.0) -> Text:
 
 
 def footer_line(scene: ViewState) -> Text:
-    """Return the last line: the keys, and what they do now."""
+    """Return the last line: the keys and their present actions."""
     keys = (
         ("space", "go on" if scene.paused else "pause"),
         *((("n", "one tick"),) if scene.paused else ()),
@@ -173,7 +173,7 @@ def footer_line(scene: ViewState) -> Text:
 
 
 def part_lines(scene: ViewState) -> Text:
-    """Return a line for each part of the robot: its level, how old its reading is, and that or what is the matter."""
+    """Return a line for each part of the robot: level, age of its reading, and values or problem."""
     return Text("\n").join(line for part in scene.parts for line in _lines_of_part(part, scene))
 
 
@@ -194,7 +194,7 @@ def _lines_of_part(part: Mapping[str, Any], scene: ViewState) -> Iterator[Text]:
 
 
 def format_figures(values: Mapping[str, float]) -> str:
-    """Return the figures of a part as people read them."""
+    """Return the values of a part in display units."""
     written = (form.format(values[name] * factor) for name, (form, factor) in FIGURE_FORMATS.items() if name in values)
     return "  ".join(written)
 
@@ -206,20 +206,20 @@ def variable_lines(scene: ViewState) -> Text:
 
 
 def _variable_name(name: str, scene: ViewState) -> str:
-    """Return the name of a variable; one of a mission inside, which comes with the key of its node, with its name."""
+    """Return the display name of a variable; one of a sub-mission has the name of that mission instead of a node key."""
     key, _, inner = name.rpartition(" ")
     return f"{scene.inside.get(key, key)}: {inner}" if key else name
 
 
 def log_line(line: str, scene: ViewState) -> Text:
-    """Return a line of the log, in a colour where it tells of trouble."""
+    """Return a line of the log, coloured if it reports a problem."""
     words = line.split()
     trouble = next((style for sign, style in LOG_STYLES.items() if sign in words[:4]), "")
     return Text(_to_displayable(line, scene), style=trouble)
 
 
 def node_details(box: TreeBox, scene: ViewState) -> Text:
-    """Return all of one node in a line: what the file says of it, where, and why it is as it is."""
+    """Return the details of a node in one line: file, line, title, arguments, variable and reason."""
     arguments = ", ".join(f"{name}: {text}" for name, text in box.untitled_arguments.items())
     said = (
         f"{{{arguments}}}" if arguments else "",

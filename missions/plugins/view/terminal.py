@@ -1,4 +1,4 @@
-"""The terminal that a view draws on, and how it is left as it was, whatever becomes of the view."""
+"""Terminal of a view, and its restoration even after a crash of the view."""
 
 import os
 import select
@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from typing import Any, BinaryIO, TextIO
 
 WRITE_TIMEOUT = 1.0
-"""Seconds that a terminal has to take anything at all; one that takes nothing is left alone."""
+"""Seconds for a terminal to accept data; one that accepts none is left alone."""
 
 RESTORE_SEQUENCE = (
     b"\x1b[?2026l"  # what is drawn shows at once again
@@ -21,11 +21,11 @@ RESTORE_SEQUENCE = (
     b"\x1b[<u"  # keys as they were
     b"\x1b[?1049l\x1b[?7h\x1b[0m\x1b[?25h"  # the screen of before, its lines wrapped, its colours, and its cursor
 )
-"""What takes back all that a view may have switched on; terminals ignore what they do not know."""
+"""Escape sequences that undo everything that a view may have switched on; terminals ignore unknown ones."""
 
 
 def view_error(out: TextIO) -> str:
-    """Return why there can be no view on ``out``, with what to try; empty where there can."""
+    """Return the reason, with a hint, why ``out`` cannot show a view; empty if it can."""
     if find_spec("textual") is None:
         return "--view needs textual, which is missing\n  try: pip install 'missiontree[view]'"
     if not (sys.stdin.isatty() and out.isatty()):
@@ -38,7 +38,7 @@ def view_error(out: TextIO) -> str:
 
 
 class TerminalSnapshot:
-    """How the terminal behind two descriptors was when this was made; ``restore`` brings that back."""
+    """Settings of the terminal behind two descriptors, for ``restore``."""
 
     def __init__(self, keys: int, screen: int) -> None:
         self._keys = keys
@@ -46,14 +46,14 @@ class TerminalSnapshot:
         self._settings: list[Any] | None = None
 
     def save(self) -> None:
-        """Take note of how it is. One that has gone has nothing to remember."""
+        """Save the current settings. Does nothing if the terminal has gone."""
         with suppress(termios.error):
             self._settings = termios.tcgetattr(self._keys)
 
     def restore(self, *, view_has_left: bool) -> None:
-        """Make it as it was, where the view has not ``left`` it itself; keys that nobody has read are dropped.
+        """Restore the saved settings, and drop unread keys. If ``view_has_left``, the screen is already restored.
 
-        Safe more than once, and where it has gone.
+        Safe more than once, and if the terminal has gone.
         """
         if self._settings is None:
             return
@@ -71,7 +71,7 @@ class TerminalSnapshot:
 
 @contextmanager
 def hold_output() -> Iterator[None]:
-    """Keep back what this process writes to the terminal meanwhile, libraries in C too; it is written in the end."""
+    """Hold back this process's output to the terminal, that of C libraries included, until the end of the context."""
     terminals = [number for number in (1, 2) if os.isatty(number)]
     with tempfile.TemporaryFile() as aside, ExitStack() as undo:
         if terminals:

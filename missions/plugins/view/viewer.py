@@ -1,4 +1,4 @@
-"""The process that shows a run, and the thread that talks with it; a tick waits for neither."""
+"""View process of a run, and the thread that communicates with it; a tick waits for neither."""
 
 import json
 import os
@@ -15,19 +15,19 @@ from missions.plugins.view.terminal import TerminalSnapshot, hold_output
 from missions.trees.feed import Json, ViewFeed
 
 SEND_INTERVAL = 0.1
-"""Seconds from one message to the next, at least."""
+"""Shortest interval between two messages, in seconds."""
 
 EXIT_TIMEOUT = 5.0
-"""Seconds that the process has in the end to leave the terminal; then it is killed, and the terminal left for it."""
+"""Seconds for the process to restore the terminal and exit; then it is killed."""
 
 _READ_SIZE = 1 << 16
 
 
 class Viewer:
-    """Shows what a ``feed`` has, on the terminal behind ``keys`` and ``screen``, from ``open`` to ``close``.
+    """Shows a ``feed`` on the terminal behind ``keys`` and ``screen``, from ``open`` to ``close``.
 
-    ``first`` is the message that comes before all others. While it is ``is_showing``, the terminal is the viewer's, and
-    what else this process writes there is kept back. ``exit_cause`` says why one has ended that nobody has closed.
+    ``first_message`` is sent before all others. While ``is_showing``, the viewer owns the terminal, and other output of
+    this process to it is held back. ``exit_cause`` is the reason if the view ended before ``close``.
     """
 
     def __init__(self, feed: ViewFeed, first_message: Json, *, keys: int = 0, screen: int = 1) -> None:
@@ -44,11 +44,11 @@ class Viewer:
 
     @property
     def is_showing(self) -> bool:
-        """True until the terminal is as it was before."""
+        """True until the terminal is restored."""
         return not self._done.is_set()
 
     def open(self) -> None:
-        """Start the process, and the thread that talks with it."""
+        """Start the process, and the thread that communicates with it."""
         self._terminal.save()
         ours, theirs = socket.socketpair()
         ours.setblocking(False)
@@ -68,7 +68,7 @@ class Viewer:
         self._thread.start()
 
     def close(self) -> None:
-        """End the process, and see that the terminal is as it was. Safe from any state, more than once."""
+        """End the process, and restore the terminal. Safe from any state, more than once."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join()
@@ -93,7 +93,7 @@ class Viewer:
             self._done.set()
 
     def _exchange_messages(self, ours: socket.socket) -> None:
-        """Send what is new and do what is asked for, until either side has had enough."""
+        """Send news and execute orders, until either side closes."""
         left, heard = _encode_message(self._first_message), b""
         with suppress(ConnectionError):
             while not self._closing.wait(SEND_INTERVAL):
@@ -108,7 +108,7 @@ class Viewer:
 
 
 def _send_part(ours: socket.socket, data: bytes) -> bytes:
-    """Send as much as fits; return what is left. A viewer that does not read hears later, in one, what it missed."""
+    """Send as much as fits; return the rest. A slow viewer gets later changes in one message."""
     with suppress(BlockingIOError):
         while data:
             data = data[ours.send(data[:_READ_SIZE]) :]
@@ -120,7 +120,7 @@ def _encode_message(message: Json) -> bytes:
 
 
 def _decode_message(line: bytes) -> Mapping[str, object]:
-    """Return what a viewer asks for; nothing for what is no message."""
+    """Return a message of the viewer; empty for invalid data."""
     with suppress(ValueError):
         message = json.loads(line)
         if isinstance(message, dict):
@@ -130,7 +130,7 @@ def _decode_message(line: bytes) -> Mapping[str, object]:
 
 @contextmanager
 def _block_sigint() -> Iterator[None]:
-    """Block Ctrl-C, which who is started meanwhile inherits: it is the run's to hear, also while a view is loading."""
+    """Block SIGINT in child processes started in this context: Ctrl-C is for the run, even while a view is loading."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -139,7 +139,7 @@ def _block_sigint() -> Iterator[None]:
 
 
 def _wait_for_exit(process: "subprocess.Popen[bytes]") -> int:
-    """Wait until a process has ended, and see that it does."""
+    """Wait for the process to end, and kill it after ``EXIT_TIMEOUT``; return its exit code."""
     try:
         return process.wait(EXIT_TIMEOUT)
     except subprocess.TimeoutExpired:

@@ -26,12 +26,12 @@ from tests.benchmarks.spoken import HISS, levelled, trimmed
 
 
 class Ruled:
-    """A contest that a word has won before it begins."""
+    """Contest that a given word always wins."""
 
     def __init__(self, word: str) -> None:
         self.word = word
 
-    def entries(self, samples: Samples) -> list[WordScore]:
+    def rank_words(self, samples: Samples) -> list[WordScore]:
         assert len(samples) > RATE / 2
         return [WordScore("maybe", 40, -100.0), WordScore(self.word, 30, -130.0)]
 
