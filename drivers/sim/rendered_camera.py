@@ -53,7 +53,8 @@ class RenderedCamera:
             self._frames = 0
             self._opened_at = self._clock.now()
 
-    def rest(self) -> None: ...
+    def rest(self) -> None:
+        """Do nothing: a camera has no actuator."""
 
     def close(self) -> None:
         """End a ``read`` that is waiting. Safe from any state, more than once."""

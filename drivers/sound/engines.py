@@ -107,9 +107,11 @@ class PiperEngine:
         self._program = program
         self._name = "voice"
 
-    def open(self) -> None: ...
+    def open(self) -> None:
+        """Do nothing: Piper is run for each text."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Do nothing: a running program is cancelled with its text."""
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
         """Return a text as sound; None if it was cancelled. Raises DeviceFault and NoReply."""

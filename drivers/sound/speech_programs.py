@@ -228,9 +228,11 @@ class ProgramEngine:
         self._clock = clock
         self._name = "voice"
 
-    def open(self) -> None: ...
+    def open(self) -> None:
+        """Do nothing: the program is run for each text."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Do nothing: a running program is cancelled with its text."""
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
         """Speak a text and return None. Raises NoReply, and DeviceFault if the program fails or ends too early.

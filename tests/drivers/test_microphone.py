@@ -223,9 +223,9 @@ def test_recording_ends_when_no_more_sound_comes_or_nobody_wants_it() -> None:
     worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
     orders, robot = os.pipe()
     try:
-        assert "no sound has come for 0.01 s" in worker.Passing().until_end(orders, 0.01)
+        assert "no sound has come for 0.01 s" in worker.SoundForwarder().wait_for_end(orders, 0.01)
         os.close(robot)
-        assert worker.Passing().until_end(orders, 60.0) == ""
+        assert worker.SoundForwarder().wait_for_end(orders, 60.0) == ""
     finally:
         os.close(orders)
 
@@ -244,20 +244,20 @@ def test_without_a_sound_card_the_reason_is_told_in_words(monkeypatch: pytest.Mo
 
 def test_as_long_as_sound_comes_it_goes_on(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
     worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
-    passing = worker.Passing()
-    taking = passing.taking()
-    next(taking)
+    forwarder = worker.SoundForwarder()
+    sounds = forwarder.receive_sound()
+    next(sounds)
     looks = []
 
     def look(*_: object) -> tuple[list[int], list[int], list[int]]:
-        looks.append(passing.count)
+        looks.append(forwarder.piece_count)
         if len(looks) < 4:
-            taking.send(b"\1\2")
+            sounds.send(b"\1\2")
         return [], [], []
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worker.select, "select", look)
-        assert passing.until_end(0, 2.0)
+        assert forwarder.wait_for_end(0, 2.0)
     assert looks == [0, 1, 2, 3]
     assert capsysbinary.readouterr().out == 3 * b'{"bytes": 2}\n\1\2'
 

@@ -61,7 +61,7 @@ class Room:
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine a program starts and answers late; a test that is about that says how late it may be."""
-    for module, name in ((partner, "START"), (partner, "STUCK"), (engines, "THINKING")):
+    for module, name in ((partner, "START_TIMEOUT"), (partner, "HANG_TIMEOUT"), (engines, "SYNTHESIS_TIMEOUT")):
         monkeypatch.setattr(module, name, 60.0)
 
 

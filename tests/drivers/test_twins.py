@@ -536,11 +536,11 @@ arm = JointsTwin({name: JointSpec(number) for number, name in enumerate("abcdef"
                  report=lambda notice: told.append((clock.now(), notice)))
 for twin in (base, arm):
     twin.open()
-    timeline.every(twin.STEP_INTERVAL, twin.step)
+    timeline.call_every(twin.STEP_INTERVAL, twin.step)
 for step in range(200):
     base.drive(Velocity(0.3, 0.5 - step / 200))
     arm.move({"f": step / 100, "a": -step / 100})
-    timeline.run(clock.now() + 0.05)
+    timeline.run_until(clock.now() + 0.05)
     told.append((base.state(), dict(arm.states())))
 print(hashlib.sha256(repr(told).encode()).hexdigest())
 """

@@ -135,7 +135,7 @@ def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
         record.begin(order, runner, files)
         strike = {"killed": record.kill, "full": record.fill}.get(weather.record)
         if strike is not None:
-            witness.twins.timeline.at(weather.seconds / 2, strike)
+            witness.twins.timeline.call_at(weather.seconds / 2, strike)
     return runner
 
 
@@ -151,13 +151,13 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
         def strike() -> None:
             if next(countdown) == 1:
                 trouble.start(stop)
-                timeline.run(timeline.clock.now() + weather.hangs)
+                timeline.run_until(timeline.clock.now() + weather.hangs)
 
         witness.at_command = strike
     if weather.alone:
         runner.latch.hold = ignore
     timeline = witness.twins.timeline
-    timeline.at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
+    timeline.call_at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
     try:
         witness.history.result = runner.run()
     except DriverError as error:  # a robot that is not complete at its start
@@ -165,7 +165,7 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     witness.ended = timeline.clock.now()
     if runner.stream.failed_listeners:
         witness.left.append(f"events that were not heard: {', '.join(runner.stream.failed_listeners)}")
-    timeline.run(witness.ended + ALL_REST + STILL_TIME)
+    timeline.run_until(witness.ended + ALL_REST + STILL_TIME)
 
 
 def _names(folder: str) -> set[str]:

@@ -84,7 +84,7 @@ class Witness:
             self.touching = TouchWatch(
                 self.twins.world, base, finder.place, acceleration=keys.acceleration, height=finder.position[2]
             )
-        self.twins.timeline.every(SAMPLE, self._sample)
+        self.twins.timeline.call_every(SAMPLE, self._sample)
 
     def __call__(self, event: Event) -> None:
         """Take in one event."""

@@ -125,7 +125,7 @@ def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
     text = Text(master)
     program = (
         "import os; from missions.plugins.view.terminal import hold_output\n"
-        "with hushed():\n"
+        "with hold_output():\n"
         "    print('from python')\n"
         "    os.system('echo from elsewhere')\n"
         "    os.write(int(os.environ['BESIDE']), b'.')\n"
