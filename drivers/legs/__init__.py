@@ -1,1 +1,1 @@
-"""Legs: a humanoid's body, its kinematics, its gaits, and a base that walks on them."""
+"""Walking humanoids: body, kinematics, gaits, and a base on two legs."""

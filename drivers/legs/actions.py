@@ -1,7 +1,7 @@
-"""What legs do beside walking: they come to a stand or a sit, and play gaits, each from and to a stand that holds.
+"""Leg actions other than walking: stand, sit, and gaits, each starting and ending in a stable pose.
 
-A gait grows out of the stand over one of its cycles, and shrinks back into it over another: at any time it can be ended
-without a fall that the gait itself would not bring.
+A gait fades in from the stand over one of its cycles, and fades out over another. So it can be ended at any time
+without a fall that the gait itself would not cause.
 """
 
 from collections.abc import Iterable, Mapping
@@ -28,30 +28,30 @@ from drivers.legs.pattern_generator import FloorPose, WalkPattern
 # The way of legs from where they are found to a stand or a sit: slow, smooth, and over the soles where it can be.
 
 START_TOLERANCE = radians(6)
-"""How far a joint may be from where a walk begins, to begin at once."""
+"""Radians by which a joint may differ from the start of a walk to begin at once."""
 
 MAX_START_DISTANCE = radians(62)
-"""How far it may be to be brought there straight."""
+"""Radians by which a joint may differ from the stand to be moved there directly."""
 
 MAX_POSE_DISTANCE = radians(20)
-"""How far it may be from a pose between upright and a sit, all of which have the body over the soles."""
+"""Radians by which a joint may differ from a pose between upright and sit, which all keep the balance."""
 
 MAX_APPROACH_SPEED = radians(35)
-"""rad/s that joints take on the way there at most."""
+"""Maximum joint speed (rad/s) on the way to a stand or a sit."""
 
 MIN_APPROACH_TIME = 0.5
-"""Seconds that it takes at least."""
+"""Minimum seconds of such a way."""
 
 HEIGHT_STEP = 0.003
-"""Metres from one pose between upright and a sit to the next."""
+"""Metres of trunk height between two of these poses."""
 
 DEFAULT_SIT_SHARE = 0.7
-"""The share of the height of a stand at which it sits, where the robot file says nothing of that."""
+"""Height of a sit as a share of the stand's, if the robot file has no ``stride.sit``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Through poses ``poses`` (K, 12) that are reached at shares ``angles_at`` (K,) of it, between two times in seconds."""
+    """Timed path through ``poses`` (K, 12) that are reached at shares ``at_shares`` (K,) of the path; times in seconds."""
 
     poses: Floats
     at_shares: Floats
@@ -60,26 +60,26 @@ class Approach:
 
     @classmethod
     def start(cls, poses: Floats, now: float) -> "Approach":
-        """Return the way through these poses from time ``now`` on."""
+        """Return the path through these poses from time ``now`` on."""
         far = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(poses, axis=0)).max(axis=1))))
         shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(poses))
         return cls(poses, shares, now, now + max(MIN_APPROACH_TIME, 1.5 * float(far[-1]) / MAX_APPROACH_SPEED))
 
     def share(self, now: float) -> float:
-        """Return how much of its time is over, 0..1."""
+        """Return the elapsed share of the time, 0..1."""
         return min(1.0, (now - self.start_time) / (self.end_time - self.start_time))
 
     def angles_at(self, now: float) -> Floats:
-        """Return where the joints are to be (12,)."""
+        """Return the joint angles (12,) at time ``now``."""
         share = self.share(now)
         share *= share * (3 - 2 * share)
         return np.array([np.interp(share, self.at_shares, column) for column in self.poses.T])
 
 
 class StandSitPoses:
-    """Poses of the legs between upright and a sit, the centre of mass over the middle of both soles in each of them.
+    """Poses of the legs between upright and sit, with the centre of mass over the middle of both soles.
 
-    ``stand`` and ``sit`` are their places among ``poses`` (K, 12). Raises BadRequest for a sit that is out of reach.
+    ``stand`` and ``sit`` are indices into ``poses`` (K, 12). Raises BadRequest for a sit that is out of reach.
     """
 
     def __init__(self, body: LeggedBody, stride: StrideKeys, limits: Mapping[str, JointLimits]) -> None:
@@ -102,7 +102,7 @@ class StandSitPoses:
         self.poses, self.stand, self.sit = rows[first : last + 1], len(above) - first, last - first
 
     def path(self, here: Floats, destination: int) -> Floats | None:
-        """Return the poses (K, 12) from where the legs are to one of these; None for legs that are far from all."""
+        """Return poses (K, 12) from ``here`` to index ``destination``; None if the legs are far from all poses."""
         off = np.abs(self.poses - here).max(axis=1)
         near = int(off.argmin())
         if off[near] > MAX_POSE_DISTANCE:
@@ -116,13 +116,16 @@ class StandSitPoses:
 
 
 def start_distances(ready: Floats, names: Iterable[str], states: Mapping[str, Reading[JointState]]) -> dict[str, float]:
-    """Return how far joints that were heard of are from where a walk begins, rad; ``ready`` is that, as ``names``."""
+    """Return the distances (rad) of joints with a reading from the start of a walk.
+
+    ``ready`` has the start angles in the order of ``names``.
+    """
     goals = zip(names, ready.tolist(), strict=True)
     return {name: value.position - goal for name, goal in goals if (value := states[name].value) is not None}
 
 
 def is_near_start(ready: Floats, names: Iterable[str], states: Mapping[str, Reading[JointState]]) -> bool:
-    """Say whether joints are ``START_TOLERANCE`` enough to where a walk begins."""
+    """True if all joints are within ``START_TOLERANCE`` of the start of a walk."""
     return all(abs(off) <= START_TOLERANCE for off in start_distances(ready, names, states).values())
 
 
@@ -132,7 +135,7 @@ _, Y, _ = np.eye(3)
 
 
 class GaitCycle:
-    """A gait while it is played, from a stand: ``amplitude`` is how much of it there is, 0..1."""
+    """A gait while it is played, from a stand: ``amplitude`` is its share, 0..1."""
 
     def __init__(self, body: LeggedBody, lean: float, ready: Floats, gait: Gait) -> None:
         self._body, self._lean, self._gait = body, lean, gait
@@ -146,11 +149,11 @@ class GaitCycle:
 
     @property
     def is_over(self) -> bool:
-        """Whether it has shrunk into the stand again."""
+        """True once it has faded out into the stand."""
         return self.is_ending and self.amplitude == 0.0
 
     def step(self, dt: float) -> tuple[Floats, tuple[bool, bool]]:
-        """Go on by ``dt`` seconds; return the angles of the legs (12,), and which soles are on the floor."""
+        """Advance by ``dt`` seconds; return the leg angles (12,), and which soles are on the floor."""
         share = dt / self._gait.period
         self.cycles += share
         self.amplitude = min(max(self.amplitude + (-share if self.is_ending else share), 0.0), 1.0)
@@ -172,7 +175,7 @@ class GaitCycle:
 
 @dataclass(frozen=True, slots=True)
 class ActionRequest:
-    """What somebody wants the legs to do, until a time."""
+    """Requested leg action, and the time until which it is valid."""
 
     act: str
     gait: GaitKeys | None
@@ -180,7 +183,7 @@ class ActionRequest:
 
 
 class LegActions:
-    """Does what is asked of the legs that ``engine`` does not do, while that stands. Angles are in radians."""
+    """Executes leg actions other than the walk of ``engine``, as long as they are requested. Angles are in radians."""
 
     def __init__(self, engine: WalkingEngine, limits: Mapping[str, JointLimits], torques: Mapping[str, float]) -> None:
         self._engine, self._limits, self._torques = engine, limits, torques
@@ -197,13 +200,14 @@ class LegActions:
 
     @property
     def is_busy(self) -> bool:
-        """Whether it leads the legs right now."""
+        """True while it controls the legs."""
         return self._approach is not None or self._cycle is not None
 
     def request(self, act: str, gait: GaitKeys | None, now: float) -> float:
-        """Want an act until ``now`` and a while; return how far it has come. Raises BadRequest for one that it lacks.
+        """Request an action until ``now`` plus ``COMMAND_LIFE``; return its progress.
 
-        That is a share, 1 in the end; of a gait, how many cycles.
+        The progress is a share, 1 at the end; for a gait, the number of cycles. Raises BadRequest for an unknown
+        action.
         """
         if act not in LEG_ACTS or (act == GAIT) != (gait is not None):
             raise BadRequest(f"base: it does not know how to '{act}'", hint=f"one of {', '.join(LEG_ACTS)}")
@@ -216,16 +220,16 @@ class LegActions:
         return self._progress
 
     def cancel(self) -> None:
-        """Want nothing more: a gait shrinks into a stand, and what leads to a stand or a sit stays where it is."""
+        """Cancel the request: a gait fades out into a stand; a way to a stand or a sit stops where it is."""
         self._request = None
 
     def reset(self) -> None:
-        """Lead the legs no more: they are not where they should be."""
+        """Stop controlling the legs: they are not where they should be."""
         self._approach = self._cycle = None
         self.posture, self.speed = Poised.UNKNOWN, (0.0, 0.0)
 
     def unreachable_reason(self, here: Floats) -> str:
-        """Say why legs cannot be brought to a stand from where they are (12,), or nothing."""
+        """Return the reason why legs cannot move from ``here`` (12,) to a stand; empty if they can."""
         levels = self._poses()
         if levels.path(here, levels.stand) is not None:
             return ""
@@ -234,9 +238,9 @@ class LegActions:
         return f"{name} is {degrees(off.max()):.0f} deg from where a walk begins"
 
     def step(self, here: Floats, now: float, dt: float, *, walk: bool) -> LegPosture | None:
-        """Go on by ``dt`` seconds, from legs that are ``here``; return where they are to be, None to leave them be.
+        """Advance by ``dt`` seconds from the legs' position ``here``; return the next posture.
 
-        Who wants to ``walk`` needs a stand first, whatever else is asked.
+        Returns None to leave the legs alone. To ``walk``, the legs come to a stand first, whatever action is requested.
         """
         asked = self._request if self._request is not None and self._request.until >= now else None
         act = STAND if walk else "" if asked is None else asked.act
@@ -260,7 +264,7 @@ class LegActions:
         return self._stand_sit_poses
 
     def _begin(self, here: Floats, act: str, request: ActionRequest | None, now: float) -> Approach | None:
-        """Begin what is wanted; return the way of the legs to a stand or a sit where they have one before them."""
+        """Begin the requested action; return the way to a stand or a sit if one is needed."""
         levels = self._poses()
         to = levels.sit if act == SIT else levels.stand
         there = self.posture is (Poised.SITTING if act == SIT else Poised.STANDING) or act == GAIT
@@ -280,7 +284,7 @@ class LegActions:
         return self._approach
 
     def _prepare_gait(self, keys: GaitKeys) -> GaitCycle:
-        """Return a gait to be played. Raises BadRequest for one that the legs cannot do."""
+        """Return a gait to be played. Raises BadRequest for an infeasible one."""
         engine = self._engine
         gait = gait_from_keys(keys, engine.body, engine.stride)
         for wrong in gait_errors(engine.body, gait, self._limits, self._torques):
@@ -317,7 +321,7 @@ class LegActions:
 
 
 def make_posture(body: LeggedBody, angles: Floats, on_floor: tuple[bool, bool]) -> LegPosture:
-    """Return the legs at angles (12,), as what sets goals ahead knows them: pressed upon under the mass."""
+    """Return the posture of the legs at angles (12,), as the setpoint compensation needs it: pressure below the mass."""
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     feet = {}
     for side in SIDES:

@@ -1,4 +1,4 @@
-"""Where a body presses on the floor in a gait: the point of zero moment of all its masses, each link a point."""
+"""Zero moment point of a gait and its support margins, and the balance controller of a walk."""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -20,14 +20,14 @@ from drivers.legs.pattern_generator import GRAVITY, FloorPose, hull_edges, pendu
 # capture point will be by then.
 
 CAPTURE_DEADBAND = 0.012
-"""Metres of capture error that soles take by themselves."""
+"""Capture point error in metres that the soles absorb by themselves."""
 
 
 @dataclass(frozen=True, slots=True)
 class BalanceGains:
-    """How much balance does: ``ankle`` and ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` of the error.
+    """Gains: ``ankle`` and ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` per metre of capture error.
 
-    In physics the ankles kept walks up that fell without them; steps have not been seen to help yet, and are off.
+    In physics the ankles kept walks up that fell without them. Steps have not been shown to help yet, and are off.
     """
 
     ankle: float = 0.3
@@ -39,7 +39,7 @@ class BalanceGains:
 
 
 class BalanceController:
-    """Says what is to be added to a walk. ``com_height`` is that of the centre of mass in metres."""
+    """Balance controller of a walk. ``com_height`` is the height of the centre of mass in metres."""
 
     def __init__(self, stride: StrideKeys, com_height: float, gains: BalanceGains = BalanceGains()) -> None:
         self._gains, self._lean = gains, stride.lean
@@ -47,7 +47,7 @@ class BalanceController:
         self._longest, self._widest = stride.longest / 2, stride.widest
 
     def __call__(self, felt: AttitudeEstimate, posture: LegPosture) -> BalanceCorrection:  # noqa: ARG002 - see drivers.legs.engine.BalanceFunction
-        """Return the correction for what is felt in a posture."""
+        """Return the correction for an attitude in a posture."""
         gains = self._gains
         lean, rates = (felt.roll, felt.pitch - self._lean), (felt.roll_rate, felt.pitch_rate)
         pushed = [gains.ankle * angle + gains.damping * speed for angle, speed in zip(lean, rates, strict=True)]
@@ -60,7 +60,7 @@ class BalanceController:
         return BalanceCorrection((hip[0], hip[1]), (ankle[0], ankle[1]), step)
 
     def _capture_error(self, lean: float, speed: float) -> float:
-        """Return how far (m) the capture point is off, beyond what soles take by themselves."""
+        """Return the error (m) of the capture point beyond the deadband."""
         error = self._height * (lean + speed / self._rate)
         return error - _clamp(error, CAPTURE_DEADBAND)
 
@@ -70,13 +70,13 @@ def _clamp(value: float, most: float) -> float:
 
 
 MARGIN_CYCLES = 3
-"""Cycles that are laid end to end: the middle one has whole ones on either side."""
+"""Consecutive cycles for the margins: the middle one has a whole one on either side."""
 
 Z = np.array([0.0, 0.0, 1.0])
 
 
 def trunk_path(gait: Gait) -> Floats:
-    """Return where the trunk goes over ``MARGIN_CYCLES`` cycles (x, y, heading), over the foot that stands: (M, 3)."""
+    """Return the path of the trunk over ``MARGIN_CYCLES`` cycles (x, y, heading), over the supporting foot: (M, 3)."""
     feet, headings, on = (np.concatenate([rows] * MARGIN_CYCLES) for rows in (gait.feet, gait.headings, gait.on_floor))
     found = np.zeros((len(feet), 3))
     for at in range(1, len(feet)):
@@ -91,7 +91,10 @@ def trunk_path(gait: Gait) -> Floats:
 
 
 def support_margins(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
-    """Return how far (m) within the soles on the floor it presses at each moment (M,); below 0 outside of them."""
+    """Return the distance (m) of the zero moment point inside the supporting soles; negative outside.
+
+    One value per sample (M,).
+    """
     count, trunk = len(angles), trunk_path(gait)
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     trunk_mass = np.broadcast_to(body.trunk.centre, (count, 1, 3))
@@ -111,7 +114,7 @@ def support_margins(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
 
 
 def _support_margin(body: LeggedBody, gait: Gait, trunk: Floats, at: int, point: Floats) -> float:
-    """Return the margin of one moment; minus infinity where no foot is on the floor."""
+    """Return the margin of one sample; minus infinity if no foot is on the floor."""
     corners, here = [], FloorPose(*trunk.tolist())
     for number, side in enumerate(SIDES):
         if gait.on_floor[at, number]:

@@ -1,6 +1,6 @@
-"""A humanoid's body as arrays: what kinematics, gaits and physics are worked out from.
+"""Body of a humanoid as arrays, for kinematics, gaits and physics.
 
-Lengths in metres, masses in kilograms, in frames of x forward, y left, z up; (N, 3) arrays have a row for each joint.
+Lengths in metres, masses in kilograms, in frames with x forward, y left, z up; (N, 3) arrays have a row per joint.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ SIDES: tuple[Side, Side] = ("left", "right")
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 MIRROR_SIGNS = np.array([1.0, -1.0, 1.0])
-"""What mirrors a place, left to right."""
+"""Factors that mirror a position, left to right."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Trunk:
 
 @dataclass(frozen=True)
 class Leg:
-    """A leg: the places of its six joints, hip turn to ankle roll, and its sole.
+    """A leg: indices of its six joints, hip turn to ankle roll, and its sole.
 
     ``sole`` is the middle of the sole's lower face from the origin of the last joint.
     """
@@ -49,11 +49,11 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class LeggedBody:
-    """A body of N joints, each of which turns one link, parents before children; -1 is the trunk as a parent.
+    """A body of N joints, each of which turns one link, parents before children; parent -1 is the trunk.
 
-    ``offset`` leads from the origin of the parent to that of the link, on the joint's ``axis``; ``centre`` to the
-    link's centre of mass and ``end`` to the far end of its capsule, from its own origin. ``swap`` and ``sign`` make
-    the mirror image of a pose: ``sign * q[swap]``.
+    ``offset`` leads from the origin of the parent link to that of the link, on the joint's ``axis``; ``centre`` and
+    ``end`` are the link's centre of mass and the far end of its capsule, from its own origin. ``swap`` and ``sign``
+    mirror a pose: ``sign * q[swap]``.
     """
 
     joints: tuple[str, ...]
@@ -71,26 +71,26 @@ class LeggedBody:
 
     @cached_property
     def index(self) -> Mapping[str, int]:
-        """The place of each joint, by name."""
+        """Index of each joint, by name."""
         return {name: place for place, name in enumerate(self.joints)}
 
     @cached_property
     def total_mass(self) -> float:
-        """The mass of it all."""
+        """Mass of the whole body."""
         return self.trunk.mass + float(self.mass.sum())
 
     @cached_property
     def leg_joints(self) -> tuple[str, ...]:
-        """The joints of both legs, the left ones first."""
+        """Names of the joints of both legs, the left ones first."""
         return tuple(self.joints[place] for side in SIDES for place in self.legs[side].joints)
 
     @cached_property
     def leg_indices(self) -> npt.NDArray[np.intp]:
-        """Where those stand among the joints."""
+        """Indices of these joints."""
         return np.array([place for side in SIDES for place in self.legs[side].joints])
 
     def pose(self, angles: Mapping[str, float]) -> Floats:
-        """Return the angles (N) of a pose by name; joints that it does not name are at 0."""
+        """Return the angles (N) of a pose by name; other joints are at 0."""
         return np.array([angles.get(name, 0.0) for name in self.joints])
 
     def mirror(self, q: Floats) -> Floats:
@@ -100,7 +100,7 @@ class LeggedBody:
 
 
 def body_of(keys: BodyKeys) -> LeggedBody:
-    """Return the body that a robot file describes, with the right half made of the left one."""
+    """Return the body of a robot file, with the right half mirrored from the left one."""
     names = keys.joints
     place = {name: at for at, name in enumerate(names)}
     written = [(name, keys.links[name], False) for name in keys.links]
@@ -144,11 +144,11 @@ def body_of(keys: BodyKeys) -> LeggedBody:
 
 
 def _axis(link: LinkKeys, *, flip: bool, turned: float) -> Floats:
-    """Return the axis of a joint. A mirrored rotation goes the other way round about x and z."""
+    """Return the axis of a joint. A mirrored rotation has the opposite sense about x and z."""
     axis = np.array(AXES[link.axis[-1]]) * (-1.0 if link.axis.startswith("-") else 1.0)
     return -turned * MIRROR_SIGNS * axis if flip else axis
 
 
 def _mirror_sign(link: LinkKeys) -> float:
-    """Return the sign of a joint of the middle in the mirror: what turns or rolls does so the other way."""
+    """Return the sign of a middle joint in the mirror: turn and roll change theirs."""
     return 1.0 if link.axis[-1] == "y" else -1.0

@@ -1,7 +1,7 @@
-"""What servos are sent so that joints get where a walk wants them: servos are soft, slow and heavy.
+"""Compensation of servo compliance: goals set ahead so that joints follow the walk.
 
-A servo turns by the error of its angle. Carrying weight, in motion and gathering speed it stays behind its goal by as
-much as that torque takes; so the goal is set ahead by as much.
+A servo's torque grows with its angle error. Under load, in motion and during acceleration it lags behind its goal by
+the angle that the needed torque takes; the goal is set ahead by that angle.
 """
 
 from collections.abc import Mapping
@@ -15,11 +15,11 @@ from drivers.legs.pattern_generator import GRAVITY
 from drivers.servos.models import MotorPhysics
 
 MAX_LEAD = 0.5
-"""Radians by which a goal is set ahead at most."""
+"""Maximum radians by which a goal is set ahead."""
 
 
 class Compensation:
-    """Sets the goals of both legs ahead, posture after posture, by what is known of their ``motors``."""
+    """Sets the goals of both legs ahead, posture by posture, from the physical model of their ``motors``."""
 
     def __init__(self, body: LeggedBody, motors: Mapping[str, MotorPhysics]) -> None:
         self._body = body
@@ -32,13 +32,13 @@ class Compensation:
         self._last_interval = CONTROL_INTERVAL
 
     def reset(self) -> None:
-        """Forget what was before: the legs begin anew."""
+        """Forget earlier postures: the legs start again."""
         self._last, self._rate = None, np.zeros(12)
 
     def goals(self, posture: LegPosture, dt: float = CONTROL_INTERVAL) -> Floats:
-        """Return what the legs are sent (12,), by a posture that comes ``dt`` seconds after the one before.
+        """Return the goals of the legs (12,) for a posture ``dt`` seconds after the previous one.
 
-        They are a posture behind: how a motion gathers speed is known from what comes before and after.
+        They lag one posture behind, because the acceleration needs the postures before and after.
         """
         last, dt = self._last or posture, max(dt, CONTROL_INTERVAL / 2)
         before, after = self._rate, (posture.angles - last.angles) / dt
@@ -51,7 +51,7 @@ class Compensation:
 
 
 def static_torques(body: LeggedBody, posture: LegPosture) -> Floats:
-    """Return the torques (N,) in Nm with which the joints hold the body up in a posture of the legs."""
+    """Return the joint torques (N,) in Nm that hold the body up in a posture of the legs."""
     placed = forward_kinematics(body, whole_body_pose(body, posture.angles))
     standing, feet = [], posture.pattern.feet
     shares = _weight_shares(posture)
@@ -80,7 +80,7 @@ def static_torques(body: LeggedBody, posture: LegPosture) -> Floats:
 
 
 def _weight_shares(posture: LegPosture) -> tuple[float, float]:
-    """Return which share of the weight each foot carries, left and right."""
+    """Return the shares of the weight on each foot, left and right."""
     pattern = posture.pattern
     if pattern.support != "both":
         return (1.0, 0.0) if pattern.support == "left" else (0.0, 1.0)

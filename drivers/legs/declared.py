@@ -1,4 +1,4 @@
-"""A base that walks, and the body that it walks with, as a robot file describes them.
+"""Driver declaration and robot-file keys of a walking base and its body.
 
 The frame of the trunk has x forward, y left, z up, and its origin between the hips. At angle 0 of all joints the frame
 of every link is parallel to it. Only the left half is written; the right one is its mirror image.
@@ -18,7 +18,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 @keys
 class TrunkKeys:
-    """The trunk: what carries the legs, the arms and the head."""
+    """The trunk, which carries the legs, the arms and the head."""
 
     mass: float = key("mass", low=0.001, help="Its mass, with computer and batteries.")
     centre: Vector = key("length", help="Its centre of mass: [x, y, z].")
@@ -28,7 +28,7 @@ class TrunkKeys:
 
 @keys
 class LinkKeys:
-    """The link that a joint turns, named after the joint."""
+    """A link, with the name of the joint that turns it."""
 
     parent: str = key(default="trunk", word="from", help="The link that carries it: `trunk`, or one before it.")
     offset: Vector = key("length", help="From the origin of that one to a point of the joint's axis: its own origin.")
@@ -67,23 +67,23 @@ class BodyKeys:
     foot: FootKeys = key(help="The left sole.")
 
     def mirror(self, name: str) -> str:
-        """Return what a joint of the left side is called on the right; the same for one of the middle."""
+        """Return the right joint for a left one; the same name for a joint of the middle."""
         return self.right + name.removeprefix(self.left) if name.startswith(self.left) else name
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """All its joints: of the left and of the middle as written, then those of the right."""
+        """All joints: left and middle as written, then the right ones."""
         return (*self.links, *(self.mirror(name) for name in self.links if self.mirror(name) != name))
 
     @property
     def tucked_angles(self) -> Mapping[str, float]:
-        """Where joints go in a fall (rad), on both sides."""
+        """Angles (rad) of joints in a fall, on both sides."""
         image = -1.0 if self.mirrored == "opposite" else 1.0
         left = {name: link.tucked for name, link in self.links.items() if link.tucked is not None}
         return {self.mirror(name): image * angle for name, angle in left.items()} | left
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield links that hang nowhere, and legs that are none."""
+        """Yield links without a valid parent, and invalid legs."""
         if not self.left or self.left == self.right:
             yield KeyDiagnostic("'left' and 'right' must differ", ("left",), ("right",), about=(("left",), ("right",)))
         before = ["trunk"]
@@ -103,7 +103,7 @@ class BodyKeys:
             yield from self._leg_axis_mistakes()
 
     def _leg_chain_mistakes(self) -> Iterator[KeyDiagnostic]:
-        """Yield what keeps the joints of ``leg`` from being one chain of six on the left."""
+        """Yield diagnostics if the joints of ``leg`` are not one chain of six on the left."""
         if len(self.leg) != 6:
             yield KeyDiagnostic("'leg' needs 6 joints, from the hip to the foot", ("leg",), about=(("leg",),))
         for place, name in enumerate(self.leg):
@@ -125,7 +125,7 @@ class BodyKeys:
                 yield KeyDiagnostic(message, at, about=(("leg",), ("links", name, "from")))
 
     def _leg_axis_mistakes(self) -> Iterator[KeyDiagnostic]:
-        """Yield what keeps the angles of a leg from a closed form."""
+        """Yield diagnostics for axes that prevent a closed form of the leg's angles."""
         links = [self.links[name] for name in self.leg]
         for name, link, axis in zip(self.leg, links, "zxyyyx", strict=True):
             if link.axis[-1] != axis:
@@ -144,7 +144,7 @@ class BodyKeys:
 
 @keys
 class StrideKeys:
-    """How it walks."""
+    """Parameters of the walk."""
 
     period: float = key("duration", default=0.8, low=0.3, high=5.0, help="The time of two steps.")
     double_support: float = key("share", default=0.25, low=0.05, high=0.8, help="The share on both feet.")
@@ -177,12 +177,12 @@ class LegsKeys(BaseKeys):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Legs alone."""
+        """Legs only."""
         return frozenset({"legs"})
 
 
 def check_leg_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield joints of the body that the arm section does not have."""
+    """Yield joints of the body that the arm section lacks."""
     arm = others.get("arm")
     if not isinstance(arm, ArmKeys):
         message = "legs are joints of the arm section: this robot has none"

@@ -1,8 +1,8 @@
-"""A base that walks: joints of two legs, led by the walking engine 100 times a second.
+"""Driver of a walking base: joints of two legs, controlled by the walking engine 100 times a second.
 
-It begins from wherever its legs are found, slowly, and ends in a stand: a stop lets the step that is under way end and
-closes the feet. Its pose is dead reckoning: the steps that it was told to make. Where its joints are gone, it forgets
-the walk; they hold or go limp as their own section says, and a later walk begins anew from where they are.
+A walk begins slowly from any leg position, and ends in a stand: a stop finishes the current step and closes the feet.
+The pose is dead reckoning of the commanded steps. If the joints are lost, the walk is dropped; they hold or relax as
+configured, and a later walk begins from their position.
 """
 
 from collections.abc import Callable, Mapping
@@ -42,21 +42,22 @@ from drivers.legs.fall_detection import FallDetector
 from drivers.servos.servo_joints import ServoJoints
 
 MAX_TIME_STEP = 0.03
-"""Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""
+"""Maximum time step of a walk in seconds: after a late step the walk is slower, and does not leap."""
 
 TORQUE_ON_TIMEOUT = 1.0
-"""Seconds that limp joints have to hold, from the first step of a way to a stand; one that has shut down never does."""
+"""Seconds that joints without torque have to hold after the first step of a way to a stand; servos may have shut down.
+"""
 
 READING_TIMEOUT = 0.3
-"""Seconds without a reading of a leg's joint after which the walk is given up: not sooner, for it ends in mid-step."""
+"""Seconds without a reading of a leg joint after which the walk is dropped; not sooner, as it ends in mid-step."""
 
 
 class LegsBase(ArbitratedBase):
-    """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
+    """A ``drivers.api.Base`` on the legs of ``joints``, which the caller opens and closes.
 
-    ``step`` is to be called every ``STEP_INTERVAL``. ``felt`` is asked for the trunk's attitude, where something measures it.
-    When it falls, the legs are latched, and ``at_fall`` says whether they go limp; arms of legs that
-    were led go to ``tucked`` (radians).
+    Call ``step`` every ``STEP_INTERVAL``. ``read_attitude`` returns the trunk's attitude, or None if it is not
+    measured. A fall latches the legs; ``at_fall`` says whether they relax, and the arms of active legs move to
+    ``tucked`` (radians).
     """
 
     STEP_INTERVAL = CONTROL_INTERVAL
@@ -95,7 +96,10 @@ class LegsBase(ArbitratedBase):
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Walk so; see ``ArbitratedBase``. Raises DeviceFault too when it has fallen, or a leg is far from a stand."""
+        """Walk at ``velocity``; see ``ArbitratedBase``.
+
+        Also raises DeviceFault after a fall, or if a leg is far from a stand.
+        """
         if velocity != ZERO_VELOCITY and self._is_fallen:
             raise DeviceFault(f"{self.name}: {FALLEN_REASON}", hint="put it up by hand")
         if velocity != ZERO_VELOCITY and self._joints_online and not self.is_walking:
@@ -103,7 +107,7 @@ class LegsBase(ArbitratedBase):
         return super().drive(velocity, source=source)
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Perform an act of the legs, once a walk has ended; see ``drivers.api.Legs``. It is not for legs that lie."""
+        """Request a leg action after the current walk; see ``drivers.api.Legs``. Raises DeviceFault after a fall."""
         self._require()
         with self._lock:
             require(self.name, self._mux.latched)
@@ -112,19 +116,19 @@ class LegsBase(ArbitratedBase):
             return self._actions.request(act, gait, self._clock.now())
 
     def stop(self, *, source: Source | None = None) -> None:
-        """Come to a stand; see ``ArbitratedBase``. Legs that move to a stand or a sit stay where they are."""
+        """Come to a stand; see ``ArbitratedBase``. Legs on the way to a stand or a sit stay where they are."""
         with self._lock:
             if source in (None, Source.MISSION):
                 self._actions.cancel()
             super().stop(source=source)
 
     def state(self) -> Reading[BaseState]:
-        """The newest report; stale while the joints are not there."""
+        """The newest state; stale while the joints are offline."""
         latest = self._last_reading
         return latest if self._joints_online or latest.value is None else replace(latest, quality=Quality.STALE)
 
     def health(self) -> Health:
-        """Say whether the joints of both legs are there."""
+        """Return whether the joints of both legs are online."""
         if not self._is_open:
             return Health(False, f"{self.name}: not opened yet", "open it first")
         returned = self._mux.absence.reconnected_at
@@ -141,19 +145,19 @@ class LegsBase(ArbitratedBase):
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Use the joints as soon as they are there."""
+        """Use the joints as soon as they are online."""
         self._mux.absence.restart()
         self._is_open = True
 
     def close(self) -> None:
-        """Take no step any more. Safe from any state, more than once."""
+        """Stop stepping. Safe from any state, more than once."""
         self.stop()
         self._is_open = self._joints_online = False
 
     # --- whoever steps it ---------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Look at the joints, and tell them where to be. An error ends the walk, latches the base and is raised."""
+        """Read the joints, and send their goals. An error ends the walk, latches the base and is raised."""
         if not self._is_open:
             return
         try:
@@ -186,13 +190,13 @@ class LegsBase(ArbitratedBase):
 
     @property
     def is_walking(self) -> bool:
-        """Whether its legs are led right now."""
+        """True while the legs are controlled."""
         return self._actions.is_busy or not self._engine.is_standing
 
     def _update_state(
         self, states: Mapping[str, Reading[JointState]], attitude: AttitudeEstimate | None, now: float
     ) -> None:
-        """Take in how the joints are, and where the walk has led."""
+        """Update the state from the readings of the joints and the steps of the walk."""
         values = [reading.value for name in self._leg_joints if (reading := states[name]).value is not None]
         if not self._joints_online:
             self._joints_online = True
@@ -230,7 +234,7 @@ class LegsBase(ArbitratedBase):
         self._mux.on_state(state, now)
 
     def _on_fall(self, fallen: bool, *, limp: bool, led: bool) -> None:
-        """Notice a fall: stop the walk, leave legs as the robot file says, draw in arms of ``led`` legs."""
+        """Handle a fall: drop the walk, relax or hold the legs as configured, tuck the arms of ``led`` legs."""
         if fallen and not self._is_fallen:
             self._reset_walk()
             self._mux.latch(FALLEN_REASON)
@@ -277,7 +281,7 @@ class LegsBase(ArbitratedBase):
         self._joints.move(dict(zip(self._leg_joints, sent.tolist(), strict=True)))
 
     def _leg_angles(self, states: Mapping[str, Reading[JointState]]) -> Floats:
-        """Return where the joints of the legs are, all of which were heard of."""
+        """Return the angles of the leg joints, all of which have a reading."""
         return np.array([value.position for name in self._leg_joints if (value := states[name].value) is not None])
 
     def _refuse_unreachable_stand(self) -> None:
@@ -286,7 +290,7 @@ class LegsBase(ArbitratedBase):
             raise DeviceFault(f"{self.name}: {far}", hint="bring its legs to a stand by a gesture, or by hand")
 
     def _reset_walk(self) -> None:
-        """Forget the walk: the legs are not where it has them."""
+        """Drop the walk: the legs are not where it expects them."""
         if self._compensation is not None:
             self._compensation.reset()
         self._engine.reset()
@@ -322,5 +326,5 @@ class LegsBase(ArbitratedBase):
             raise absent
 
     def _send_stop(self) -> None:
-        """End the walk: with the step that is under way, and one that closes the feet."""
+        """End the walk: finish the current step and close the feet."""
         self._engine.halt()

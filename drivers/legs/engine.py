@@ -1,4 +1,4 @@
-"""From the pattern of a walk to the angles of the legs, 100 times a second: the walking engine, without any clock."""
+"""Walking engine: leg angles from the walking pattern, 100 times a second, without a clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,22 +20,22 @@ CONTROL_INTERVAL = 0.01
 """Seconds from one posture to the next."""
 
 FADE_TIME = 0.5
-"""Seconds in which what the balance has added fades, once nothing measures how the trunk leans."""
+"""Seconds in which the balance correction fades once the attitude is no longer measured."""
 
 MIN_COM_HEIGHT = 0.05
-"""Metres above the soles below which no centre of mass of a body that stands can be."""
+"""Lowest plausible height of the centre of mass of a standing body above the soles, in metres."""
 
 _, Y, Z = np.eye(3)
 
 STAND_ITERATIONS = 2
-"""How often a stand is moved until its centre of mass is over the middle of the soles."""
+"""Iterations that move a stand until its centre of mass is over the middle of the soles."""
 
 
 @dataclass(frozen=True, slots=True)
 class AttitudeEstimate:
-    """What is felt of the trunk: its roll and pitch (radians from upright), and how fast they change (rad/s).
+    """Measured attitude of the trunk: roll and pitch (radians from upright), and their rates (rad/s).
 
-    ``pressure`` is the point of pressure from the middle between both feet (m), where soles measure it.
+    ``pressure`` is the point of pressure from the middle between both feet (m), if the soles measure it.
     """
 
     roll: float
@@ -47,9 +47,9 @@ class AttitudeEstimate:
 
 @dataclass(frozen=True, slots=True)
 class BalanceCorrection:
-    """What who keeps the balance adds: to the trunk's roll and pitch, to both ankles (radians), to the next landing.
+    """Correction of the balance controller: trunk roll and pitch, both ankles (radians), and the next landing.
 
-    ``step`` are metres ahead and to the left, ``down`` metres by which the trunk sinks.
+    ``step`` is in metres ahead and to the left, ``down`` in metres by which the trunk is lowered.
     """
 
     hip: tuple[float, float] = (0.0, 0.0)
@@ -58,7 +58,7 @@ class BalanceCorrection:
     down: float = 0.0
 
     def fade(self, dt: float) -> "BalanceCorrection":
-        """Return what is left of it after ``dt`` seconds without a measurement."""
+        """Return the remaining correction after ``dt`` seconds without a measurement."""
         left = max(0.0, 1.0 - dt / FADE_TIME)
         (roll, pitch), (one, other) = self.hip, self.ankle
         return BalanceCorrection((left * roll, left * pitch), (left * one, left * other), (0.0, 0.0), left * self.down)
@@ -66,9 +66,9 @@ class BalanceCorrection:
 
 @dataclass(frozen=True, slots=True)
 class LegPosture:
-    """Where the legs are to be: ``angles`` (12,) in the order of ``Body.walking``, and the pattern that they follow.
+    """Target of the legs: ``angles`` (12,) in the order of ``LeggedBody.leg_joints``, and their pattern.
 
-    ``refused`` says why a foot cannot be where the pattern wants it; its leg stays as it was then.
+    ``refused`` is the reason why a foot cannot reach its place in the pattern; its leg keeps its last angles then.
     """
 
     angles: Floats
@@ -78,7 +78,7 @@ class LegPosture:
 
 @dataclass(frozen=True)
 class WalkPlan:
-    """A stretch of a walk, M moments: ``angles`` (M, 12), ``trunk`` (M, 3), ``heading`` (M,), ``reason`` (M, 2)."""
+    """A part of a walk, M samples: ``angles`` (M, 12), ``trunk`` (M, 3), ``heading`` (M,), ``reason`` (M, 2)."""
 
     times: Floats
     patterns: tuple[WalkPattern, ...]
@@ -93,7 +93,7 @@ BalanceFunction = Callable[[AttitudeEstimate, LegPosture], BalanceCorrection]
 
 @lru_cache(maxsize=16)
 def walk_parameters(body: LeggedBody, stride: StrideKeys) -> WalkParameters:
-    """Return how a body walks with such strides. Raises BadRequest where legs or masses are none."""
+    """Return the walk parameters of a body with these strides. Raises BadRequest for an impossible stand."""
     rest = forward_kinematics(body, np.zeros(len(body.joints)))
     left, right = (sole_pose(body, rest, side)[0] for side in SIDES)
     feet = float(left[1] - right[1]) if stride.feet is None else stride.feet
@@ -124,7 +124,7 @@ def walk_parameters(body: LeggedBody, stride: StrideKeys) -> WalkParameters:
 
 
 def standing_angles(body: LeggedBody, stride: StrideKeys, feet: float) -> Floats:
-    """Return the angles (12,) in which a walk begins and ends. Raises BadRequest where the legs cannot have them."""
+    """Return the angles (12,) in which a walk begins and ends. Raises BadRequest if they are out of reach."""
     angles, reason = solve_stands(body, stride, feet, np.array([stride.height]))
     if reason.any():
         raise BadRequest(
@@ -138,7 +138,7 @@ def standing_angles(body: LeggedBody, stride: StrideKeys, feet: float) -> Floats
 def solve_stands(
     body: LeggedBody, stride: StrideKeys, feet: float, heights: Floats
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Return the angles (K, 12) of stands with the trunk at ``heights`` (K,), and why a leg has none (K, 2)."""
+    """Return the angles (K, 12) of stands with the trunk at ``heights`` (K,), and the reason if a leg has none (K, 2)."""
     places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
     lean, trunk = rotation_about(Y, np.array(stride.lean)), np.zeros((len(heights), 3))
     trunk[:, 2] = heights
@@ -152,9 +152,9 @@ def solve_stands(
 def solve_legs(
     body: LeggedBody, trunk: Floats, rotation: Floats, feet: Floats, headings: Floats
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Return angles (..., 12) for soles flat at ``feet`` (..., 2, 3) with ``headings`` (..., 2); and reasons (..., 2).
+    """Return angles (..., 12) for level soles at ``feet`` (..., 2, 3) with ``headings`` (..., 2), and reasons (..., 2).
 
-    ``trunk`` (..., 3) and ``turned`` (..., 3, 3) are where the trunk is, in the same frame.
+    ``trunk`` (..., 3) and ``rotation`` (..., 3, 3) are the pose of the trunk, in the same frame.
     """
     places = (feet - trunk[..., None, :]) @ rotation
     back = np.swapaxes(rotation, -1, -2)[..., None, :, :]
@@ -163,7 +163,7 @@ def solve_legs(
 
 
 def whole_body_pose(body: LeggedBody, angles: Floats, rest: Floats | None = None) -> Floats:
-    """Return poses (..., N) with both legs at ``angles`` (..., 12) and all else at ``reset`` (N), or at 0."""
+    """Return poses (..., N) with both legs at ``angles`` (..., 12) and all other joints at ``rest`` (N), or at 0."""
     q = np.zeros((*angles.shape[:-1], len(body.joints)))
     if rest is not None:
         q[...] = rest
@@ -172,11 +172,11 @@ def whole_body_pose(body: LeggedBody, angles: Floats, rest: Floats | None = None
 
 
 class WalkingEngine:
-    """Walks: ``step`` after ``step`` of time it says where the legs are to be.
+    """Walking engine: each ``step`` returns the next leg posture.
 
-    The trunk goes so that the centre of mass would follow the pendulum if both legs stood: what a swinging leg shifts,
-    it gives back by its momentum, and servos follow a steady trunk better. ``balance`` is asked with what is felt, if
-    it is. Raises BadRequest for strides that the legs cannot make.
+    The trunk moves so that the centre of mass would follow the pendulum if both legs stood: a swinging leg compensates
+    its shift by its momentum, and servos follow a steady trunk better. ``balance`` is called with the attitude, if it
+    is measured. Raises BadRequest for strides that the legs cannot make.
     """
 
     def __init__(self, body: LeggedBody, stride: StrideKeys, balance: BalanceFunction | None = None) -> None:
@@ -190,34 +190,34 @@ class WalkingEngine:
 
     @property
     def is_standing(self) -> bool:
-        """True while it stands and nothing is under way."""
+        """True while it stands at rest."""
         return self.walker.is_standing
 
     @property
     def pose(self) -> tuple[FloorPose, tuple[float, float, float]]:
-        """Where its steps have led it, without its sway, and how fast it goes: ahead, left (m/s), turn (rad/s)."""
+        """Pose from its steps, without sway, and speed: ahead, left (m/s), turn (rad/s)."""
         return self.walker.pose
 
     def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:
-        """Walk so (m/s, m/s, rad/s) from the next step on; return what of it the legs can do."""
+        """Set the velocity (m/s, m/s, rad/s) from the next step on; return the velocity that the legs can reach."""
         return self.walker.command(ahead, left, turn)
 
     def halt(self) -> None:
-        """Come to a stand: with the step that is under way, and one that closes the feet."""
+        """Come to a stand: finish the current step and close the feet."""
         self.walker.command(0.0, 0.0, 0.0)
 
     def reset(self) -> None:
-        """Forget what was under way: the legs are not where they should be."""
+        """Drop the current step: the legs are not where they should be."""
         self.halt()
         self.walker.reset()
         self._angles, self._correction = self.ready_angles, BalanceCorrection()
 
     def shift(self, displacement: FloorPose) -> None:
-        """Stand so far ahead (m), to the left (m) and turned (rad): by steps that were not its own."""
+        """Move the pose by steps of another motion: ahead, left (m), turn (rad)."""
         self.walker.shift(displacement)
 
     def step(self, dt: float = CONTROL_INTERVAL, attitude: AttitudeEstimate | None = None) -> LegPosture:
-        """Go on by ``dt`` seconds; return where the legs are to be."""
+        """Advance by ``dt`` seconds; return the next posture."""
         pattern = self.walker.advance(dt)
         added = self._correction
         turned, feet, headings = self._foot_targets(pattern, added)
@@ -247,7 +247,7 @@ class WalkingEngine:
         return turned, np.array([each[:3] for each in soles]), np.array([each[3] for each in soles])
 
     def _compute_com_offset(self, angles: Floats, hip: tuple[float, float]) -> tuple[float, float]:
-        """Return how far the centre of mass is ahead and to the left of the trunk's origin."""
+        """Return the offset of the centre of mass from the trunk's origin, ahead and to the left."""
         centre = centre_over_legs(self.body, angles.reshape(2, 6))
         ahead, left, _ = (_rotation(0.0, hip[0], self.stride.lean + hip[1]) @ centre).tolist()
         return ahead, left
@@ -263,7 +263,7 @@ class WalkingEngine:
 
 
 def _rotation(yaw: float, roll: float, pitch: float) -> Floats:
-    """Return the orientation of what is turned about z, rolled about its x, then pitched about its y."""
+    """Return the rotation: yaw about z, then roll about x, then pitch about y."""
     cz, sz, cx, sx, cy, sy = cos(yaw), sin(yaw), cos(roll), sin(roll), cos(pitch), sin(pitch)
     return np.array(
         [
@@ -275,7 +275,7 @@ def _rotation(yaw: float, roll: float, pitch: float) -> Floats:
 
 
 def plan_walk(body: LeggedBody, stride: StrideKeys, command: tuple[float, float, float], seconds: float) -> WalkPlan:
-    """Return a walk of so many seconds from a stand, worked out at once."""
+    """Return a walk of ``seconds`` from a stand, computed at once."""
     walker = WalkPatternGenerator(walk_parameters(body, stride))
     walker.command(*command)
     return solve_patterns(
@@ -284,7 +284,7 @@ def plan_walk(body: LeggedBody, stride: StrideKeys, command: tuple[float, float,
 
 
 def solve_patterns(body: LeggedBody, stride: StrideKeys, patterns: list[WalkPattern]) -> WalkPlan:
-    """Return the angles of a stretch of a pattern, as the engine has them."""
+    """Return the leg angles for a sequence of patterns."""
     heading = np.array([each.heading for each in patterns])
     feet = np.array([[each.feet[side][:3] for side in SIDES] for each in patterns])
     headings = np.array([[each.feet[side][3] for side in SIDES] for each in patterns])

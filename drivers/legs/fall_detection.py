@@ -1,7 +1,7 @@
-"""Whether a body falls, or lies: by how its trunk leans, and how fast; without an IMU, by what its knees bear.
+"""Fall detection from the trunk's lean and its rate, or without an IMU from the load of the knees.
 
-A body falls when its capture point is farther off than a step can reach; it lies when it leans too far. Of legs alone
-it is known that they bear nothing though they should: a body that lies, that was lifted, or that sits on something.
+A body falls if its capture point is farther away than a step can reach; it has fallen if it leans too far. Knee loads
+only show that the legs carry nothing although they should: the body lies, was lifted, or sits on something.
 """
 
 from collections.abc import Sequence
@@ -17,35 +17,38 @@ from drivers.legs.engine import AttitudeEstimate, WalkingEngine
 from drivers.legs.pattern_generator import pendulum_rate
 
 FALLEN_LEAN = radians(50)
-"""How far from upright its trunk leans when it has fallen."""
+"""Lean of a fallen trunk from upright."""
 
 FALL_DEBOUNCE_TIME = 0.05
-"""Seconds for which the capture point has to be out of reach to be believed: a foot that lands jerks the trunk."""
+"""Seconds for which the capture point must be out of reach: a landing foot jerks the trunk."""
 
 UPRIGHT_DEBOUNCE_TIME = 0.5
-"""Seconds for which a body that has fallen has to be upright to stand again."""
+"""Seconds for which a fallen body must be upright to count as standing."""
 
 KNEE_LOAD_INTERVAL = 0.05
-"""Seconds from one look at what the knees bear to the next: it is worked out from the whole body."""
+"""Seconds between two computations of the knee load, which need the whole body."""
 
 KNEE_LOAD_TIME_CONSTANT = 1.0
-"""Seconds over which that is averaged: over a stride, and over the noise of servos that guess their load."""
+"""Time constant of the knee load in seconds.
+
+It averages over a stride, and over the noise of servos that only estimate their load.
+"""
 
 UNLOADED_SHARE, LOADED_SHARE = 0.25, 0.5
-"""The shares of what its knees have borne before below which they bear nothing, and above which they do again."""
+"""Shares of the earlier knee load below which the knees count as unloaded, and above which as loaded again."""
 
 UNLOADED_DEBOUNCE_TIME = 1.0
-"""Seconds for which they have to bear nothing."""
+"""Seconds for which the knees must be unloaded."""
 
 MIN_KNEE_LOAD = 0.15
-"""What both knees together must have told once to be believed: without a burden each tells its friction, 0.05 or so."""
+"""Load that both knees together must have reported once; without a load each reports friction, about 0.05."""
 
 MIN_BENT_SHARE = 0.5
-"""The share of the torque in a stand below which knees are too straight to tell anything."""
+"""Share of the torque in a stand below which the knees are too straight to measure a load."""
 
 
 class FallDetector:
-    """Tells whether the body of an engine falls: ``update`` is asked in every turn. ``lean`` is None where unmeasured."""
+    """Detects falls of the body of an engine. Call ``update`` in every step. ``lean`` is None if it is not measured."""
 
     def __init__(self, engine: WalkingEngine) -> None:
         manner, self._body = engine.walker.manner, engine.body
@@ -65,7 +68,7 @@ class FallDetector:
     def update(
         self, attitude: AttitudeEstimate | None, joints: Sequence[JointState], now: float, *, legs_led: bool
     ) -> None:
-        """Take in what is felt of the trunk and the joints of both legs at a time; ``afoot``: the legs are led."""
+        """Update with the attitude and the states of both legs' joints; ``legs_led``: the legs are controlled."""
         if attitude is None:
             self.lean = None
             self._update_knee_load(joints, now)
@@ -85,14 +88,14 @@ class FallDetector:
         )
 
     def _debounce(self, fallen: bool, now: float, after: float) -> None:
-        """Believe that it falls, or stands, once it has been so for long enough."""
+        """Change ``fallen`` once the new value has lasted for ``after`` seconds."""
         if fallen == self.fallen:
             self._since = now
         elif now - self._since >= after - 1e-9:
             self.fallen, self._since = fallen, now
 
     def _update_knee_load(self, joints: Sequence[JointState], now: float) -> None:
-        """Compare what the knees bear to what they have borne before, each by the pose that they are in."""
+        """Compare the knee load with its maximum so far, each relative to the pose."""
         if now - self._knee_load_at < KNEE_LOAD_INTERVAL:
             return
         since, self._knee_load_at = now - self._knee_load_at, now

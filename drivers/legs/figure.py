@@ -1,4 +1,4 @@
-"""From the body of a robot file to the links that physics know."""
+"""Conversion of a robot file's body into links of the physics engine."""
 
 from collections.abc import Mapping
 from math import sqrt
@@ -10,13 +10,13 @@ from drivers.servos.models import MotorPhysics
 from drivers.sim.rigid.rigid_model import RigidLink, RigidRobot, RigidShape, Vector
 
 MIN_GYRATION_RADIUS = 0.015
-"""Metres: the least radius of gyration of a link."""
+"""Minimum radius of gyration of a link, in metres."""
 
 
 def figure_of(
     body: LeggedBody, motors: Mapping[str, MotorPhysics], limits: Mapping[str, tuple[float, float]]
 ) -> RigidRobot:
-    """Return a body with its servos and their limits (rad), by joint, as physics know it."""
+    """Return a body with its servos and joint limits (rad) for the physics engine."""
     feet = {body.legs[side].joints[-1]: _sole(body, place) for place, side in enumerate(SIDES)}
     links = []
     for place, name in enumerate(body.joints):

@@ -1,4 +1,4 @@
-"""What is wrong with a gait, by the joint and the time: reach, limits, speeds, torque at rest, collisions, support."""
+"""Feasibility check of a gait: reach, limits, speeds, static torque, collisions, support; errors by joint and time."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ def capsules(body: LeggedBody) -> tuple[Capsule, ...]:
 
 @lru_cache(maxsize=16)
 def collision_pairs(body: LeggedBody) -> tuple[tuple[Capsule, Capsule], ...]:
-    """Return the pairs that may hit each other: those that are apart at angle 0, and not on neighbouring links."""
+    """Return the capsule pairs that may collide: apart at angle 0, and not on neighbouring links."""
     near = {frozenset((place, parent)) for place, parent in enumerate(body.parent)}
     return tuple(
         (one, other)
@@ -69,7 +69,7 @@ def collision_pairs(body: LeggedBody) -> tuple[tuple[Capsule, Capsule], ...]:
 
 
 def clearance(body: LeggedBody, placed: LinkPoses) -> tuple[Floats, tuple[tuple[str, str], ...]]:
-    """Return the gap (..., P) of each pair of capsules, below 0 where they are within each other, and their names."""
+    """Return the gap (..., P) of each pair of capsules in metres, negative if they overlap, and their names."""
     chosen = collision_pairs(body)
     ends = {id(each): _ends(each, placed) for each in capsules(body)}
     gaps = [_segment_distance(*ends[id(one)], *ends[id(other)]) - one.radius - other.radius for one, other in chosen]
@@ -79,7 +79,7 @@ def clearance(body: LeggedBody, placed: LinkPoses) -> tuple[Floats, tuple[tuple[
 
 
 def _are_joined(body: LeggedBody, one: Capsule, other: Capsule) -> bool:
-    """Say whether two capsules touch where their links are joined, with only links of no extent between."""
+    """True if two capsules touch where their links are joined, directly or over links without extent."""
 
     def solid(link: int) -> int:
         link = body.parent[link]
@@ -109,7 +109,7 @@ def _ends(capsule: Capsule, placed: LinkPoses) -> tuple[Floats, Floats]:
 
 
 def _segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Return the distance between the lines a to b and c to d (..., 3) (Ericson, Real-Time Collision Detection)."""
+    """Return the distance between segments a to b and c to d (..., 3) (Ericson, Real-Time Collision Detection)."""
     along, across, between = b - a, d - c, a - c
     aa, ee = (along * along).sum(-1), (across * across).sum(-1)
     f, g, h = (across * between).sum(-1), (along * between).sum(-1), (along * across).sum(-1)
@@ -127,7 +127,7 @@ def _segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 def gait_errors(
     body: LeggedBody, gait: Gait, limits: Mapping[str, JointLimits], torques: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield what the body cannot do of a gait, the first moment of each. ``torques`` (Nm) are what servos stall at."""
+    """Yield the reasons why the body cannot play a gait, one time for each. ``torques`` (Nm) are stall torques."""
     angles, reason = gait.angles(body)
     for number, side in enumerate(SIDES):
         if reason[:, number].any():
@@ -168,7 +168,7 @@ def gait_errors(
 
 
 def static_leg_torques(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
-    """Return the torques (M, 12) in Nm that hold the pose: a standing leg bears all above it, a lifted one itself."""
+    """Return the torques (M, 12) in Nm that hold the poses: a standing leg carries all above it, a lifted one itself."""
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     axis, masses = joint_axes(body, placed), link_centres(body, placed)
     everything = centre_of_mass(body, placed) * body.total_mass
@@ -189,7 +189,7 @@ def static_leg_torques(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
 
 
 def _torque(axis: Floats, moment: Floats) -> Floats:
-    """Return how hard a mass pulls about an axis: its ``moment`` is mass times place."""
+    """Return the gravity torque about an axis; ``moment`` is mass times position."""
     found: Floats = np.abs((axis * np.cross(moment, np.array([0.0, 0.0, -GRAVITY]))).sum(axis=-1))
     return found
 

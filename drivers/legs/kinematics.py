@@ -1,6 +1,6 @@
 """Forward kinematics of a body, its centre of mass and Jacobians: for one pose or for many at once.
 
-``q`` are angles (..., N) in the order of ``Body.joints``. All places are in the frame of the trunk.
+``q`` are angles (..., N) in the order of ``LeggedBody.joints``. All positions are in the frame of the trunk.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ IDENTITY = np.eye(3)
 
 @dataclass(frozen=True)
 class LinkPoses:
-    """Where the links are: their origins (..., N, 3), and their orientations (..., N, 3, 3)."""
+    """Poses of the links: origins (..., N, 3), and orientations (..., N, 3, 3)."""
 
     position: Floats
     rotation: Floats
@@ -34,7 +34,7 @@ def rotation_about(axis: Floats, angle: Floats) -> Floats:
 
 
 def forward_kinematics(body: LeggedBody, q: Floats) -> LinkPoses:
-    """Return where every link is in poses ``q`` (..., N)."""
+    """Return the poses of all links for joint angles ``q`` (..., N)."""
     shape = q.shape[:-1]
     position = np.empty((*shape, len(body.joints), 3))
     rotation = np.empty((*shape, len(body.joints), 3, 3))
@@ -72,7 +72,7 @@ def centre_of_mass(body: LeggedBody, placed: LinkPoses) -> Floats:
 
 
 def carrying_joints(body: LeggedBody, link: int) -> list[int]:
-    """Return the joints that move a link: its own, and those that carry it."""
+    """Return the joints that move a link: its own, and those of its ancestors, from the trunk on."""
     found = []
     while link >= 0:
         found.append(link)
@@ -81,13 +81,13 @@ def carrying_joints(body: LeggedBody, link: int) -> list[int]:
 
 
 def joint_axes(body: LeggedBody, placed: LinkPoses) -> Floats:
-    """Return the axes of the joints (..., N, 3) as they are turned."""
+    """Return the axes of the joints (..., N, 3) in their poses."""
     found: Floats = (placed.rotation @ body.axis[:, :, None])[..., 0]
     return found
 
 
 def jacobian(body: LeggedBody, placed: LinkPoses, link: int, point: Floats) -> Floats:
-    """Return how a ``point`` (3) of a link, in its frame, moves: (..., 6, N), linear over angular, a joint a column."""
+    """Return the Jacobian (..., 6, N) of a ``point`` (3) in a link's frame: linear over angular, a column per joint."""
     turned = joint_axes(body, placed)
     there = placed.position[..., link, :] + placed.rotation[..., link, :, :] @ point
     found = np.zeros((*turned.shape[:-2], 6, len(body.joints)))
@@ -99,7 +99,7 @@ def jacobian(body: LeggedBody, placed: LinkPoses, link: int, point: Floats) -> F
 
 
 def centre_jacobian(body: LeggedBody, placed: LinkPoses) -> Floats:
-    """Return how the centre of mass moves: (..., 3, N)."""
+    """Return the Jacobian of the centre of mass (..., 3, N)."""
     turned, masses = joint_axes(body, placed), link_centres(body, placed)
     found = np.zeros((*turned.shape[:-2], 3, len(body.joints)))
     for link in range(len(body.joints)):
@@ -111,9 +111,9 @@ def centre_jacobian(body: LeggedBody, placed: LinkPoses) -> Floats:
 
 @dataclass(frozen=True)
 class _LegMasses:
-    """What legs weigh, and ``still`` all but them: mass times place.
+    """Masses of the legs, and ``still``, the sum of mass times position of all other links.
 
-    Of each joint of the left one: the number and the sign of its axis, its offset, its mass and the centre of that.
+    For each joint of the left leg: index and sign of its axis, its offset, its mass and its centre of mass.
     """
 
     still: Floats
@@ -137,9 +137,9 @@ def _leg_masses(body: LeggedBody) -> _LegMasses:
 
 
 def centre_over_legs(body: LeggedBody, angles: Floats) -> Floats:
-    """Return the centre of mass (..., 3) with the legs at ``angles`` (..., 2, 6) and all else at 0: of one that walks.
+    """Return the centre of mass (..., 3) with the legs at ``angles`` (..., 2, 6) and all other joints at 0.
 
-    The same as ``centre_of_mass``, in a tenth of the time.
+    Equal to ``centre_of_mass``, in a tenth of the time.
     """
     masses = _leg_masses(body)
     turned = angles * masses.right
@@ -159,7 +159,7 @@ def centre_over_legs(body: LeggedBody, angles: Floats) -> Floats:
 
 
 def _rotate_along(columns: Sequence[Floats], way: Floats) -> Floats:
-    """Return a way of a link's frame along the columns of its rotation."""
+    """Return a vector of a link's frame, rotated by the columns of its rotation."""
     found = np.zeros(3)
     for part, column in zip(way.tolist(), columns, strict=True):
         if part:
@@ -170,11 +170,11 @@ def _rotate_along(columns: Sequence[Floats], way: Floats) -> Floats:
 # Where a body has gone by the angles of its legs: the lower foot stands still on the floor, and carries the trunk.
 
 SUPPORT_SWITCH_HEIGHT = 0.001
-"""Metres by which the other foot must be lower to be the one that stands."""
+"""Metres by which the other foot must be lower to become the supporting foot."""
 
 
 class FootOdometry:
-    """Follows the trunk from ``start`` on, over the foot that stands. It has to be told of every step."""
+    """Dead reckoning of the trunk over the supporting foot, from ``start`` on. It needs every pose in sequence."""
 
     def __init__(self, body: LeggedBody, start: Pose2D) -> None:
         self._body = body
@@ -183,7 +183,7 @@ class FootOdometry:
         self._anchor: tuple[float, float, float] | None = None
 
     def update(self, q: Floats) -> Pose2D:
-        """Take a pose of all joints (N); return where the trunk is on the floor."""
+        """Add a pose of all joints (N); return the pose of the trunk on the floor."""
         placed = forward_kinematics(self._body, q)
         feet: dict[Side, tuple[float, float, float]] = {}
         lowest: dict[Side, float] = {}
@@ -201,13 +201,13 @@ class FootOdometry:
 
 
 def _foot_on_floor(pose: Pose2D, foot: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return where a foot stands on the floor."""
+    """Return the pose of a foot on the floor."""
     c, s = cos(pose.heading), sin(pose.heading)
     return pose.x + c * foot[0] - s * foot[1], pose.y + s * foot[0] + c * foot[1], pose.heading + foot[2]
 
 
 def _trunk_over_foot(anchor: tuple[float, float, float], foot: tuple[float, float, float]) -> Pose2D:
-    """Return where the trunk is over a foot on the floor that it has there."""
+    """Return the pose of the trunk from that of the supporting foot, on the floor and in the trunk's frame."""
     heading = anchor[2] - foot[2]
     c, s = cos(heading), sin(heading)
     return Pose2D(anchor[0] - c * foot[0] + s * foot[1], anchor[1] - s * foot[0] - c * foot[1], heading)

@@ -1,10 +1,9 @@
 """Inverse kinematics of legs, in closed form.
 
 The axes of hip turn and hip roll meet in a point, and so do those of ankle pitch and ankle roll; the three pitch axes
-are parallel. Seen from the foot, that makes the ankle's roll known from where the hip is; the hip's turn, roll and the
-sum of the pitches follow from the orientation, and what is left is a triangle of thigh and shank. Offsets within the
-plane of the leg, and between hip and foot across it, are taken as they are. The right leg is solved as the left one
-in a mirror.
+are parallel. Seen from the foot, the position of the hip determines the ankle's roll. The orientation determines the
+hip's turn and roll, and the sum of the pitches. The rest is a triangle of thigh and shank. Offsets within the plane of
+the leg, and between hip and foot across it, are supported. The right leg is solved as a mirrored left one.
 """
 
 from dataclasses import dataclass
@@ -23,31 +22,31 @@ UNREACHABLE_REASONS = (
     "hip turn and hip roll cannot be told apart: the leg points out to the side",
     "not a finite place",
 )
-"""Why a pose of a foot cannot be reached, or in which it is not determined."""
+"""Reasons why a pose of a foot is unreachable or not determined."""
 
 LENGTH_SLACK = 1e-12
-"""Metres by which a leg may be too short, for rounding."""
+"""Metres by which a leg may be too short, for rounding errors."""
 
 MIN_ROLL_COSINE = 1e-7
-"""Below this cosine of the hip's roll, its turn is not determined."""
+"""Cosine of the hip's roll below which its turn is not determined."""
 
 
 @dataclass(frozen=True)
 class LegSolution:
-    """Angles (..., 6) of a leg, hip turn first; ``reason`` (...) is 0, or says in ``UNREACHABLE_REASONS`` why there are none."""
+    """Angles (..., 6) of a leg, hip turn first; ``reason`` (...) is 0, or an index into ``UNREACHABLE_REASONS``."""
 
     angles: Floats
     reason: npt.NDArray[np.int64]
 
     @property
     def is_reachable(self) -> npt.NDArray[np.bool_]:
-        """Whether the pose can be reached (...)."""
+        """Whether each pose can be reached (...)."""
         return np.equal(self.reason, 0)
 
 
 @dataclass(frozen=True)
 class _LegShape:
-    """A left leg in figures: signs of its six axes, the meeting points, and the plane of the pitches."""
+    """Geometry of the left leg: signs of its six axes, the meeting points, and the plane of the pitches."""
 
     sign: Floats
     right: Floats  # signs of the right leg's angles beside it
@@ -62,8 +61,8 @@ class _LegShape:
 def solve_leg(body: LeggedBody, side: Side, position: Floats, rotation: Floats) -> LegSolution:
     """Return the angles that bring the middle of a sole to ``position`` (..., 3) with ``rotation`` (..., 3, 3).
 
-    Both are in the frame of the trunk. The knee bends forward. Where there are none, the reason is set and the angles
-    are NaN.
+    Both are in the frame of the trunk. The knee bends forward. For an unreachable pose, the reason is set and the
+    angles are NaN.
     """
     shape = leg_shape(body)
     position, rotation = np.asarray(position, np.float64), np.asarray(rotation, np.float64)
@@ -73,7 +72,7 @@ def solve_leg(body: LeggedBody, side: Side, position: Floats, rotation: Floats) 
 
 
 def solve_both_legs(body: LeggedBody, position: Floats, rotation: Floats) -> LegSolution:
-    """Return the same for both soles, the left one first: (..., 2, 3) and (..., 2, 3, 3) lead to (..., 2, 6)."""
+    """Solve both legs, the left one first: ``position`` (..., 2, 3), ``rotation`` (..., 2, 3, 3); angles (..., 2, 6)."""
     shape = leg_shape(body)
     sign = np.stack((shape.sign, shape.sign * shape.right))
     return _solve(shape, position * BOTH_SIGNS, rotation * BOTH_MIRRORS, sign)
@@ -107,7 +106,7 @@ def _solve(shape: _LegShape, position: Floats, rotation: Floats, sign: Floats) -
 
 
 def _ankle_roll(hip: Floats, across: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Return the ankle's roll about +x, and where there is none: the hip must lie ``-across`` beside the plane."""
+    """Return the ankle's roll about +x, and where it has no solution: the hip must lie ``-across`` beside the plane."""
     y, z = hip[..., 1], hip[..., 2]
     far = np.hypot(y, z)
     beyond = far <= abs(across) + LENGTH_SLACK
@@ -119,9 +118,9 @@ def _ankle_roll(hip: Floats, across: float) -> tuple[Floats, npt.NDArray[np.bool
 def _triangle(
     shape: _LegShape, ahead: Floats, up: Floats, pitch: Floats
 ) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
-    """Return the pitch of hip and knee about +y, and why there is none.
+    """Return the pitch of hip and knee about +y, and the reason if there is no solution.
 
-    ``ahead`` and ``up`` of the ankle is the hip, in the plane of the leg, along the axes of the foot.
+    ``ahead`` and ``up`` are the hip from the ankle, in the plane of the leg, along the axes of the foot.
     """
     thigh, shank = shape.thigh, shape.shank
     a, b = float(np.hypot(*thigh)), float(np.hypot(*shank))
@@ -141,20 +140,20 @@ def _triangle(
 
 
 def _bearing(way: Floats) -> Floats:
-    """Return the angle of ways (..., 2) in x and z from z, rising as a turn about +y does."""
+    """Return the angle of vectors (..., 2) in x and z from z, rising as a turn about +y does."""
     found: Floats = np.arctan2(way[..., 0], way[..., 1])
     return found
 
 
 def wrap_angles(angle: Floats) -> Floats:
-    """Return angles within a turn: above -pi, up to pi."""
+    """Return angles within one turn: above -pi, up to pi."""
     found: Floats = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return found
 
 
 @lru_cache(maxsize=16)
 def leg_shape(body: LeggedBody) -> _LegShape:
-    """Return the left leg in figures."""
+    """Return the geometry of the left leg."""
     joints = list(body.legs["left"].joints)
     turn, roll, pitch, knee, ankle, last = (body.offset[joint] for joint in joints)
     hang = np.array([roll[0], 0.0, 0.0]) + pitch

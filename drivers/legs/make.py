@@ -1,4 +1,4 @@
-"""From the keys of a robot file to a base that walks."""
+"""Factory of a walking base."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,29 +19,29 @@ from drivers.transport.loop import Loop, LoopFactory, ThreadLoop
 # A base that walks by itself: on a thread of its own, 100 times a second.
 
 STANDING_INTERVAL = 0.02
-"""Seconds from one look at the joints to the next while it stands."""
+"""Seconds between two reads of the joints while it stands."""
 
 STOP_TIMEOUT = 4.0
-"""Seconds that a walk has to come to its end when the base is closed."""
+"""Seconds that a walk has to end when the base is closed."""
 
 
 class WalkingBase(LegsBase):
     """A ``LegsBase`` that steps itself while it is open."""
 
     make_loop: LoopFactory = ThreadLoop
-    """Makes what steps it."""
+    """Factory of the loop that steps it."""
     _loop: Loop | None = None
     _last_step_error = ""
 
     def open(self) -> None:
-        """Use the joints as soon as they are there; does nothing while it is open."""
+        """Use the joints as soon as they are online. Does nothing while it is open."""
         super().open()
         if self._loop is None:
             self._loop = self.make_loop(f"{self.name} legs", self._run_step, ignore)
         self._loop.start()
 
     def close(self) -> None:
-        """Let a walk come to its end, for ``STOP_TIMEOUT`` at most; then take no step any more."""
+        """Let a walk end, for ``STOP_TIMEOUT`` at most; then stop stepping."""
         self.stop()
         if self._loop is not None:
             if self._loop.is_alive:
@@ -61,7 +61,7 @@ class WalkingBase(LegsBase):
 
 
 def make(keys: LegsKeys, site: DriverContext) -> WalkingBase:
-    """Return the driver; the arm whose joints it leads, and the IMU, are opened and closed besides."""
+    """Return the driver; the caller opens and closes the arm that it controls, and the IMU."""
     joints, walks = site.needed_parts["arm"], make_engine(keys)
     return WalkingBase(
         joints,
@@ -78,14 +78,14 @@ def make(keys: LegsKeys, site: DriverContext) -> WalkingBase:
 
 
 def make_engine(keys: LegsKeys) -> WalkingEngine:
-    """Return what walks. Raises BadRequest for strides that the legs cannot make."""
+    """Return the walking engine. Raises BadRequest for strides that the legs cannot make."""
     found = WalkingEngine(body_of(keys.body), keys.stride)
     found.balance = BalanceController(keys.stride, found.walker.manner.com_height)
     return found
 
 
 def make_compensation(engine: WalkingEngine, joints: Joints) -> Compensation | None:
-    """Return what sets the goals of servos ahead; None for joints of which it is not known how soft they are."""
+    """Return the goal compensation; None for joints with unknown servos."""
     if not isinstance(joints, ServoJoints):
         return None
     servos = {name: joints.joints[name] for name in engine.body.leg_joints}
@@ -95,7 +95,7 @@ def make_compensation(engine: WalkingEngine, joints: Joints) -> Compensation | N
 
 
 def stall_torques(engine: WalkingEngine, joints: Joints) -> dict[str, float]:
-    """Return what the servos of the legs stall at (Nm), for gaits to be checked; nothing where that is not known."""
+    """Return the stall torques of the leg servos (Nm), for gait checks; empty if unknown."""
     if not isinstance(joints, ServoJoints):
         return {}
     servos = {name: joints.joints[name] for name in engine.body.leg_joints}
@@ -103,7 +103,7 @@ def stall_torques(engine: WalkingEngine, joints: Joints) -> dict[str, float]:
 
 
 def attitude_reader(imu: Any) -> Callable[[], AttitudeEstimate | None]:
-    """Return what tells how the trunk leans; it knows nothing without an IMU, or while that is silent."""
+    """Return a function that reads the trunk's attitude; it returns None without an IMU, or while that is silent."""
     part: Imu | None = imu
 
     def felt() -> AttitudeEstimate | None:

@@ -1,8 +1,8 @@
-"""Where feet and centre of mass go, step after step, for a wanted velocity: the pattern of a walk, without joints.
+"""Walking pattern generator: path of feet and centre of mass for a velocity command, without joints.
 
-A step begins with both feet on the floor, while the pressure goes over to the next standing foot; then the other one
-swings. Where the next foot lands is settled when a step begins. The capture point is planned backwards over the steps
-to come, and led along that plan by the pressure, which stays within the soles.
+A step begins in double support, while the pressure moves to the next supporting foot; then the other foot swings. The
+landing of a foot is fixed when its step begins. The capture point is planned backwards over the next steps, and steered
+along that plan by the pressure, which stays within the soles.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,13 +32,13 @@ def pendulum_rate(height: float) -> float:
 
 
 def capture_before_stand(end: Point, p: Point, w: float, seconds: float) -> Point:
-    """Return where xi is ``seconds`` before it is at ``capture_end``, with the pressure at ``p`` all the time."""
+    """Return xi at ``seconds`` before it reaches ``end``, with constant pressure at ``p``."""
     decay = exp(-w * seconds)
     return p[0] + (end[0] - p[0]) * decay, p[1] + (end[1] - p[1]) * decay
 
 
 def capture_before_shift(end: Point, p0: Point, p1: Point, w: float, seconds: float, left: float) -> Point:
-    """Return where xi is ``left`` seconds before it is at ``capture_end``, while p goes from p0 to p1 in ``seconds``."""
+    """Return xi at ``left`` seconds before it reaches ``end``, while p moves from p0 to p1 in ``seconds``."""
     decay, done = exp(-w * left), 1.0 - left / seconds
     slope = (p1[0] - p0[0]) / seconds / w, (p1[1] - p0[1]) / seconds / w
     x = p0[0] + (p1[0] - p0[0]) * done + slope[0] + (end[0] - p1[0] - slope[0]) * decay
@@ -60,16 +60,16 @@ def advance_pendulum(c: Point, xi: Point, p: Point, w: float, dt: float) -> tupl
 
 
 def sway_share(w: float, step: float, double_support: float) -> float:
-    """Return the share of its way that c sways in steps of so many seconds while p goes from side to side.
+    """Return the sway of c as a share of the sway of p, for steps of ``step`` seconds from side to side.
 
-    p stands still but for the share in double support: where it moves c follows a sinh, where it stands a cosh.
+    p is constant except in double support: where it moves c follows a sinh, where it is constant a cosh.
     """
     half = w * step * double_support / 2
     return 1.0 - sinh(half) / (half * cosh(w * step / 2))
 
 
 Edge = tuple[float, float, float]
-"""The line of points with ``nx x + ny y = d``, with its normal outwards."""
+"""Line of points with ``nx x + ny y = d``, with its normal outwards."""
 
 
 def hull_edges(points: Sequence[Point]) -> list[Edge]:
@@ -94,7 +94,7 @@ def hull_edges(points: Sequence[Point]) -> list[Edge]:
 
 
 def polygon_margin(support: Sequence[Edge], p: Point) -> float:
-    """Return how far (m) a point is within a support polygon; below 0 outside of it."""
+    """Return the distance (m) of a point inside a support polygon; negative outside."""
     return min(d - nx * p[0] - ny * p[1] for nx, ny, d in support)
 
 
@@ -118,32 +118,32 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FloorPose:
-    """A place on the floor with a heading, in the frame in which the walk began."""
+    """Position on the floor with a heading, in the frame in which the walk began."""
 
     x: float
     y: float
     heading: float
 
     def offset(self, ahead: float, left: float, turn: float = 0.0) -> "FloorPose":
-        """Return the spot so far ahead and to the left of it, turned so far."""
+        """Return the pose ahead of and to the left of this one by these distances, turned by ``turn``."""
         c, s = cos(self.heading), sin(self.heading)
         return FloorPose(self.x + ahead * c - left * s, self.y + ahead * s + left * c, self.heading + turn)
 
     def relative(self, other: "FloorPose") -> "FloorPose":
-        """Return another spot as it is from this one."""
+        """Return another pose relative to this one."""
         c, s = cos(self.heading), sin(self.heading)
         dx, dy = other.x - self.x, other.y - self.y
         return FloorPose(c * dx + s * dy, c * dy - s * dx, other.heading - self.heading)
 
     @property
     def point(self) -> Point:
-        """Without the heading."""
+        """The position without the heading."""
         return self.x, self.y
 
 
 @dataclass(frozen=True, slots=True)
 class WalkParameters:
-    """How it walks: StrideKeys with what follows from the body. Lengths in metres, ``step_time`` in seconds."""
+    """Parameters of a walk: StrideKeys with values derived from the body. Lengths in metres, ``step_time`` in seconds."""
 
     step_time: float
     double_support: float
@@ -160,11 +160,11 @@ class WalkParameters:
 
 @dataclass(frozen=True, slots=True)
 class WalkPattern:
-    """A moment of a walk, on the floor of its frame.
+    """A sample of a walk, on the floor of its frame.
 
-    ``feet`` are the middles of the soles (x, y, z, heading); ``centre`` is where the centre of mass is and ``pressure``
-    the point of pressure, with its ``polygon_margin`` to the edge of the support (m). ``pose`` is where the robot is without
-    its sway, going at ``speed`` (ahead m/s, left m/s, turn rad/s).
+    ``feet`` are the middles of the soles (x, y, z, heading); ``centre`` is the centre of mass; ``pressure`` is the
+    point of pressure, and ``margin`` its distance to the edge of the support (m). ``pose`` is the pose of the robot
+    without sway, moving at ``speed`` (ahead m/s, left m/s, turn rad/s).
     """
 
     time: float
@@ -179,19 +179,19 @@ class WalkPattern:
 
 
 PREVIEW_STEPS = 3
-"""Steps that are planned beyond the present one: those after them count for less than a millimetre."""
+"""Steps that are planned after the current one; later steps change less than a millimetre."""
 
 WEIGHT_SHIFT_TIME = 0.7
-"""Seconds in which the first step goes over to one foot, and the last one back between both."""
+"""Seconds in which the first step shifts the weight to one foot, and the last one back between both."""
 
 CAPTURE_GAIN = 4.0
-"""1/s: how fast the pressure brings the capture point back to its plan."""
+"""Gain (1/s) with which the pressure returns the capture point to its plan."""
 
 EDGE_MARGIN = 0.01
 """Metres that the pressure stays inside of the edges of the soles."""
 
 SETTLE_TOLERANCE = 0.002
-"""Metres from the middle between both feet within which a body that stands has come to rest."""
+"""Metres from the middle between both feet within which a standing body is at rest."""
 
 OTHER_SIDE: Mapping[Side, Side] = {"left": "right", "right": "left"}
 OUTWARD_SIGN: Mapping[Side, float] = {"left": 1.0, "right": -1.0}
@@ -199,9 +199,10 @@ OUTWARD_SIGN: Mapping[Side, float] = {"left": 1.0, "right": -1.0}
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A step: first ``double_support_time`` seconds on both feet, then ``single_support_time`` seconds in which ``swing`` goes to ``target``.
+    """A step: ``double_support_time`` seconds on both feet, then ``single_support_time`` seconds of swing.
 
-    One that is ``is_closing`` puts a foot beside the other, and leads to a stand.
+    ``swing`` moves from ``origin`` to ``target``. A step that ``is_closing`` puts a foot beside the other before a
+    stand.
     """
 
     swing: Side | None
@@ -224,7 +225,10 @@ class _Step:
 
 
 def sole_inset(stride: StrideKeys, feet: float, width: float, height: float) -> float:
-    """Return how far inside of a sole's middle it stands on it, to sway as asked. Raises BadRequest where none does."""
+    """Return the distance of the pressure inwards from a sole's middle for the configured sway.
+
+    Raises BadRequest for a sway that presses outside of the soles.
+    """
     if stride.sway is None:
         return stride.inset
     share = sway_share(pendulum_rate(height), stride.period / 2, stride.double_support)
@@ -237,7 +241,7 @@ def sole_inset(stride: StrideKeys, feet: float, width: float, height: float) -> 
 
 
 class WalkPatternGenerator:
-    """The pattern of a walk. It begins at rest, the middle between its feet at (0, 0)."""
+    """Walking pattern generator. It begins at rest, the middle between its feet at (0, 0)."""
 
     def __init__(self, manner: WalkParameters) -> None:
         self.manner = manner
@@ -259,11 +263,11 @@ class WalkPatternGenerator:
 
     @property
     def is_standing(self) -> bool:
-        """True while it stands on both feet and nothing is under way."""
+        """True while it stands on both feet at rest."""
         return self._step is None
 
     def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:
-        """Want a velocity (m/s, m/s, rad/s) from the next step on; return what of it steps can make."""
+        """Set the velocity (m/s, m/s, rad/s) from the next step on; return the velocity that steps can reach."""
         manner = self.manner
         limits = manner.max_step, manner.max_side_step / 2, manner.max_turn / 2  # sideways every other step counts
         x, y, t = (
@@ -274,15 +278,15 @@ class WalkPatternGenerator:
         return self.velocity_command
 
     def reset(self) -> None:
-        """Stand where it is, from now on, whatever was under way: when nobody knows how the legs are."""
+        """Stand at the current pose at once, for legs in an unknown position."""
         self._stand_at(self.pose[0])
 
     def shift(self, displacement: FloorPose) -> None:
-        """Stand so far ahead, to the left and turned, as something else has brought it there."""
+        """Stand displaced by ``displacement``, after another motion."""
         self._stand_at(self.pose[0].offset(displacement.x, displacement.y, displacement.heading))
 
     def advance(self, dt: float) -> WalkPattern:
-        """Go on by ``dt`` seconds."""
+        """Advance by ``dt`` seconds; return the new sample."""
         self.time += dt
         if self._step is None and self.velocity_command != (0.0, 0.0, 0.0):
             self._step, self._time_in_step = self._first_step(), 0.0
@@ -298,7 +302,7 @@ class WalkPatternGenerator:
         )
 
     def _advance_pendulum(self, dt: float) -> tuple[Point, float]:
-        """Sway for ``dt`` seconds over one point of pressure; return that, and its margin (m)."""
+        """Advance the pendulum by ``dt`` seconds over one point of pressure; return that, and its margin (m)."""
         step = self._step
         if step is None:
             pressure, support = self._middle.point, self._support_polygon(*(self.feet[side] for side in SIDES))
@@ -318,13 +322,13 @@ class WalkPatternGenerator:
     # --- steps --------------------------------------------------------------------------------------------------------
 
     def _first_step(self) -> _Step:
-        """Return the step that begins a walk: with the foot on whose side it goes."""
+        """Return the first step of a walk, with the foot on the side of the motion."""
         aside = self.velocity_command[1] or self.velocity_command[2]
         swing: Side = "left" if aside > 0 or (aside == 0 and self._last_swing == "right") else "right"
         return self._make_step(swing, self._middle, self._middle.point, WEIGHT_SHIFT_TIME)
 
     def _next_step(self, done: _Step) -> _Step | None:
-        """Return the step after one that is over; None where it stands then."""
+        """Return the step after ``done``; None if the robot stands then."""
         self._middle = done.end_pose
         if done.swing is None:
             if hypot(*(a - b for a, b in zip(self.capture, self._middle.point, strict=True))) > SETTLE_TOLERANCE:
@@ -341,7 +345,7 @@ class WalkPatternGenerator:
         return self._make_step(swing, done.end_pose, done.p1, WEIGHT_SHIFT_TIME)  # it was about to stand
 
     def _make_step(self, swing: Side, middle: FloorPose, p0: Point, both: float) -> _Step:
-        """Return a step with a foot, from where the pressure is."""
+        """Return a step with foot ``swing``, from the current pressure ``p0``."""
         manner, stand = self.manner, self.feet[OTHER_SIDE[swing]]
         after = self._pose_after_step(middle, swing, self.velocity_command)
         closing = not (any(self.velocity_command) or any(self.landing_offset))
@@ -356,13 +360,13 @@ class WalkPatternGenerator:
         return _Step(swing, origin, to, both, alone, p0, p1, end, middle, after, wide, narrow, closing)
 
     def _make_final_shift(self, p0: Point) -> _Step:
-        """Return the end of a walk: back between both feet."""
+        """Return the end of a walk: the weight shifts back between both feet."""
         middle, support = self._middle, self._support_polygon(*(self.feet[side] for side in SIDES))
         point = middle.point
         return _Step(None, middle, middle, WEIGHT_SHIFT_TIME, 0.0, p0, point, point, middle, middle, support, support)
 
     def _pose_after_step(self, middle: FloorPose, swing: Side, wanted: tuple[float, float, float]) -> FloorPose:
-        """Return the middle after a step: to a side, it goes with the foot of that side."""
+        """Return the middle after a step; sideways and turning, it moves with the foot of that side only."""
         ahead, left, turn = (each * self.manner.step_time for each in wanted)
         left, turn = (2 * each if each * OUTWARD_SIGN[swing] > 0 else 0.0 for each in (left, turn))
         return middle.offset(0.0, 0.0, turn / 2).offset(ahead, left, turn / 2)
@@ -371,7 +375,7 @@ class WalkPatternGenerator:
         return spot.offset(0.0, -OUTWARD_SIGN[side] * self.manner.inset).point
 
     def _capture_target(self, swing: Side, to: FloorPose, after: FloorPose, p1: Point, *, closing: bool) -> Point:
-        """Return where the capture point is to be when a step ends: by the steps to come, and then a stand."""
+        """Return the capture point for the end of a step, from the next steps and a stand."""
         manner = self.manner
         spots, middle, side = [p1, self._pressure_point(swing, to)], after, OTHER_SIDE[swing]
         for _ in range(0 if closing else PREVIEW_STEPS):
@@ -391,7 +395,7 @@ class WalkPatternGenerator:
     # --- within a step ------------------------------------------------------------------------------------------------
 
     def _planned_capture(self, step: _Step, at: float) -> Point:
-        """Return where the capture point is to be ``at`` seconds into a step."""
+        """Return the planned capture point ``at`` seconds into a step."""
         if at >= step.double_support_time:
             return capture_before_stand(step.capture_end, step.p1, self.w, step.duration - at)
         over = capture_before_stand(step.capture_end, step.p1, self.w, step.single_support_time)
@@ -401,7 +405,7 @@ class WalkPatternGenerator:
 
     @staticmethod
     def _planned_pressure(step: _Step, at: float) -> Point:
-        """Return where the pressure is to be ``at`` seconds into a step."""
+        """Return the planned pressure ``at`` seconds into a step."""
         done = min(at / step.double_support_time, 1.0)
         return step.p0[0] + (step.p1[0] - step.p0[0]) * done, step.p0[1] + (step.p1[1] - step.p0[1]) * done
 
@@ -431,7 +435,7 @@ class WalkPatternGenerator:
 
     @property
     def pose(self) -> tuple[FloorPose, tuple[float, float, float]]:
-        """Return where the robot is by its steps, without its sway, and how fast it goes."""
+        """Pose from its steps, without sway, and speed."""
         step = self._step
         if step is None or step.swing is None:
             return self._middle, (0.0, 0.0, 0.0)
@@ -442,6 +446,6 @@ class WalkPatternGenerator:
         return pose, ((x * c + y * s) / long, (y * c - x * s) / long, turn / long)
 
     def _support_polygon(self, *spots: FloorPose) -> list[Edge]:
-        """Return the polygon that soles at some spots make."""
+        """Return the edges of the polygon of soles at ``spots``."""
         long, wide = self.manner.sole_length / 2, self.manner.sole_width / 2
         return hull_edges([spot.offset(u * long, v * wide).point for spot in spots for u in (-1, 1) for v in (-1, 1)])

@@ -1,4 +1,4 @@
-"""The twin of a base that walks: the real driver's rules and engine on the twins of the joints, in one thread."""
+"""Simulated walking base: rules and engine of the real driver on the twins of the joints, in one thread."""
 
 from math import cos, sin
 
@@ -11,12 +11,12 @@ from drivers.sim.context import SimContext
 
 
 class LegsTwin(LegsBase):
-    """A ``LegsBase`` without a thread. In the world it is where its steps have led it from its ``start``."""
+    """A ``LegsBase`` without a thread. Its place in the world is that of its steps from its ``start``."""
 
     start = Pose2D(0.0, 0.0, 0.0)
 
     def true_pose(self, now: float) -> Pose2D:
-        """Where it is at time ``now``, in the world's frame."""
+        """Return the true pose at time ``now``, in the world's frame."""
         del now
         pose, start = self._engine.pose[0], self.start
         c, s = cos(start.heading), sin(start.heading)
@@ -25,13 +25,13 @@ class LegsTwin(LegsBase):
 
     @property
     def true_velocity(self) -> Velocity:
-        """How fast it really goes."""
+        """The true velocity."""
         ahead, _, turn = self._engine.pose[1]
         return Velocity(ahead, turn)
 
 
 def make(keys: LegsKeys, stage: SimContext) -> LegsTwin:
-    """Return the twin of a base that walks on the arm's twin."""
+    """Return the simulated walking base on the arm's twin."""
     joints, walks = stage.parts["arm"], make_engine(keys)
     twin = LegsTwin(
         joints,

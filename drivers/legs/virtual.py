@@ -1,4 +1,4 @@
-"""Virtual legs: where the virtual servos truly are leads the base."""
+"""Virtual legs: the true angles of the virtual servos move the base."""
 
 from dataclasses import asdict
 
@@ -13,7 +13,7 @@ from drivers.virtual.device import VirtualDevice
 
 
 def make(keys: LegsKeys, stage: SimContext) -> VirtualDevice:
-    """Return a base that walks on joints of the arm, and sits on its wire: where they truly are leads it."""
+    """Return a virtual walking base on joints of the arm and on its bus; the true servo angles move it."""
     arm: DynamixelKeys = stage.part_keys["arm"]
     bus: VirtualServoBus = stage.parts["arm"].device
     body = body_of(keys.body)

@@ -1,1 +1,1 @@
-"""Robots that speak ROS 2, over Zenoh, with no ROS installed."""
+"""Robots with ROS 2, over Zenoh, without a ROS installation."""

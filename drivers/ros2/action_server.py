@@ -1,4 +1,4 @@
-"""Offering an action of ROS 2: goals come in, feedback and results go out, to whoever has asked."""
+"""ROS 2 action server: receives goals, sends feedback and results. Also Nav2's error codes."""
 
 from collections.abc import Callable, Mapping
 from threading import RLock
@@ -45,11 +45,11 @@ NAV2_ERRORS = {
     308: "there is no way to the goal",
     309: "it was given no places",
 }
-"""What the error codes of Nav2 mean (nav2_msgs of Jazzy: FollowPath, ComputePathToPose, ComputePathThroughPoses)."""
+"""Meaning of Nav2's error codes (nav2_msgs of Jazzy: FollowPath, ComputePathToPose, ComputePathThroughPoses)."""
 
 
 def failure_reason(kind: str, result: Any) -> str:
-    """Return why an action of this type ended as its result says; empty where that says nothing."""
+    """Return the reason in the result of an action; empty if it has none."""
     if not isinstance(result, dict):
         return ""
     code, words = result.get("error_code", 0), result.get("error_msg", "")
@@ -60,7 +60,10 @@ def failure_reason(kind: str, result: Any) -> str:
 
 
 def decode_result(kind: str, payload: bytes) -> tuple[int, Any]:
-    """Return the status of an action's end, and its result: nothing of one that another ROS 2 defines otherwise."""
+    """Return the final status of an action, and its result.
+
+    The result is empty, or only an error code, if the ROS 2 of the sender defines it differently.
+    """
     try:
         told = types().decode(f"{kind}_GetResult_Response", payload)
         return int(told.status), types().to_plain(told.result)
@@ -72,19 +75,19 @@ def decode_result(kind: str, payload: bytes) -> tuple[int, Any]:
 
 
 UNKNOWN_GOAL, GOAL_TERMINATED = 2, 3
-"""Why no goal is cancelled, as action_msgs numbers it."""
+"""Reasons why no goal is cancelled, as action_msgs numbers them."""
 
 EXECUTING, CANCELLING, SUCCEEDED, CANCELLED, ABORTED = 2, 3, 4, 5, 6
-"""The states of a goal, as action_msgs numbers them."""
+"""States of a goal, as action_msgs numbers them."""
 
 MAX_KEPT_GOALS = 20
-"""Goals that are over and may still be asked for."""
+"""Finished goals whose results are kept."""
 
 SendReply = Callable[[bytes], None]
 
 
 class ActionGoal:
-    """A goal that was accepted: ``values`` are its fields. ``status`` is where it stands; safe between threads."""
+    """An accepted goal with its field ``values`` and its ``status``. Thread-safe."""
 
     def __init__(self, server: "ActionServer", uuid: list[int], values: Any) -> None:
         self.uuid, self.values = uuid, values
@@ -103,15 +106,15 @@ class ActionGoal:
         self._server.send_feedback(self, feedback)
 
     def end(self, status: int, result: Mapping[str, object]) -> None:
-        """End it: SUCCEEDED, CANCELLED or ABORTED, with its result. Only the first end counts."""
+        """End the goal as SUCCEEDED, CANCELLED or ABORTED, with its result. Later calls are ignored."""
         self._server.end(self, status, result)
 
 
 class ActionServer:
-    """Offers the action ``name`` of type ``kind`` on a node.
+    """Server of the action ``name`` of type ``kind`` on a node.
 
-    ``begin`` is told of each goal, on a thread of Zenoh's, and says whether it is accepted; ``cancel`` is told of each
-    that somebody wants cancelled. Both return at once.
+    ``begin`` is called with each goal, on a thread of Zenoh, and returns True to accept it; ``cancel`` is called with
+    each goal to be cancelled. Both must return at once.
     """
 
     def __init__(
@@ -137,7 +140,7 @@ class ActionServer:
         self._feedback.send(types().encode(f"{self._kind}_FeedbackMessage", values))
 
     def end(self, goal: ActionGoal, status: int, result: Mapping[str, object]) -> None:
-        """End a goal, and tell those who wait for its result."""
+        """End a goal, and send its result to the clients that wait for it."""
         with self._lock:
             if goal.is_over:
                 return
@@ -212,4 +215,4 @@ class ActionServer:
 
 
 def ignore_cancel(goal: ActionGoal) -> None:
-    """Do nothing about a goal that is to be cancelled: who works on it looks at its status."""
+    """Ignore a cancel: the executing loop checks the goal's status."""

@@ -1,4 +1,4 @@
-"""Protocol of a base on topics of ROS 2: its velocity is a Twist or a TwistStamped, its pose comes from Odometry."""
+"""Protocol of a base on ROS 2 topics: commands as Twist or TwistStamped, pose from Odometry."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -27,10 +27,10 @@ _HAZARD_NAMES = {
     STALL: motion_fault.STALL,
     OBJECT_PROXIMITY: motion_fault.OBJECT_NEAR,
 }
-"""Names of the hazards that are no contacts."""
+"""Names of the hazards other than contacts."""
 
 COLOURS = {Lamp.OFF: (0, 0, 0), Lamp.RED: (255, 0, 0), Lamp.GREEN: (0, 255, 0), Lamp.ORANGE: (255, 120, 0)}
-"""What its ring of lights shows for each colour."""
+"""RGB values of the light ring for each colour."""
 
 TUNES: dict[Tune, tuple[int, ...]] = {
     Tune.ON: (523, 659, 784),
@@ -41,12 +41,12 @@ TUNES: dict[Tune, tuple[int, ...]] = {
     Tune.CLEANING_START: (523, 784),
     Tune.CLEANING_END: (784, 523),
 }
-"""The tunes of a base, as tones in hertz, each for a fifth of a second."""
+"""Tunes as tones in hertz, each a fifth of a second long."""
 
 
 @dataclass(frozen=True, slots=True)
 class HazardReport:
-    """Contacts, and the names of all other hazards, as ``BaseState`` has them."""
+    """Contacts, and the names of all other hazards, as in ``BaseState``."""
 
     bumper: Sides = Sides()
     cliff: Sides = Sides()
@@ -54,7 +54,7 @@ class HazardReport:
     others: frozenset[str] = frozenset()
 
     def __or__(self, other: "HazardReport") -> "HazardReport":
-        """Return all hazards that are in one of the two."""
+        """Return the hazards of both reports."""
         return HazardReport(
             _either(self.bumper, other.bumper),
             _either(self.cliff, other.cliff),
@@ -64,7 +64,7 @@ class HazardReport:
 
 
 def parse_hazards(detections: Iterable[Any]) -> HazardReport:
-    """Return the contacts and hazards of a Create 3's detections, whose frames name the sides."""
+    """Return the contacts and hazards of a Create 3's detections; their frames name the sides."""
     found: dict[int, set[str]] = {BUMP: set(), CLIFF: set(), WHEEL_DROP: set()}
     others = set()
     for each in detections:
@@ -81,7 +81,7 @@ def parse_hazards(detections: Iterable[Any]) -> HazardReport:
 
 
 def _hazard_name(kind: int, frame: str) -> str:
-    """Return the name of a hazard that is no contact, also of a type of a newer firmware."""
+    """Return the name of a hazard other than a contact, also for types of newer firmware."""
     if kind not in _HAZARD_NAMES:
         return f"{motion_fault.UNKNOWN} {kind}" + (f" ({frame:.40})" if frame else "")
     side = "" if kind == BACKUP_LIMIT else next((side for side in ("left", "right") if side in frame), "")
@@ -93,14 +93,14 @@ def _either(one: Sides, other: Sides) -> Sides:
 
 
 def light_ring_message(first: Lamp, second: Lamp) -> dict[str, object]:
-    """Return what its ring of lights is told: the left half is light 1, the right half light 2."""
+    """Return the message for the light ring: the left half is light 1, the right half light 2."""
     leds = [dict(zip(("red", "green", "blue"), COLOURS[each], strict=True)) for each in (first, second)]
     shown = [leds[0]] * 3 + [leds[1]] * 3
     return {"leds": shown, "override_system": (first, second) != (Lamp.OFF, Lamp.OFF)}
 
 
 def note_message(tones: Iterable[int], seconds: float) -> dict[str, object]:
-    """Return what its sounder is told: these tones (Hz), each for so long."""
+    """Return the message for the sounder: tones (Hz), each ``seconds`` long."""
     runtime = {"sec": int(seconds), "nanosec": round(seconds % 1 * 1e9)}
     return {"notes": [{"frequency": each, "max_runtime": runtime} for each in tones]}
 
@@ -118,46 +118,46 @@ TOPIC_TYPES: Mapping[str, tuple[str, ...]] = {
     "sounds": ("irobot_create_msgs/msg/AudioNoteVector",),
     "sensors": ("turtlebot3_msgs/msg/SensorState",),
 }
-"""The topics of a base by the words for them in its section, and their types."""
+"""Topics of a base by their keys in its section, and their types."""
 
 COMMAND_TOPICS = frozenset({"cmd_vel", "lights", "sounds"})
-"""Those that the base is told by."""
+"""Topics on which commands are sent to the base."""
 
 CONTACTS_TIMEOUT = 1.0
-"""Seconds without a report of its contacts after which a base that has some is offline."""
+"""Seconds without a contact report after which a base with contact sensors is offline."""
 
 MAX_POSITION_JUMP = 0.3
-"""Metres beyond what it can have driven that its odometry jumps by when somebody has set it."""
+"""Metres beyond the possible motion from which on a jump means that the odometry was reset."""
 
 MAX_HEADING_JUMP = 0.5
-"""Radians beyond what it can have turned, likewise."""
+"""Radians beyond the possible turn from which on a jump means that the odometry was reset."""
 
 MAX_PLAUSIBLE_VALUE = 1e6
-"""Metres, and metres and radians a second, that no odometry of a robot reaches."""
+"""Limit of plausible odometry, in metres, m/s and rad/s."""
 
 MIN_PERCENT_VALUE = 1.1
-"""Charge from which on a battery tells it in percent, and not as a share, which may be a little over 1."""
+"""Battery value from which on it is in percent, not a share, which may slightly exceed 1."""
 
 MAX_ODOMETRY_INTERVAL, MIN_ODOMETRY_INTERVAL = 0.4, 0.005
-"""Seconds between two messages of the slowest odometry that is waited for; and those that came at once."""
+"""Seconds between two messages of the slowest supported odometry, and of messages that arrived together."""
 
 STILL_TOLERANCE = 0.002
-"""m/s, and metres from one message to the next, below which a base stands."""
+"""m/s, and metres per message, below which a base stands still."""
 
 REPORTED_DRIFT = 0.01
-"""Radians of drift after which Nav2 is told again where our odometry begins in the robot's."""
+"""Radians of drift after which Nav2 gets a new origin of our odometry in the robot's."""
 
 STATUS_CHARGING = 1
-"""The status of a battery that charges, as sensor_msgs numbers it."""
+"""Status of a charging battery, as sensor_msgs numbers it."""
 
 
 class Ros2BaseProtocol(DiffDriveProtocol):
-    """Protocol of the topics ``channels`` of the base ``name``; ``words`` are their roles, as in ``TOPIC_TYPES``.
+    """Protocol of the topics ``channels`` of the base ``name``; ``roles`` are their keys in ``TOPIC_TYPES``.
 
-    The pose starts at 0 with the first report. It is continuous: somebody may set the odometry, or the base may be
-    away. Nothing is sent at rest, so that other nodes, such as Nav2, can drive the robot. Outside of ``limits`` the
-    odometry was set. ``anchored`` is called with the origin of the pose in the odometry frame, and with the name of
-    that. ``entrusted`` returns whether a goal of another node may move the robot now.
+    The pose starts at 0 with the first report, and stays continuous when the odometry is reset or the base is away.
+    Nothing is sent at rest, so that other nodes, such as Nav2, can drive the robot. Motion beyond ``limits`` means that
+    the odometry was reset. ``on_origin`` is called with the origin of the pose in the odometry frame, and the frame's
+    name. ``is_goal_active`` returns True if a goal of another node may move the robot now.
     """
 
     def __init__(
@@ -307,11 +307,11 @@ class Ros2BaseProtocol(DiffDriveProtocol):
 
     @property
     def _has_two_publishers(self) -> bool:
-        """Whether several nodes publish odometry, such as two robots of one name: then it is ignored."""
+        """True if several nodes publish odometry, such as two robots of one name: then it is ignored."""
         return len(self._remote_types.get("odom", ())) > 1
 
     def _parse_battery(self, message: Any) -> tuple[float, float, bool]:
-        """Return volts, percent, and whether it charges; what is not measured as a base without a gauge tells it."""
+        """Return volts, percent, and whether it charges; unmeasured values as for a base without a gauge."""
         share, volts = float(message.percentage), float(message.voltage)
         self._is_percent = self._is_percent or MIN_PERCENT_VALUE < share < inf
         measured = isfinite(share) and (share > 0 or (share == 0 and message.present))
@@ -323,7 +323,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         self._hazards_since_report |= hazards
 
     def _odometry(self, message: Any, now: float) -> BaseState:
-        """Return the state after a message of odometry. Raises ValueError for one that is not of a robot."""
+        """Return the state after an odometry message. Raises ValueError for implausible values."""
         at, turned, moves = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
         figures = {
             "position x": at.x, "position y": at.y, "orientation x": turned.x, "orientation y": turned.y,
@@ -347,7 +347,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         )  # fmt: skip
 
     def _correct_drift(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
-        """Return where that is for us, and the turn rate, without the drift of its gyro as it was learnt at rest."""
+        """Return the continuous pose and the turn rate, without the gyro drift that was learned at rest."""
         before, frame = self._drift_reference, header.frame_id.lstrip("/")  # a slash that tf refuses
         stamp = header.stamp.sec + header.stamp.nanosec * 1e-9
         pose = self._to_continuous_pose(raw, now, frame)
@@ -379,7 +379,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         return pose, rate
 
     def _to_continuous_pose(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
-        """Return where that is for us, whose pose is continuous."""
+        """Return the continuous pose for a pose in the odometry frame."""
         here = self._pose
         if self._last_odometry is not None:
             was, at = self._last_odometry
@@ -404,14 +404,14 @@ class Ros2BaseProtocol(DiffDriveProtocol):
 
 
 def _origin_in_odometry(raw: Pose2D, here: Pose2D) -> Pose2D:
-    """Return where our origin is, as it is told by the robot."""
+    """Return the origin of the continuous pose in the odometry frame."""
     turn = raw.heading - here.heading
     x = raw.x - (here.x * cos(turn) - here.y * sin(turn))
     return Pose2D(x, raw.y - (here.x * sin(turn) + here.y * cos(turn)), turn)
 
 
 def yaw(orientation: Any) -> float:
-    """Return the heading of an orientation, whatever its length. Raises ValueError for one that was never set."""
+    """Return the heading of an orientation of any length. Raises ValueError for one that was never set."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if not x * x + y * y + z * z + w * w > 1e-6:
         raise ValueError("its orientation has the length 0")

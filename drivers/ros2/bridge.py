@@ -1,18 +1,18 @@
-"""ROS 2 as zenoh-bridge-ros2dds has it: robots that speak DDS (TurtleBot 4, Create 3, Humble, micro-ROS) over Zenoh.
+"""Keys and tokens of zenoh-bridge-ros2dds, for robots with DDS (TurtleBot 4, Create 3, Humble, micro-ROS).
 
-A key is the name without its first "/": no domain, no type, no hash. Payloads are CDR; nothing is attached. The bridge
+A key is the name without its first "/": no domain, no type, no hash. Payloads are CDR without attachments. The bridge
 announces topics, services and actions by tokens. See README.md and src/liveliness_mgt.rs of
-eclipse-zenoh/zenoh-plugin-ros2dds. Nothing here opens anything.
+eclipse-zenoh/zenoh-plugin-ros2dds. No I/O.
 """
 
 from drivers.ros2 import wire
 from drivers.ros2.wire import BRIDGE, CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND, STATUS, Entity
 
 TOKENS = "@/*/@ros2_lv/**"
-"""The keys of the tokens of all bridges; a bridge itself has one that ends with @ros2_lv."""
+"""Key pattern of the tokens of all bridges; the token of a bridge itself ends with @ros2_lv."""
 
 ACTION_SERVER, ACTION_CLIENT = "AS", "AC"
-"""The kinds of entities that rmw_zenoh does not have: an action is one entity."""
+"""Roles that rmw_zenoh lacks: an action is one entity."""
 
 _SLASH = "§"
 _TRANSIENT_LOCAL = "1"
@@ -20,9 +20,9 @@ _ROLES = {wire.PUBLISHER, wire.SUBSCRIBER, wire.SERVER, wire.CLIENT, ACTION_SERV
 
 
 def service_token(zid: str, name: str, kind: str) -> str | None:
-    """Return the token by which the session ``zid`` offers a service to robots behind bridges.
+    """Return the token by which session ``zid`` offers a service to robots behind bridges.
 
-    An action has one for all of its end points, which goes with that of goals; None for the others.
+    An action has one token for all of its end points, that of its goal service; None for the others.
     """
     action, part, end = name.rpartition("/_action/")
     role = wire.SERVER
@@ -34,7 +34,7 @@ def service_token(zid: str, name: str, kind: str) -> str | None:
 
 
 def parse_token(key: str) -> list[Entity]:
-    """Return the entities that a token announces, each end point of an action; none for a token of another form."""
+    """Return the entities of a token, one for each end point of an action; empty for other tokens."""
     parts = key.split("/")
     if len(parts) < 3 or parts[0] != "@" or parts[2] != wire.LIVELINESS_PREFIX:
         return []

@@ -1,4 +1,4 @@
-"""A camera whose pictures come by ROS 2: as Image, or as CompressedImage."""
+"""Camera on a ROS 2 topic, of type Image or CompressedImage."""
 
 from collections.abc import Callable
 from threading import Event
@@ -19,10 +19,10 @@ from drivers.ros2.types import MalformedMessage, types
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
 RECEIVE_TIMEOUT = 0.2
-"""Seconds for which a picture is waited for, before it is looked whether anybody still wants one."""
+"""Seconds to wait for a picture before the caller's need for one is checked again."""
 
 OFFLINE_TIMEOUT = 2.0
-"""Seconds without a picture after which the topic is looked for again."""
+"""Seconds without a picture after which the topic is subscribed again."""
 
 _ENCODINGS = {
     "bgr8": (3, None),
@@ -42,9 +42,9 @@ _ENCODINGS = {
     "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR),
     "bayer_grbg8": (1, cv2.COLOR_BayerGB2BGR),
 }
-"""The encodings that are understood: bytes of a pixel, and what OpenCV is to make of them.
+"""Supported encodings: bytes per pixel, and the OpenCV conversion.
 
-Those of 16 bits are understood by the upper 8.
+Of 16-bit encodings only the upper 8 bits are used.
 """
 
 
@@ -66,12 +66,12 @@ class TopicFeed:
 
     @property
     def hint(self) -> str:
-        """What to try when no picture comes; why what has come is none."""
+        """Remedy if no picture comes, with the reason why received messages are unusable."""
         why = self._faults.fault(0)
         return f"{why}; {topic_hint(self._channel.topic)}" if why else topic_hint(self._channel.topic)
 
     def start(self, closing: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
-        """Listen to the topic. Raises NotConnected while nobody sends it."""
+        """Subscribe to the topic. Raises NotConnected while it has no publisher."""
         self._port = TopicPort(self._get_node("camera"), [self._channel])
         self._finder, self._kind = wire.TopicFrameFinder(), ""
         for channel, payload in self._finder.feed(self._port.read_available(0.0)):
@@ -82,7 +82,7 @@ class TopicFeed:
         return None
 
     def grab(self, skip_count: Callable[[], int]) -> Image | None:
-        """Return the next picture; None when none has come for a while, or the session is lost: see Feed."""
+        """Return the next picture; None after a timeout, or if the session is lost: see Feed."""
         for _ in range(round(OFFLINE_TIMEOUT / RECEIVE_TIMEOUT)):
             found = self._receive_messages()
             if found is None:
@@ -97,13 +97,13 @@ class TopicFeed:
         return None
 
     def stop(self) -> None:
-        """Listen no more. Safe from any state, more than once."""
+        """Unsubscribe. Safe from any state, more than once."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
 
     def _receive_messages(self) -> list[bytes] | None:
-        """Return the messages that have come, none after a while; None when the session is lost."""
+        """Return the received messages, none after a timeout; None if the session is lost."""
         if self._port is None:
             return None
         try:
@@ -115,7 +115,7 @@ class TopicFeed:
         ]
 
     def _handle_control_frame(self, channel: int, payload: bytes) -> bool:
-        """Take note of who sends; say whether that was what has come."""
+        """Handle a control frame of the port; return False for a message."""
         if channel == wire.ABOUT_CHANNEL:
             self._kind = next(iter(wire.parse_about(payload)[1]), self._kind)
         elif channel == wire.MISMATCH_CHANNEL:
@@ -124,7 +124,7 @@ class TopicFeed:
 
 
 def decode_image(kind: str, payload: bytes) -> Image:
-    """Return the picture of a message: (height, width, 3), BGR. Raises Malformed, ValueError for what is none."""
+    """Return the picture of a message: (height, width, 3), BGR. Raises MalformedMessage, ValueError for an invalid one."""
     told = types().decode(kind, payload)
     if kind == IMAGES[1]:
         found = decode_picture(told.data.tobytes())

@@ -1,4 +1,4 @@
-"""Which robots of ROS 2 there are at a router, and how they speak: as rmw_zenoh, or by a bridge from DDS."""
+"""Check-up of a router: robots of ROS 2 that use rmw_zenoh, or a bridge from DDS."""
 
 from collections.abc import Iterator
 from threading import Event
@@ -12,7 +12,7 @@ from drivers.ros2.node import Ros2Node
 from drivers.ros2.session import NO_ROUTER_HINT, open_session, zenoh_access
 
 DISCOVERY_TIME = 1.0
-"""Seconds in which nodes and bridges make themselves known."""
+"""Seconds in which nodes and bridges announce themselves."""
 
 NO_NODES_HINT = (
     "start nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp (Jazzy and newer), or on the robot `zenoh-bridge-ros2dds`, "
@@ -21,7 +21,7 @@ NO_NODES_HINT = (
 
 
 def checkup(keys: ZenohKeys, site: DriverContext) -> Iterator[Finding]:
-    """Open a session for a moment, and listen. Raises NotConnected, with what to try."""
+    """Open a session briefly, and list the nodes. Raises NotConnected, with a hint."""
     access, domain = zenoh_access(keys, site.port), ros_domain(keys)
     where = ", ".join(access.endpoints)
     session: Any = open_session("ros2", access, timeout=2.0)

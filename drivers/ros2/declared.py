@@ -1,4 +1,4 @@
-"""A robot that speaks ROS 2 over Zenoh, and its parts, as drivers; their keys in a robot file."""
+"""Driver declarations and robot-file keys of robots with ROS 2 over Zenoh."""
 
 from collections.abc import Iterator, Mapping
 from math import pi
@@ -13,11 +13,11 @@ from drivers.api.sensor_sections import CameraKeys
 from drivers.ros2 import wire
 
 JOINT_PLACEHOLDER = "{joint}"
-"""What stands for each joint in a topic of commands."""
+"""Placeholder for the joint in a command topic."""
 
 
 def _topic_mistakes(section: object, *words: str) -> Iterator[KeyDiagnostic]:
-    """Yield the keys of these words whose values no topic is called."""
+    """Yield diagnostics for the keys ``words`` whose values are no valid topic names."""
     for word in words:
         name: str = getattr(section, word)
         if name and not wire.is_name(name.replace(JOINT_PLACEHOLDER, "joint") if word == "command" else name):
@@ -26,7 +26,7 @@ def _topic_mistakes(section: object, *words: str) -> Iterator[KeyDiagnostic]:
 
 @keys
 class ZenohKeys(Ros2Keys):
-    """The ``ros2`` section of a robot that is reached over Zenoh (`rmw_zenoh`, or zenoh-bridge-ros2dds)."""
+    """The ``ros2`` section of a robot over Zenoh (`rmw_zenoh`, or zenoh-bridge-ros2dds)."""
 
     router: str = key(
         default="tcp/127.0.0.1:7447",
@@ -42,7 +42,7 @@ class ZenohKeys(Ros2Keys):
     private_key: str = key(default="", help="A file with the key of our own certificate.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what does not go together."""
+        """Yield inconsistent keys, invalid addresses and invalid names."""
         if bool(self.user) != bool(self.password_file):
             lacking = "password_file" if self.user else "user"
             yield KeyDiagnostic(f"'user' and 'password_file' go together: '{lacking}' is missing", ("router",))
@@ -72,7 +72,7 @@ ZENOH = Driver(
 
 @keys
 class Ros2BaseKeys(BaseKeys):
-    """The ``base`` section of a robot that is driven by ROS 2."""
+    """The ``base`` section of a robot with ROS 2."""
 
     max_speed: float = key("speed", default=0.3, low=0.01, high=5.0, help="The highest speed.")
     cmd_vel: str = key(default="cmd_vel", help="The topic of its velocity: a Twist or a TwistStamped.")
@@ -86,12 +86,12 @@ class Ros2BaseKeys(BaseKeys):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Those that have a topic."""
+        """Capabilities with a topic."""
         topics = {"sounds": self.sounds, "lights": self.lights}
         return frozenset(name for name, topic in topics.items() if topic)
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what no topic is called."""
+        """Yield invalid topic names."""
         topics = ("cmd_vel", "odom", "battery", "hazards", "dock", "lights", "sounds", "sensors")
         yield from _topic_mistakes(self, *topics)
 
@@ -111,12 +111,12 @@ BASE = Driver(
 
 @keys
 class Ros2RangeKeys(RangeKeys):
-    """The ``range`` section of a robot whose range finder is a topic of ROS 2."""
+    """The ``range`` section of a robot whose range finder is a ROS 2 topic."""
 
     scan: str = key(default="scan", help="The topic of its scans (sensor_msgs/LaserScan).")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what no topic is called."""
+        """Yield invalid topic names."""
         yield from _topic_mistakes(self, "scan")
 
 
@@ -135,12 +135,12 @@ RANGE = Driver(
 
 @keys
 class Ros2CameraKeys(CameraKeys):
-    """The ``camera`` section of a robot whose pictures come by ROS 2."""
+    """The ``camera`` section of a robot whose pictures are on a ROS 2 topic."""
 
     image: str = key(default="image_raw", help="The topic of its pictures: Image or CompressedImage.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what no topic is called."""
+        """Yield the diagnostics of CameraKeys, and invalid topic names."""
         yield from super().diagnostics()
         yield from _topic_mistakes(self, "image")
 
@@ -164,13 +164,14 @@ COMMAND_HELP = (
 
 
 def _limit_mistakes(limits: tuple[float, float]) -> Iterator[KeyDiagnostic]:
+    """Yield a diagnostic for invalid limits (rad)."""
     if not -pi - 1e-9 <= limits[0] < limits[1] <= pi + 1e-9:
         yield KeyDiagnostic("'limits' must be [lowest, highest], within -180 deg and 180 deg", ("limits",))
 
 
 @keys
 class Ros2JointKeys:
-    """One joint of a robot of ROS 2."""
+    """A joint of a robot with ROS 2."""
 
     joint: str = key(default="", help="The joint, as JointState calls it; else as it is called here.")
     limits: tuple[float, float] = key("angle", default=(-pi, pi), help="How far it turns: [lowest, highest].")
@@ -178,7 +179,7 @@ class Ros2JointKeys:
     reverse: bool = key(default=False, help="Whether it turns the other way in ROS 2.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield limits that are none."""
+        """Yield invalid limits."""
         yield from _limit_mistakes(self.limits)
 
 
@@ -195,11 +196,11 @@ class Ros2ArmKeys(ArmKeys):
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
-        """How far and fast each joint goes, by its name."""
+        """Angle and speed limits by joint."""
         return {name: JointLimits(*joint.limits, joint.speed) for name, joint in self.joints.items()}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield joints that stand twice, and what ArmKeys finds."""
+        """Yield duplicate joints, invalid topic names, and the diagnostics of ArmKeys."""
         owners: dict[str, str] = {}
         for name, joint in self.joints.items():
             if (owner := owners.setdefault(joint.joint or name, name)) != name:
@@ -226,13 +227,13 @@ class Ros2AxisKeys(AxisKeys):
     reverse: bool = key(default=False, help="Whether it turns right, or up, for what is more in ROS 2.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield limits that are none."""
+        """Yield invalid limits."""
         yield from _limit_mistakes(self.limits)
 
 
 @keys
 class Ros2HeadKeys(HeadKeys):
-    """The ``head`` section of a robot whose head is turned by ROS 2."""
+    """The ``head`` section of a robot whose head is moved by ROS 2."""
 
     states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
     command: str = key(default="head_controller/joint_trajectory", help=COMMAND_HELP)
@@ -243,7 +244,7 @@ class Ros2HeadKeys(HeadKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield two axes that are one joint."""
+        """Yield a diagnostic if both axes are the same joint, and invalid topic names."""
         if self.pan.joint == self.tilt.joint:
             about = (("pan", "joint"), ("tilt", "joint"))
             yield KeyDiagnostic(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
@@ -252,12 +253,12 @@ class Ros2HeadKeys(HeadKeys):
 
 @keys
 class Ros2VoiceKeys(VoiceKeys):
-    """The ``voice`` section of a robot that speaks by a topic of ROS 2."""
+    """The ``voice`` section of a robot that speaks by a ROS 2 topic."""
 
     topic: str = key(default="say", help="The topic of who speaks: each text is a std_msgs/String.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what no topic is called."""
+        """Yield invalid topic names."""
         yield from _topic_mistakes(self, "topic")
 
 

@@ -1,4 +1,4 @@
-"""The nodes of ROS 2 that a robot is made of: one session of Zenoh, opened and found again on a thread of its own."""
+"""ROS 2 nodes of a robot: one Zenoh session, opened and reconnected on its own thread."""
 
 import json
 from collections.abc import Callable
@@ -20,13 +20,13 @@ from drivers.ros2.wire import SEND
 from drivers.transport.loop import ThreadLoop, guard_callback
 
 RETRY_INTERVAL = 0.3
-"""Seconds until a router that did not answer is tried again."""
+"""Seconds between attempts to reach a router."""
 
 POLL_INTERVAL = 0.1
-"""Seconds between two looks at who is there."""
+"""Seconds between two checks of requests and their servers."""
 
 STALE_AFTER = 2.0
-"""Seconds after which the newest message of a topic counts as old."""
+"""Seconds after which the newest message of a topic is stale."""
 
 TF = "tf2_msgs/msg/TFMessage"
 
@@ -34,9 +34,9 @@ NAVIGATE_TO_POSE, NAVIGATE_THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "n
 
 
 class Ros2Graph:
-    """A ``drivers.api.Ros2`` by ``access`` to a router of Zenoh, in a ``domain``. Other parts of the robot stand on it.
+    """A ``drivers.api.Ros2`` by ``access`` to a Zenoh router, in a ``domain``; shared by the other parts of the robot.
 
-    ``changed`` is called, from threads of Zenoh's, when something asked for has come further.
+    ``changed`` is called, on threads of Zenoh, at each progress of a request and each new message.
     """
 
     name = "ros2"
@@ -72,7 +72,7 @@ class Ros2Graph:
     # --- what other parts stand on ------------------------------------------------------------------------------------
 
     def node(self, part: str = "ros2") -> Ros2Node:
-        """Return the node. Raises NotConnected while there is none."""
+        """Return the node. Raises NotConnected, in the name of ``part``, while there is none."""
         node, trouble = self._node, self._error
         if node is None:
             what = str(trouble or "").removeprefix("ros2: ")
@@ -80,32 +80,32 @@ class Ros2Graph:
         return node
 
     def full_name(self, topic: str) -> str:
-        """Return the whole name of a topic. Raises BadRequest for what no topic is called."""
+        """Return the full name of a topic. Raises BadRequest for an invalid name."""
         try:
             return wire.full_name(topic, self.keys.namespace)
         except ValueError as error:
             raise BadRequest(f"ros2: {error}", hint=wire.NAME_HINT) from error
 
     def set_origin(self, start: Pose2D, frame: str) -> None:
-        """Note where in the robot's odometry its pose is 0."""
+        """Set the origin of the base's pose in the robot's odometry frame."""
         self._origin = start, frame or "odom"
 
     # --- drivers.api.Ros2 ---------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Start looking for the router; returns at once, whether it is there or not."""
+        """Start connecting to the router; returns at once."""
         self._loop.start()
 
     def rest(self) -> None:
-        """Cancel what was begun."""
+        """Cancel all actions."""
         self.stop()
 
     def close(self) -> None:
-        """Cancel what was begun, end the thread, and the session. Safe from any state, more than once."""
+        """Cancel all actions, end the thread and the session. Safe from any state, more than once."""
         self._loop.end()
 
     def health(self) -> Health:
-        """Say whether the router is there, and how many nodes."""
+        """Return whether the router is connected, with the number of nodes."""
         node, trouble = self._node, self._error
         counters = {"sessions": self._session_count, "malformed": self._malformed_count}
         if node is None:
@@ -114,29 +114,29 @@ class Ros2Graph:
         return Health(True, counters={**counters, "nodes": self.nodes()})
 
     def nodes(self) -> int:
-        """Return how many nodes there are besides ours."""
+        """Return the number of other nodes."""
         return 0 if self._node is None else len(self._node.entities(wire.NODE))
 
     def offers(self, name: str) -> bool:
-        """Whether there is an action, a service or a topic of this name now."""
+        """True if an action, a service or a topic of this name exists now."""
         node, full = self._node, self.full_name(name)
         if node is None:
             return False
         return self.does(name) or any(node.entities(role, full) for role in (wire.SERVER, wire.PUBLISHER))
 
     def does(self, action: str) -> bool:
-        """Whether there is an action of this name now."""
+        """True if an action of this name exists now."""
         node = self._node
         return node is not None and bool(node.entities(wire.SERVER, f"{self.full_name(action)}/{SEND}"))
 
     def navigates(self) -> bool:
-        """Whether there is Nav2 to drive by."""
+        """True if Nav2 is available."""
         return self.does(self.keys.navigation)
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return the newest message of a topic as JSON; it is heard from when it is first asked for.
+        """Return the newest message of a topic as JSON; the first call subscribes.
 
-        Of a latched topic that is what was sent last, whenever that was; it holds as long as its sender is there.
+        The last message of a latched topic is valid as long as its publisher exists.
         """
         now, name = self._clock.now(), self.full_name(topic)
         node = self._node
@@ -162,11 +162,11 @@ class Ros2Graph:
         return Reading(read[1], stamp, Quality.GOOD if lasts else Quality.STALE)
 
     def progress(self, number: int) -> Progress:
-        """Return how far a request has come."""
+        """Return the progress of a request."""
         return self._requests.progress(number)
 
     def publish(self, topic: str, kind: str, values: str) -> None:
-        """Send a message. Raises BadRequest, NotConnected."""
+        """Publish a message. Raises BadRequest, NotConnected."""
         name, node = self.full_name(topic), self.node()
         listening = [each for each in node.entities(wire.SUBSCRIBER, name) if kind in {"", each.kind}]
         kind = kind or (listening[0].kind if listening else "")
@@ -177,15 +177,15 @@ class Ros2Graph:
             node.publisher(name, kind, digest).send(payload)
 
     def call(self, service: str, kind: str, values: str) -> int:
-        """Ask a service."""
+        """Call a service; return the number of the request."""
         return self._requests.call(self.full_name(service), kind, values)
 
     def begin(self, action: str, kind: str, goal: str) -> int:
-        """Begin an action."""
+        """Send a goal to an action; return the number of the request."""
         return self._requests.begin(self.full_name(action), kind, json.loads(goal or "{}"))
 
     def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
-        """Have Nav2 drive to the last of the places, through the others."""
+        """Navigate with Nav2 to the last of the places, through the others; return the number of the request."""
         poses = [self._pose_stamped(each, frame) for each in places]
         if len(poses) == 1:
             return self._requests.begin(self.full_name(self.keys.navigation), NAVIGATE_TO_POSE, {"pose": poses[0]})
@@ -196,7 +196,7 @@ class Ros2Graph:
         self._requests.cancel(number)
 
     def has_goal(self) -> bool:
-        """Return whether an action that was begun here may still be under way."""
+        """Return True if an action that was started here may still be active."""
         return self._requests.has_goal()
 
     def stop(self) -> None:
@@ -270,7 +270,7 @@ class Ros2Graph:
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _subscribe(self, name: str, node: Ros2Node) -> None:
-        """Listen to a topic from now on, with the types that its senders have."""
+        """Subscribe to a topic, with the types of its publishers."""
         sent = {each.kind for each in node.entities(wire.PUBLISHER, name)}
         kinds = {kind for kind in sent if types().is_known(kind)}
         if not kinds:

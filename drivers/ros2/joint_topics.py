@@ -1,4 +1,4 @@
-"""Joints as topics of ROS 2 have them: where each is, where it is sent, and what of that a controller is told."""
+"""Joint states and setpoints as ROS 2 messages."""
 
 from collections.abc import Callable, Mapping
 from math import degrees, inf, isnan, nan
@@ -21,43 +21,43 @@ TRAJECTORY, ARRAY, SINGLE = (
 )
 
 TRAJECTORY_HORIZON = 0.3
-"""Seconds of its way that a joint is sent at most: who hears no more stands at the end of them."""
+"""Seconds of trajectory that are sent at most: a joint without a new one stops at its end."""
 
 MIN_POINT_TIME = 0.05
-"""Seconds in which a controller is to be where it is told to stay."""
+"""Seconds in which a controller must reach a position to hold."""
 
 MIN_SPEED = 0.01
-"""rad/s: no joint is sent more slowly."""
+"""Minimum speed of a trajectory in rad/s."""
 
 STALE_AFTER = 0.3
-"""Seconds after which where a joint was is stale."""
+"""Seconds after which the reading of a joint is stale."""
 
 OFFLINE_TIMEOUT = 0.4
-"""Seconds without a word of a joint after which it counts as offline, and nothing is sent any farther."""
+"""Seconds without a reading after which a joint is offline, and no setpoints are sent."""
 
 MOVING_SPEED = 0.02
 """rad/s from which on a joint counts as moving."""
 
 MAX_PLAUSIBLE_VALUE = 1e6
-"""Radians, and radians a second, that no joint reaches."""
+"""Limit of plausible readings, in radians and rad/s."""
 
 NO_TORQUE_OFF, NO_TORQUE_OFF_HINT = (
     "stays stiff: ROS 2 has no word for limp joints",
     "let its controller do it: `call_service`",
 )
-"""What is told where joints are to be limp."""
+"""Notice and hint if joints are to be relaxed."""
 
 RUNAWAY_NOTICE = "ROS 2 has no word for torque off, so its motor goes on"
 RUNAWAY_HINT = "switch the power of its motor off; then look at the signs of its motor, its sensor and its controller"
-"""What is told of a joint that runs away."""
+"""Notice and hint for a joint that runs away."""
 
 CLAMP_REPORT_INTERVAL = 10.0
-"""Seconds without a goal beyond the limits of a joint after which the next one is worth a word again."""
+"""Seconds without a clamped goal after which the next one of a joint is reported again."""
 
 
 @dataclass(frozen=True, slots=True)
 class TopicJoint:
-    """A joint: its name in ROS 2, its ``limits``, and 1 for ``direction``, or -1 where it turns the other way there."""
+    """A joint: its ROS name, its ``limits``, and its ``direction``, -1 if it turns the other way in ROS."""
 
     ros_name: str
     limits: JointLimits
@@ -67,9 +67,10 @@ class TopicJoint:
 def joint_channels(
     states: str, command: str, joints: Mapping[str, TopicJoint], full: Callable[[str], str] = wire.full_name
 ) -> list[TopicChannel]:
-    """Return the channels of joints: their states, then their command, one for each where it has ``{joint}`` in it.
+    """Return the channels of joints: their states, then their commands.
 
-    ``full`` gives the full name of a topic.
+    There is one command channel per joint if ``command`` contains ``{joint}``. ``full`` returns the full name of a
+    topic.
     """
     names, kinds = [command], [TRAJECTORY, ARRAY]
     if JOINT_PLACEHOLDER in command:
@@ -80,7 +81,7 @@ def joint_channels(
 
 @dataclass(frozen=True, slots=True)
 class LinearTrajectory:
-    """The way of a joint from ``start`` (radians), where it is at time ``start_time``, to ``goal`` at ``speed`` (rad/s)."""
+    """Constant-speed trajectory of a joint from ``start`` (radians) at ``start_time`` to ``goal`` at ``speed`` (rad/s)."""
 
     start: float
     start_time: float
@@ -88,19 +89,19 @@ class LinearTrajectory:
     speed: float
 
     def position(self, now: float) -> float:
-        """Return where it is to be at time ``now``."""
+        """Return the setpoint at time ``now``."""
         reach = self.speed * max(now - self.start_time, 0.0)
         return self.start + min(max(self.goal - self.start, -reach), reach)
 
     def remaining_time(self, now: float) -> float:
-        """Return the seconds that it needs from ``now`` on; 0 once it is there."""
+        """Return the remaining seconds at ``now``; 0 at the goal."""
         return max(self.start_time + abs(self.goal - self.start) / self.speed - now, 0.0)
 
 
 def trajectory_points(trajectories: Mapping[str, LinearTrajectory], now: float) -> list[tuple[float, dict[str, float]]]:
-    """Return the leg of all ways that begins at ``now``: seconds from then on, and where each joint is to be by then.
+    """Return points for the next ``TRAJECTORY_HORIZON``: seconds from ``now``, and the setpoint of each joint.
 
-    One point for each joint that arrives within ``TRAJECTORY_HORIZON``, and one for its end: between them all go straight on.
+    One point for each joint that arrives within it, and one for its end; between them all joints move linearly.
     """
     times = sorted(
         {max(min(way.remaining_time(now), TRAJECTORY_HORIZON), MIN_POINT_TIME) for way in trajectories.values()}
@@ -115,9 +116,9 @@ def command_frames(
     now: float,
     type_index: int = 0,
 ) -> bytes:
-    """Return what a controller that listens to ``kind`` is told at ``now``, as frames of its channels.
+    """Return the frames of a command for subscribers of type ``kind`` at ``now``.
 
-    ``place`` is that of the kind among those of the channel.
+    ``type_index`` is the index of the type among those of the channel.
     """
     if kind == TRAJECTORY:
         points = [
@@ -137,12 +138,12 @@ def command_frames(
 
 
 class JointFeedback:
-    """Where ``joints`` were by the newest messages of type ``JOINT_STATE``."""
+    """Newest states of ``joints`` from messages of type ``JOINT_STATE``."""
 
     def __init__(self, joints: Mapping[str, TopicJoint]) -> None:
         self._joints = joints
         self.unread_joints: set[str] = set()
-        """The joints, by their names there, whose newest position is not a number."""
+        """ROS names of the joints whose newest position is not a number."""
         # Replaced, never altered: any thread may read it.
         self._latest: Mapping[str, tuple[float, float, float]] = {}  # position, velocity, when
 
@@ -150,7 +151,7 @@ class JointFeedback:
         return name in self._latest
 
     def update(self, message: Any, now: float) -> bool:
-        """Take a message; say whether it told of any joint. Raises ValueError, IndexError for figures of no joint."""
+        """Handle a message; return True if it contained a joint. Raises ValueError, IndexError for implausible values."""
         at, found = {there: place for place, there in enumerate(message.name)}, {}
         for name, joint in self._joints.items():
             if (place := at.get(joint.ros_name)) is None:
@@ -173,21 +174,21 @@ class JointFeedback:
         return bool(found)
 
     def position(self, name: str) -> float:
-        """Return where a joint was."""
+        """Return the newest position of a joint."""
         return self._latest[name][0]
 
     def is_moving(self, name: str) -> bool:
-        """Whether a joint moved."""
+        """True if a joint moved at its newest reading."""
         return abs(self._latest[name][1]) > MOVING_SPEED
 
     def silent_joints(self, now: float) -> list[str]:
-        """Return the joints of which nothing comes."""
+        """Return the joints without recent readings."""
         return [
             name for name in self._joints if name not in self._latest or now - self._latest[name][2] > OFFLINE_TIMEOUT
         ]
 
     def check_progress(self, name: str, progress: JointProgress) -> str:
-        """Let ``progress`` look at the newest position of a joint; return what it says."""
+        """Update ``progress`` with the newest position of a joint; return its finding."""
         if not progress.active or name not in self._latest:
             return ""
         position, _, stamp = self._latest[name]
@@ -196,7 +197,7 @@ class JointFeedback:
     def reading(
         self, name: str, trajectory: LinearTrajectory | None, now: float, *, online: bool, blocked: str = ""
     ) -> Reading[JointState]:
-        """Return the state of a joint that is on a ``way``. What ROS 2 does not tell is 0."""
+        """Return the state of a joint on a ``trajectory``. Values that ROS 2 lacks are 0."""
         if name not in self._latest:
             return Reading(None, now, Quality.NONE)
         position, velocity, stamp = self._latest[name]
@@ -209,7 +210,7 @@ class JointFeedback:
 
 
 class TopicJointLimits:
-    """The limits of ``joints``, which may be narrowed; goals beyond them are clamped, and told once an episode."""
+    """Limits of ``joints``, which may be narrowed; clamped goals are reported once per episode."""
 
     def __init__(self, part: str, joints: Mapping[str, TopicJoint], report: StatusCallback) -> None:
         self._part, self._joints, self._report = part, joints, report
@@ -217,13 +218,13 @@ class TopicJointLimits:
         self._clamped_at: dict[str, float] = {}
 
     def restrict_limits(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
-        """Narrow the limits of the named joints; see ``drivers.api.Limitable``."""
+        """Restrict the limits of the named joints; see ``drivers.api.Limitable``."""
         widest = {name: joint.limits for name, joint in self._joints.items()}
         self.limits = {**self.limits, **narrow_limits(self._part, limits, widest)}
         return self.limits
 
     def clamp_goals(self, goals: Mapping[str, float], now: float) -> dict[str, float]:
-        """Return the nearest goals within the limits; tell of those that are others."""
+        """Return the goals clamped to the limits; report clamped ones."""
         accepted = {name: self.limits[name].clamp(goal) for name, goal in goals.items()}
         for name in (each for each in goals if accepted[each] != goals[each]):
             before, self._clamped_at[name] = self._clamped_at.get(name, -inf), now

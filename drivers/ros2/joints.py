@@ -1,4 +1,4 @@
-"""Joints of a robot of ROS 2: where they are by JointState, where they are to be by a topic of their controller."""
+"""Joints of a robot with ROS 2: positions from JointState, setpoints on the topic of their controller."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -44,19 +44,19 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 RENEWAL_INTERVAL = 0.05
-"""Seconds between two legs of a way."""
+"""Seconds between two trajectories."""
 
 MAX_TRACKING_ERROR = 0.2
-"""Radians from where it is to be from which on a joint is sent on from where it is instead."""
+"""Radians of tracking error from which on a new trajectory starts at the measured position."""
 
 
 class TopicJoints(LatchingPart):
-    """A ``drivers.api.Joints`` over a link to ``channels``; see ``channels_of``.
+    """A ``drivers.api.Joints`` over a link to ``channels``; see ``joint_channels``.
 
-    The type of who listens says what is sent: a JointTrajectory with the next ``TRAJECTORY_HORIZON`` of the way, or where each is to
-    be now. Either way all joints are told of, and who hears no more stands within ``TRAJECTORY_HORIZON``. ROS 2 has no word for
-    torque: they are always stiff, and ``relax`` lets them stand where they are, with a notice. A joint that runs away
-    stops the whole arm until it is enabled.
+    The type of the subscriber selects the message: a JointTrajectory for the next ``TRAJECTORY_HORIZON``, or the
+    current setpoints. Each message covers all joints, and a controller without a new one stops within
+    ``TRAJECTORY_HORIZON``. ROS 2 cannot switch the torque off: ``relax`` holds the joints, with a notice. A joint that
+    runs away stops the whole arm until it is enabled.
     """
 
     def __init__(
@@ -92,15 +92,15 @@ class TopicJoints(LatchingPart):
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
-        """The joints by name, in the order of the robot file."""
+        """Current limits by joint, in the order of the robot file."""
         return self._bounds.limits
 
     def restrict_limits(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
-        """See ``drivers.api.Limitable``: of the named joints, from the next goal of each on."""
+        """Restrict the limits of the named joints, from their next goals on; see ``drivers.api.Limitable``."""
         return self._bounds.restrict_limits(limits)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
-        """Start moving the named joints to ``goals`` (radians); return the goals after clamping.
+        """Start moving the named joints to ``goals`` (radians); return the clamped goals.
 
         Raises BadRequest for an unknown joint or a value that is not finite, NotConnected, DeviceFault while latched or
         blocked.
@@ -119,7 +119,7 @@ class TopicJoints(LatchingPart):
         return accepted
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """The newest state of each joint; effort and temperature are not known, and told as 0."""
+        """The newest state of each joint; effort and temperature are unknown, and 0."""
         now = self._clock.now()
         there = self._is_online and self._link.online
         return {
@@ -130,7 +130,7 @@ class TopicJoints(LatchingPart):
         }
 
     def hold(self, joints: Collection[str] | None = None) -> None:
-        """Let the named joints (None: all) stand where they are now. Raises BadRequest for an unknown joint."""
+        """Hold the named joints (None: all) at their current position. Raises BadRequest for an unknown joint."""
         names = list(self._joints) if joints is None else list(joints)
         check_names(self.name, set(names), self._joints)
         with self._lock:
@@ -150,14 +150,14 @@ class TopicJoints(LatchingPart):
                     self._report_unheld(names)
 
     def relax(self, joints: Collection[str] | None = None) -> None:
-        """Let the named joints stand where they are, and tell that ROS 2 cannot make them limp. Safe as ``hold``."""
+        """Hold the named joints, and report that ROS 2 cannot switch their torque off. Safe as ``hold``."""
         names = list(self._joints) if joints is None else list(joints)
         self.hold(names)
         if names:
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Let joints follow others from now on; () ends it. Raises BadRequest, and NotConnected, but not to end it."""
+        """Couple followers to leaders; () ends all couplings. Raises BadRequest, and NotConnected, but not to end them."""
         check_couplings(self.name, couplings, self._joints)
         with self._lock:
             if couplings:
@@ -167,7 +167,7 @@ class TopicJoints(LatchingPart):
             self.hold(freed)
 
     def recover(self) -> tuple[str, ...]:
-        """Enable it: no joint is known to have shut down. Raises NotConnected."""
+        """Enable the arm: shutdowns of joints are unknown. Raises NotConnected."""
         self._require_online()
         self._reconnect.enable()
         return ()
@@ -175,16 +175,16 @@ class TopicJoints(LatchingPart):
     # --- life --------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Start looking for its topics; returns at once."""
+        """Start connecting to its topics; returns at once."""
         self._reconnect.restart()
         self._link.open(self)
 
     def rest(self) -> None:
-        """Stand where it is."""
+        """Hold all joints."""
         self.hold()
 
     def close(self) -> None:
-        """Stand where it is, and listen no more. Safe from any state, more than once."""
+        """Hold all joints, and disconnect. Safe from any state, more than once."""
         try:
             self.hold()
         finally:
@@ -193,7 +193,7 @@ class TopicJoints(LatchingPart):
             self._unheld_joints.clear()
 
     def health(self) -> Health:
-        """Say whether states of all joints come, and whether somebody listens."""
+        """Return online if states of all joints arrive and the commands have a subscriber."""
         link, returned = self._link.health(), self._reconnect.reconnected_at
         counters = {**link.counters, **self._counters}
         if not link.online:
@@ -206,7 +206,7 @@ class TopicJoints(LatchingPart):
     # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
 
     def on_connected(self) -> None:
-        """Begin anew: nothing of before is in force."""
+        """Reset the connection state: earlier trajectories are dropped."""
         with self._lock:
             self._finder = wire.TopicFrameFinder()
             self._remote_types.clear()
@@ -214,7 +214,7 @@ class TopicJoints(LatchingPart):
             self._link.write(wire.DISCOVERY_REQUEST)
 
     def on_data(self, data: bytes) -> None:
-        """Take what has come."""
+        """Handle received frames."""
         for channel, payload in self._finder.feed(data):
             try:
                 if channel == wire.ABOUT_CHANNEL:
@@ -231,7 +231,7 @@ class TopicJoints(LatchingPart):
         self._counters["malformed"] = self._faults.count
 
     def on_poll(self) -> None:
-        """Lead the joints on, and notice silence."""
+        """Send due setpoints, and detect silence."""
         now = self._clock.now()
         with self._lock:
             hears = self._is_connected(now)
@@ -248,7 +248,7 @@ class TopicJoints(LatchingPart):
                 self._send(now)
 
     def on_closing(self) -> None:
-        """Let it stand."""
+        """Hold all joints, unless they already do."""
         if not self._all_sent:
             self.hold()
 
@@ -260,7 +260,7 @@ class TopicJoints(LatchingPart):
         )
 
     def _on_online(self, now: float) -> None:
-        """Begin with joints that stand where they are."""
+        """Hold the joints at their measured positions."""
         self._is_online = True
         self._trajectories = {name: self._hold_trajectory(name, now) for name in self._trajectories}
         self._all_sent = True
@@ -274,7 +274,7 @@ class TopicJoints(LatchingPart):
         self._report(DeviceStatus(self.name, "online", f"{self._channels[0].topic}: all its joints are there"))
 
     def _on_offline(self, now: float) -> None:
-        """Send nothing any farther: each ends the leg that it was sent."""
+        """Stop sending: each joint ends its last trajectory."""
         self._is_online, self._all_sent = False, True
         detail, hint = self._offline_reason(now)
         self._report(DeviceStatus(self.name, "offline", detail, hint))
@@ -313,7 +313,7 @@ class TopicJoints(LatchingPart):
             self._progress[name].command(goal, speed, now)
 
     def _stop_blocked_joints(self, now: float) -> None:
-        """Let the joints stand where they are that do not get where they are sent."""
+        """Hold joints that are blocked."""
         for name, progress in self._progress.items():
             if not (said := self._feedback.check_progress(name, progress)):
                 continue
@@ -326,9 +326,9 @@ class TopicJoints(LatchingPart):
                 self._trajectories[name], self._all_sent, self._sent_at = self._hold_trajectory(name, now), False, -inf
 
     def _stop_for_runaway(self, finding: str, now: float) -> None:
-        """Latch, and let the other joints stand; the goal of one that runs away stays, as a new one could drive it on.
+        """Latch, and hold the other joints. The goal of the runaway joint stays: a new one could drive it further.
 
-        Its controller may have a wrong sign, and there is no message that switches its motor off.
+        Its controller may have a wrong sign, and no message switches its motor off.
         """
         finding = f"{finding}: {RUNAWAY_NOTICE}"
         self._report(DeviceStatus(self.name, "fault", finding, RUNAWAY_HINT))
@@ -344,21 +344,21 @@ class TopicJoints(LatchingPart):
         return LinearTrajectory(here, now, here, MIN_SPEED)
 
     def _hold_joint(self, name: str, now: float) -> None:
-        """Let a joint stand: at its goal if it is there, else where it is."""
+        """Hold a joint: at its goal if it is there, else at its position."""
         way = self._trajectories.get(name)
         if way is None or way.remaining_time(now) > 0 or self._feedback.is_moving(name):
             way = self._trajectories[name] = self._hold_trajectory(name, now)
         self._progress[name].hold(way.goal)
 
     def _update_followers(self, now: float) -> None:
-        """Send every follower where it belongs now."""
+        """Update the goals of all followers."""
         positions = {name: self._feedback.position(name) for name in self._joints}
         goals = self._bounds.clamp_goals(self._following.goals(positions), now)
         self._set_trajectories(goals, self._following.speeds(goals, positions, now), now)
         self._all_sent = False
 
     def _send(self, now: float) -> None:
-        """Send all joints the next leg, or where they are to be now. Raises NotConnected."""
+        """Send the next trajectory, or the current setpoints, of all joints. Raises NotConnected."""
         for name in self._joints:
             if name not in self._trajectories:
                 self._trajectories[name] = self._hold_trajectory(name, now)
@@ -369,7 +369,10 @@ class TopicJoints(LatchingPart):
         self._all_sent = all(way.remaining_time(now) == 0.0 for way in self._trajectories.values())
 
     def _report_unheld(self, names: Collection[str]) -> None:
-        """Tell, once, what could not be held; it is held when it is back. What was never there was never moved."""
+        """Report, once, joints that could not be held; they are held after the reconnect.
+
+        Before the first command there is nothing to hold.
+        """
         missed = {name for name in names if name in self._feedback} - self._unheld_joints
         if missed and self._trajectories:
             self._unheld_joints |= missed

@@ -1,4 +1,4 @@
-"""The twins of arms and heads of robots of ROS 2: joints that are always stiff, in simulated time."""
+"""Simulated arms and heads of robots with ROS 2: joints that always have torque."""
 
 from collections.abc import Collection, Mapping
 
@@ -12,15 +12,15 @@ from drivers.servos.twin import JointsTwin, NeckTwin
 from drivers.sim.context import SimContext
 
 STAND_IN_MODEL = "XL330-M077"
-"""A servo that is quicker than any joint, and turns all the way round, to stand for whatever motor there is."""
+"""Servo model that is faster than any joint and turns all the way round, as a stand-in for the real motor."""
 
 
 MAX_ANGLE = 3.14
-"""Radians that it turns either way."""
+"""Largest angle of the stand-in in either direction, in radians."""
 
 
 class StiffJoints(JointsTwin):
-    """A ``JointsTwin`` of ``joints`` that hold their position from the beginning, and cannot be made limp."""
+    """A ``JointsTwin`` of ``joints`` that hold their position from the start, and whose torque cannot be switched off."""
 
     def __init__(
         self,
@@ -48,14 +48,14 @@ class StiffJoints(JointsTwin):
     always_stiff = True
 
     def relax(self, joints: Collection[str] | None = None) -> None:
-        """Let the named joints stand where they are, and tell that ROS 2 cannot make them limp."""
+        """Hold the named joints, and report that ROS 2 cannot switch their torque off."""
         names = list(self._joints) if joints is None else list(joints)
         self.hold(names)
         if names:
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
     def _report_runaway(self, finding: str) -> None:
-        """Report it, and stop the whole arm until somebody enables it."""
+        """Report a runaway joint, and latch the whole arm until it is enabled."""
         finding = f"{finding}: {RUNAWAY_NOTICE}"
         self._report(DeviceStatus(self.name, "fault", finding, RUNAWAY_HINT))
         self._reconnect.latch(finding, replace=True)
@@ -63,31 +63,31 @@ class StiffJoints(JointsTwin):
 
 
 class Ros2HeadTwin(NeckTwin):
-    """A ``NeckTwin`` that opens and closes the joints that it is made of."""
+    """A ``NeckTwin`` that opens and closes its own joints."""
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
+        """Connect at once, unless it is unplugged."""
         self._joints.open()
         super().open()
 
     def close(self) -> None:
-        """Hold at once, and go."""
+        """Hold, and disconnect."""
         super().close()
         self._joints.close()
 
     def step(self) -> None:
-        """Move on, joints and head."""
+        """Step the joints and the head."""
         self._joints.step()
         super().step()
 
 
 def arm(keys: Ros2ArmKeys, stage: SimContext) -> StiffJoints:
-    """Return the twin of an arm."""
+    """Return the simulated arm."""
     return StiffJoints(arm_joints(keys), stage.clock, away=keys.away, report=stage.report, name=stage.part_name)
 
 
 def head(keys: Ros2HeadKeys, stage: SimContext) -> Ros2HeadTwin:
-    """Return the twin of a head."""
+    """Return the simulated head."""
     joints = StiffJoints(head_joints(keys), stage.clock, away=keys.away)
     return Ros2HeadTwin(
         joints,

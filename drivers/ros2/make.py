@@ -1,4 +1,4 @@
-"""From the keys of a robot file to the drivers of its parts that are reached by ROS 2."""
+"""Factories of the drivers of parts with ROS 2, and its voice and head."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -54,9 +54,9 @@ STRING = "std_msgs/msg/String"
 
 
 class Ros2Voice(PrintedVoice):
-    """A ``drivers.api.Voice`` over a link to a topic. Nobody tells when something was said: it lasts as its speed says.
+    """A ``drivers.api.Voice`` over a link to a topic. The end of a text is unknown, and estimated from its speed.
 
-    What has been sent cannot be taken back: cancelled, it is waited for no longer, and what waits is not sent.
+    A text that was sent cannot be withdrawn: cancelling ends only the wait, and drops queued texts.
     """
 
     def __init__(
@@ -76,17 +76,17 @@ class Ros2Voice(PrintedVoice):
         self._listener_type = ""
 
     def open(self) -> None:
-        """Start looking for who listens; returns at once."""
+        """Start looking for a subscriber; returns at once."""
         super().open()
         self._link.open(self)
 
     def close(self) -> None:
-        """Send nothing any more."""
+        """Disconnect; queued texts are dropped."""
         super().close()
         self._link.close()
 
     def health(self) -> Health:
-        """Say whether somebody listens."""
+        """Return online if the topic has a subscriber."""
         link, health = self._link.health(), super().health()
         if not health.online:
             return health
@@ -98,14 +98,14 @@ class Ros2Voice(PrintedVoice):
         return replace(health, counters={**link.counters, **health.counters})
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Send ``text`` in its turn. Raises NotConnected while nobody listens."""
+        """Queue ``text``. Raises NotConnected without a subscriber."""
         health = self.health()
         if not health.online:
             raise NotConnected(health.detail, hint=health.hint)
         return super().say(text, manner, priority)
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Refuse: a topic of texts has no sounds. Raises BadRequest."""
+        """Raise BadRequest: a text topic cannot play sounds."""
         del priority
         raise BadRequest(
             f"{self.name}: cannot play {path.name}: {self._channel.topic} takes texts alone", hint="say it"
@@ -114,12 +114,12 @@ class Ros2Voice(PrintedVoice):
     # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
 
     def on_connected(self) -> None:
-        """Ask who listens."""
+        """Request the remote nodes."""
         self._finder, self._listener_type = wire.TopicFrameFinder(), ""
         self._link.write(wire.DISCOVERY_REQUEST)
 
     def on_data(self, data: bytes) -> None:
-        """Take note of who listens."""
+        """Handle control frames about subscribers."""
         for channel, payload in self._finder.feed(data):
             if channel == wire.ABOUT_CHANNEL:
                 self._listener_type = next(iter(wire.parse_about(payload)[1]), "")
@@ -127,11 +127,11 @@ class Ros2Voice(PrintedVoice):
                 self._faults.mismatch(payload)
 
     def on_poll(self) -> None:
-        """Let what waits have its turn."""
+        """Process the queue."""
         self.update()
 
     def on_closing(self) -> None:
-        """Do nothing: silence is its rest."""
+        """Do nothing: it is silent at rest."""
 
     def _send(self, text: str) -> None:
         try:
@@ -144,32 +144,32 @@ class Ros2Voice(PrintedVoice):
 
 
 class Ros2Head(NeckDriver):
-    """A ``JointsHead`` that steps itself, and opens and closes the ``TopicJoints`` that it is made of."""
+    """A ``JointsHead`` that steps itself, and opens and closes its own ``TopicJoints``."""
 
     _joints: TopicJoints
 
     def open(self) -> None:
-        """Start looking for its topics; returns at once."""
+        """Start connecting to its topics; returns at once."""
         self._joints.open()
         super().open()
 
     def close(self) -> None:
-        """Stand where it is, and listen no more. Safe from any state, more than once."""
+        """Hold, and disconnect. Safe from any state, more than once."""
         super().close()
         self._joints.close()
 
     @property
     def latched(self) -> str:
-        """Why it moves no more until it is enabled; empty while it does."""
+        """Reason for which it is latched; empty if it is not."""
         return self._joints.latched
 
     def enable(self) -> None:
-        """Let it move again, after it was away for long."""
+        """Release the latch after a long absence."""
         self._joints.enable()
 
 
 def ros_domain(keys: ZenohKeys) -> int:
-    """Return the domain of a robot file, else that of the environment. Raises BadRequest for one that is none."""
+    """Return the domain of a robot file, else that of the environment. Raises BadRequest for an invalid one."""
     told = os.environ.get("ROS_DOMAIN_ID", "").strip() if keys.domain is None else str(keys.domain)
     if told and not (told.isdigit() and int(told) <= 232):
         raise BadRequest(f"ros2: ROS_DOMAIN_ID is '{told}': it must be a number from 0 to 232", hint="unset it")
@@ -177,7 +177,7 @@ def ros_domain(keys: ZenohKeys) -> int:
 
 
 def graph(keys: ZenohKeys, site: DriverContext) -> Ros2Graph:
-    """Return the nodes of ROS 2."""
+    """Return the ROS 2 nodes of a robot."""
     return Ros2Graph(
         zenoh_access(keys, site.port),
         site.clock,
@@ -189,7 +189,7 @@ def graph(keys: ZenohKeys, site: DriverContext) -> Ros2Graph:
 
 
 def base_topics(keys: Ros2BaseKeys) -> dict[str, str]:
-    """Return the topics of a base that its file names, by the words for them."""
+    """Return the configured topics of a base, by key."""
     return {word: getattr(keys, word) for word in bases.TOPIC_TYPES if getattr(keys, word)}
 
 
@@ -236,7 +236,7 @@ def camera(keys: Ros2CameraKeys, site: DriverContext) -> ThreadedCamera:
 
 
 def arm_joints(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
-    """Return the joints of an arm."""
+    """Return the joints of an arm, by name."""
     limits = keys.limits
     return {
         name: TopicJoint(joint.joint or name, limits[name], -1 if joint.reverse else 1)
@@ -245,7 +245,7 @@ def arm_joints(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
 
 
 def head_joints(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
-    """Return the joints of a head: how far it turns by them is up to its axes, with their trims."""
+    """Return the joints of a head with their full range: limits and trim belong to the axes."""
     limits = JointLimits(-pi, pi, keys.speed)
     return {axis.joint: TopicJoint(axis.joint, limits, -1 if axis.reverse else 1) for axis in (keys.pan, keys.tilt)}
 
@@ -265,7 +265,7 @@ def arm(keys: Ros2ArmKeys, site: DriverContext) -> TopicJoints:
 
 
 def joint_axis(keys: Ros2AxisKeys) -> JointAxis:
-    """Return one joint of a head."""
+    """Return an axis of a head."""
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
 
 

@@ -1,6 +1,6 @@
-"""A node of ROS 2 on a session of Zenoh: who else is there, topics, services. Each call returns at once.
+"""A ROS 2 node on a Zenoh session: discovery, topics, services. Each call returns at once.
 
-It speaks as `rmw_zenoh` does, and to robots of DDS by the keys of their bridge (``drivers.ros2.bridge``), at once.
+It uses the keys of `rmw_zenoh`, and in parallel those of bridges to DDS (``drivers.ros2.bridge``).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 # Messages that cannot be used: counted, and reported by topic, with the type that was expected and what came.
 
 REPORT_INTERVAL = 10.0
-"""Seconds from one report of a topic to the next."""
+"""Minimum seconds between two reports on a topic."""
 
 MALFORMED_LIFETIME = 2.0
-"""Seconds for which a malformed message explains why nothing of its topic is used."""
+"""Seconds for which a malformed message counts as the fault of its topic."""
 
 MAX_TOPICS = 200
-"""Topics whose faults are kept apart: names come from others."""
+"""Maximum topics whose faults are stored separately: names come from other nodes."""
 
 
 class TopicFaults:
-    """The faults of the topics of one part, ``who``, by their numbers in ``topics``. Safe between threads.
+    """Faults of the topics of one ``part``, by index in ``topics``. Thread-safe.
 
-    A fault is a malformed message, which counts for ``MALFORMED_LIFETIME`` seconds, or another type under the name of a topic,
-    which counts for as long as it is there.
+    A fault is a malformed message, for ``MALFORMED_LIFETIME`` seconds, or another type under the name of a topic, as
+    long as its node exists.
     """
 
     def __init__(self, part: str, topics: Sequence[str], clock: Clock, report: StatusCallback = ignore) -> None:
@@ -51,20 +51,20 @@ class TopicFaults:
         self._reported_at: dict[str, float] = {}
 
     def add(self, number: int, error: object) -> None:
-        """Take note of a malformed message of a topic; a number of no topic counts only."""
+        """Record a malformed message of a topic; an unknown index is only counted."""
         self.count += 1
         if number < len(self._topics):
             self.add_for_topic(self._topics[number], error)
 
     def add_for_topic(self, topic: str, error: object) -> None:
-        """Take note of a malformed message of a topic, a service or an action by its name."""
+        """Record a malformed message of a topic, a service or an action by name."""
         with self._lock:
             if len(self._malformed) < MAX_TOPICS or topic in self._malformed:
                 self._malformed[topic] = (f"{topic}: malformed message: {error}", self._clock.now())
         self._report_fault(topic)
 
     def mismatch(self, payload: bytes) -> None:
-        """Take a frame of ``wire.mismatch``: which other type is there, or none any more. Raises ValueError."""
+        """Handle a frame of ``wire.mismatch_frame``: another type, or none any more. Raises ValueError."""
         number, why = wire.parse_mismatch(payload)
         if number >= len(self._topics):
             return
@@ -77,7 +77,7 @@ class TopicFaults:
         self._report_fault(topic)
 
     def fault(self, number: int) -> str:
-        """Return the fault of a topic now; empty if it has none."""
+        """Return the current fault of a topic; empty if it has none."""
         return self._current_fault(self._topics[number])
 
     def _current_fault(self, topic: str) -> str:
@@ -100,15 +100,15 @@ def topic_hint(topic: str) -> str:
 
 
 MessageHandler = Callable[[str, bytes], None]
-"""Told of a message: its type, and its bytes. Called from a thread of Zenoh's; must return at once."""
+"""Callback with the type and the bytes of a message. Runs on a thread of Zenoh; must return at once."""
 
 NO_ATTACHMENT = "it comes without what rmw_zenoh attaches, and is not used; is its node started with rmw_zenoh_cpp?"
 
 
 class Ros2Node:
-    """A node called ``name`` on a ``session`` that it does not own. Safe between threads.
+    """A node ``name`` on a ``session`` that the caller owns. Thread-safe.
 
-    ``version`` counts up whenever another node, or an end point of one, is found or lost.
+    ``version`` is incremented whenever another node, or an end point of one, appears or disappears.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Ros2Node:
         self.version = 0
         self.is_lost = False
         self.faults = TopicFaults("ros2", [], clock, report)
-        """What is wrong with messages that are taken for the whole node: of requests, actions, conditions."""
+        """Faults of messages of the whole node: of requests, actions, conditions."""
         self._names_attachments = False  # as all that is attached is here: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
@@ -143,13 +143,13 @@ class Ros2Node:
             self._add_declaration(session.liveliness().declare_subscriber(tokens, self._on_token, history=True))
 
     def now(self) -> float:
-        """Return the time of its clock."""
+        """Return the time of the node's clock, in seconds."""
         return self._clock.now()
 
     def entities(self, role: str = "", name: str = "") -> list[Entity]:
-        """Return who is there, of a role, and for a topic or service of this name; ours are not among them.
+        """Return the entities of other nodes with this role and name (empty: any).
 
-        Who speaks both as `rmw_zenoh` and to bridges, as this node does, counts once.
+        A node that uses both `rmw_zenoh` and bridge keys, as this one does, counts once.
         """
         with self._lock:
             found = [each for several in self._entities.values() for each in several]
@@ -159,14 +159,14 @@ class Ros2Node:
 
     @property
     def has_bridge(self) -> bool:
-        """Whether there is a bridge to robots of DDS."""
+        """True if there is a bridge to robots with DDS."""
         return bool(self._bridge_ids)
 
     def publisher(self, name: str, kind: str, digest: str = "", *, blocks: bool = False) -> Publisher:
-        """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token.
+        """Return the publisher of a topic; ``digest`` is the hash of the type, if it was read from a token.
 
-        One that ``waits`` for room on a busy line loses nothing: for threads that nobody waits for. Raises NotConnected
-        where the session has gone.
+        If it ``blocks`` on a congested line, no message is lost: only for threads without deadlines. Raises
+        NotConnected if the session is gone.
         """
         with self._lock:
             if (known := self._publishers.get((name, kind, digest))) is not None:
@@ -192,10 +192,9 @@ class Ros2Node:
     def subscribe(
         self, name: str, kinds: Iterable[str], handler: MessageHandler, owner: object = None
     ) -> list[MessageFilter]:
-        """Hear a topic that comes with one of these types, whatever their hashes; return what counts its messages.
+        """Subscribe to a topic with any of these types and any hash; return the message filters with their counts.
 
-        Of a topic that is latched, what was sent before comes too. Until the node closes, or ``undeclare`` is called for
-        its ``owner``.
+        Old messages of a latched topic are received too. Ends with the node, or by ``undeclare`` of its ``owner``.
         """
         sieves, latched, known = [], self.is_latched(name), tuple(kinds)
         for kind in known:
@@ -217,11 +216,14 @@ class Ros2Node:
         return sieves
 
     def is_latched(self, name: str) -> bool:
-        """Whether who sends on a topic keeps its last messages for who comes later."""
+        """True if a publisher of the topic keeps its last messages for late subscribers."""
         return any(each.is_latched for each in self.entities(wire.PUBLISHER, name))
 
     def _declare_subscriber(self, key: str, take: Callable[["zenoh.Sample"], None], *, with_history: bool) -> Any:
-        """Listen; if ``is_latched``, ask the caches of those that send for what they have kept, also of later ones."""
+        """Declare a subscriber; ``with_history`` also requests old messages.
+
+        They come from the caches of current and later publishers.
+        """
         if not with_history:
             return self._session.declare_subscriber(key, take)
         from zenoh import ext  # noqa: PLC0415 - an extra
@@ -230,9 +232,9 @@ class Ros2Node:
         return ext.declare_advanced_subscriber(self._session, key, take, history=history, subscriber_detection=True)
 
     def call(self, server: Entity, payload: bytes, on_reply: ReplyHandler, *, timeout: float) -> None:
-        """Send a request to a server that was found; ``replied`` is told once, after ``patience`` seconds at most.
+        """Send a request to a discovered server; ``on_reply`` is called once, after ``timeout`` seconds at most.
 
-        Raises NotConnected where the session has gone.
+        Raises NotConnected if the session is gone.
         """
         with self._lock:
             self._last_number += 1
@@ -255,7 +257,10 @@ class Ros2Node:
             raise NotConnected(f"ros2: {server.name}: the session of Zenoh has gone: {error}") from error
 
     def serve(self, name: str, kind: str, handler: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
-        """Answer requests: ``asked`` is told each, on a thread of Zenoh's, and given what sends the answer, once."""
+        """Serve requests: ``handler`` is called with each, and with a function that sends the reply once.
+
+        It runs on a thread of Zenoh.
+        """
         with self._lock:
             entity = self._make_entity(wire.SERVER, name, kind, "")
 
@@ -283,14 +288,14 @@ class Ros2Node:
             self._add_declaration(self._session.liveliness().declare_token(announced))
 
     def undeclare(self, owner: object) -> None:
-        """Take back what was declared for an owner."""
+        """Undeclare the subscriptions of an owner."""
         with self._lock:
             gone = [each for whose, each in self._declarations if whose is owner]
             self._declarations = [(whose, each) for whose, each in self._declarations if whose is not owner]
         self._undeclare_all(gone)
 
     def close(self) -> None:
-        """Take back all that was declared: others see that it has gone."""
+        """Undeclare all entities, so that other nodes see it disappear."""
         with self._lock:
             gone, self._declarations = [each for _, each in self._declarations], []
         self._undeclare_all(gone)
@@ -301,7 +306,7 @@ class Ros2Node:
                 each.undeclare()
 
     def make_attachment(self, number: int, gid: bytes) -> bytes:
-        """Return what goes with a message that is sent now."""
+        """Return the attachment of a message that is sent now."""
         return Attachment(number, unix_time_ns(), gid, self._names_attachments).pack()
 
     # --- the inside ---------------------------------------------------------------------------------------------------
@@ -350,7 +355,7 @@ class Ros2Node:
     def _bridge_handler(
         self, name: str, kinds: tuple[str, ...], sieve: MessageFilter, heard: MessageHandler
     ) -> Callable[["zenoh.Sample"], None]:
-        """Return what takes the messages of a topic from a bridge, whose type its token says."""
+        """Return the handler of messages from a bridge, whose type is in its token."""
 
         def take(sample: "zenoh.Sample") -> None:
             senders = self.entities(wire.PUBLISHER, name)
@@ -366,7 +371,7 @@ class Ros2Node:
         return take
 
     def _send_time(self, sample: "zenoh.Sample", kind: str, payload: bytes) -> int:
-        """Return when a message of a bridge was sent, in ns: as its router says, else its header; 0 if unknown."""
+        """Return the send time of a bridged message, in ns, from its router or its header; 0 if unknown."""
         if sample.timestamp is not None:
             return round(sample.timestamp.get_time().timestamp() * 1e9)
         return types().stamp(kind, payload)

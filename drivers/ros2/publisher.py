@@ -1,4 +1,4 @@
-"""Sending on a topic of ROS 2, and taking the first reply to a request."""
+"""Publisher of a ROS 2 topic, filter of received messages, and first reply to a request."""
 
 import secrets
 from collections.abc import Callable
@@ -15,23 +15,23 @@ if TYPE_CHECKING:
 # Which of the messages that arrive count: each once, in their order, and none that was long under way.
 
 MAX_LATENESS = 0.5
-"""Seconds by which a message may have been under way for longer than the quickest of its sender."""
+"""Seconds by which a message may be delayed more than the fastest of its sender."""
 
 CLOCK_JUMP_TIMEOUT = 1.0
-"""Seconds of nothing but late messages after which the sender's clock is taken to have been set."""
+"""Seconds of only late messages after which the sender's clock is assumed to have been set."""
 
 MAX_CLOCK_DRIFT = 2e-4
-"""Seconds a second by which two clocks drift apart at most."""
+"""Maximum drift between two clocks, in seconds per second."""
 
 SENDER_TIMEOUT = 1.0
-"""Seconds for which a sender counts as one that is there after it was heard."""
+"""Seconds after its last message for which a sender counts as present."""
 
 _MAX_SENDERS = 16
-"""Senders on one topic that are told apart at most."""
+"""Maximum senders per topic that are distinguished."""
 
 
 class _Sender:
-    """What is known of a sender."""
+    """State of a sender."""
 
     def __init__(self, number: int, shift: float, now: float) -> None:
         self.number, self.clock_offset, self.last_received_at = number, shift, now
@@ -39,9 +39,10 @@ class _Sender:
 
 
 class MessageFilter:
-    """Says of each message of one topic whether it counts; ``late_count`` and ``duplicate_count`` count those that do not.
+    """Filter of the messages of one topic: no duplicates, no reordering, no late ones.
 
-    ``count`` is the number of all. Not safe between threads: Zenoh calls a subscriber from one at a time.
+    ``late_count`` and ``duplicate_count`` count rejected messages, ``count`` all. Not thread-safe: Zenoh calls a
+    subscriber from one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -49,11 +50,11 @@ class MessageFilter:
         self._senders: dict[bytes, _Sender] = {}
 
     def sender_count(self, now: float) -> int:
-        """Return how many were heard of late."""
+        """Return the number of senders with recent messages."""
         return sum(now - each.last_received_at < SENDER_TIMEOUT for each in list(self._senders.values()))
 
     def accepts(self, attachment: Attachment, now: float) -> bool:
-        """Whether a message with this attachment counts that has arrived at time ``now``."""
+        """Return True to accept a message with this attachment that arrived at time ``now``."""
         self.count += 1
         shift = now - attachment.sent_at / 1e9  # two clocks: only differences count
         known = self._senders.get(attachment.gid)
@@ -80,11 +81,11 @@ class MessageFilter:
 
 
 ReplyHandler = Callable[[bytes | None], None]
-"""Told of the reply to a request; None once there will be none. Called from a thread of Zenoh's."""
+"""Callback with the reply to a request; None if there will be none. Runs on a thread of Zenoh."""
 
 
 class Publisher:
-    """Sends on one topic, numbered and stamped unless to a bridge. ``entity`` is what its token tells of it."""
+    """Publisher of one topic; messages are numbered and stamped, except to a bridge. ``entity`` is that of its token."""
 
     def __init__(self, declared: Any, entity: Entity, attach: Callable[[int, bytes], bytes] | None) -> None:
         self._declared, self.entity, self._attach = declared, entity, attach
@@ -95,11 +96,14 @@ class Publisher:
         self._gid = new_gid()
 
     def mirror_to(self, declared: Any, is_active: Callable[[], bool]) -> None:
-        """Send all messages there too while that is ``wanted``."""
+        """Also send all messages to ``declared`` while ``is_active`` returns True."""
         self._bridge_publisher, self._is_mirrored = declared, is_active
 
     def send(self, payload: bytes) -> None:
-        """Send a message; what cannot go out now is dropped, unless it waits. Raises NotConnected without a session."""
+        """Send a message; it is dropped on congestion, unless the publisher blocks.
+
+        Raises NotConnected without a session.
+        """
         from zenoh import ZError  # noqa: PLC0415 - an extra
 
         try:
@@ -114,18 +118,18 @@ class Publisher:
 
 
 class FirstReply:
-    """Tells the first reply alone, and the end where none came."""
+    """Delivers only the first reply, or None at the end without one."""
 
     def __init__(self, on_reply: ReplyHandler) -> None:
         self._on_reply: ReplyHandler | None = on_reply
         self._lock = Lock()
 
     def reply(self, reply: "zenoh.Reply") -> None:
-        """Take a reply."""
+        """Handle a reply."""
         self._deliver(bytes(reply.ok.payload) if reply.ok is not None else None)
 
     def finish(self) -> None:
-        """Take that no more replies come."""
+        """Handle the end of replies."""
         self._deliver(None)
 
     def _deliver(self, payload: bytes | None) -> None:
@@ -136,5 +140,5 @@ class FirstReply:
 
 
 def new_gid() -> bytes:
-    """Return an identity of a sender or a caller that nobody else has."""
+    """Return a random unique ID of a sender or a caller."""
     return secrets.token_bytes(16)

@@ -1,4 +1,4 @@
-"""A range finder whose scans come by ROS 2, as LaserScan."""
+"""Range finder on a ROS 2 topic of type LaserScan."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,25 +21,25 @@ from drivers.transport.loop import guard_callback
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 
 STALE_AFTER = 0.5
-"""Seconds without another scan after which the newest is stale."""
+"""Seconds without a new scan after which the newest is stale."""
 
 OFFLINE_TIMEOUT = 1.0
-"""Seconds without a scan after which it counts as offline."""
+"""Seconds without a scan after which the range finder is offline."""
 
 MAX_BEAMS = 10_000
 
 MAX_SCAN_ANGLE = 1.05 * tau
-"""Radians that the rays of a scan cover at most: a few of the next turn come along."""
+"""Maximum angle of a scan in radians: a few rays of the next turn may be included."""
 
 END_TOLERANCE = 0.02
-"""The share of its rays by which a scan may end elsewhere than it says: the speed of its motor varies."""
+"""Share of its rays by which a scan may end differently than stated: the motor speed varies."""
 
 MAX_RANGE = 1000.0
-"""Metres that a range finder measures at most, where it says that there is no end to it."""
+"""Maximum range in metres of a range finder that states none."""
 
 
 class Ros2Ranger:
-    """A ``drivers.api.Ranger`` over a link to a topic. ``place`` and ``blind`` as of every range finder."""
+    """A ``drivers.api.Ranger`` over a link to a topic. ``place`` and ``blind`` as for every range finder."""
 
     name = "range"
 
@@ -65,25 +65,25 @@ class Ros2Ranger:
         self._number = 0
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the newest scan; stale once ``STALE_AFTER`` has passed without another."""
+        """Return the newest scan; stale after ``STALE_AFTER`` seconds without a new one."""
         latest, now = self._latest, self._clock.now()
         if latest.value is None:
             return replace(latest, stamp=now)
         return latest if now - latest.stamp <= STALE_AFTER else replace(latest, quality=Quality.STALE)
 
     def open(self) -> None:
-        """Start looking for its topic; returns at once."""
+        """Start connecting to its topic; returns at once."""
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: it moves nothing of the robot."""
+        """Do nothing: it moves nothing."""
 
     def close(self) -> None:
-        """Listen no more. Safe from any state, more than once."""
+        """Disconnect. Safe from any state, more than once."""
         self._link.close()
 
     def health(self) -> Health:
-        """Say whether scans come."""
+        """Return online if scans arrive."""
         link = self._link.health()
         counters = {**link.counters, "scans": self._number, "malformed": self._faults.count}
         if not link.online:
@@ -101,12 +101,12 @@ class Ros2Ranger:
     # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
 
     def on_connected(self) -> None:
-        """Begin anew: nothing of before counts."""
+        """Reset the connection state."""
         self._finder, self._kind = wire.TopicFrameFinder(), ""
         self._link.write(wire.DISCOVERY_REQUEST)
 
     def on_data(self, data: bytes) -> None:
-        """Take what has come."""
+        """Handle received frames."""
         for channel, payload in self._finder.feed(data):
             try:
                 if channel == wire.ABOUT_CHANNEL:
@@ -119,13 +119,13 @@ class Ros2Ranger:
                 self._faults.add(channel, error)
 
     def on_poll(self) -> None:
-        """Do nothing: what is late is found when it is asked for."""
+        """Do nothing: late scans are detected on request."""
 
     def on_closing(self) -> None:
-        """Do nothing: there is nothing to be stopped."""
+        """Do nothing: there is nothing to stop."""
 
     def _handle_scan(self, message: Any) -> None:
-        """Take a scan. Raises ValueError for one whose figures make no sense."""
+        """Convert and store a scan. Raises ValueError for implausible values."""
         now = self._clock.now()
         start, step = scan_angles(message)
         least, most = range_limits(message)
@@ -148,10 +148,10 @@ class Ros2Ranger:
 
 
 def scan_angles(message: Any) -> tuple[float, float]:
-    """Return the direction of the first ray of a scan and the angle from one to the next, in radians.
+    """Return the direction of the first ray of a scan and the angle between rays, in radians.
 
-    Raises ValueError, naming the figures, also where the increment, the ends and the number of ranges contradict each
-    other: left could be right, or a quarter turn half of one.
+    Raises ValueError, naming the values, also if increment, ends and number of ranges contradict each other: left could
+    be right, or a quarter turn half of one.
     """
     count, first, last, step = len(message.ranges), message.angle_min, message.angle_max, message.angle_increment
     if count == 0:
@@ -174,15 +174,18 @@ def scan_angles(message: Any) -> tuple[float, float]:
 
 
 def _angles_agree(first: float, last: float, step: float, count: int) -> bool:
-    """Return whether a scan ends where its increment says; drivers count a ray too many or too few, or past a turn."""
+    """Return True if a scan ends where its increment implies.
+
+    Drivers may count a ray too many or too few, or past a turn.
+    """
     off = remainder(first + step * (count - 1) - last, tau)
     return abs(off) <= abs(step) * max(2.5, END_TOLERANCE * count)
 
 
 def range_limits(message: Any) -> tuple[float, float]:
-    """Return the least and the largest distance that a scan measures, in metres. Raises ValueError.
+    """Return the minimum and maximum distance of a scan, in metres. Raises ValueError.
 
-    A range_max of 0 or NaN was left out, and infinity means no end: ``MAX_RANGE`` counts then.
+    A range_max of 0 or NaN is missing, and infinity means no limit: both become ``MAX_RANGE``.
     """
     least, most = float(message.range_min), float(message.range_max)
     least = 0.0 if isnan(least) else least
@@ -196,9 +199,9 @@ def range_limits(message: Any) -> tuple[float, float]:
 
 
 def measured_ranges(message: Any, least: float, most: float) -> Ranges:
-    """Return the ranges of a scan, NaN where nothing was measured. Raises ValueError where no ray can be meant.
+    """Return the ranges of a scan, NaN without an echo. Raises ValueError if no ray is plausible.
 
-    Rays without an echo are infinite, NaN, 0 or one figure beyond the limits, as the driver likes it.
+    Drivers mark rays without an echo by infinity, NaN, 0 or one value beyond the limits.
     """
     ranges: Ranges = message.ranges.astype(np.float32)
     with np.errstate(invalid="ignore"):
@@ -210,7 +213,7 @@ def measured_ranges(message: Any, least: float, most: float) -> Ranges:
 
 
 def _check_unmeasured(ranges: Ranges, least: float, most: float) -> None:
-    """Raise ValueError for a scan that measures nothing, unless its rays say that nothing is near."""
+    """Raise ValueError for a scan without measurements, unless its rays mean that nothing is near."""
     finite = ranges[np.isfinite(ranges)]
     far, near = finite[finite > most], finite[(finite > 0) & (finite < least)]
     if len(far) and far.min() != far.max():

@@ -1,4 +1,4 @@
-"""Requests to services and actions of ROS 2 that are under way: what was sent, accepted, told and answered."""
+"""Active requests to ROS 2 services and actions: state machine, feedback and results."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -22,40 +22,40 @@ from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND
 from drivers.transport.loop import guard_callback
 
 REPLY_TIMEOUT = 2.0
-"""Seconds in which a server accepts a goal, or confirms that it cancels one."""
+"""Seconds in which a server accepts a goal, or confirms a cancel."""
 
 RESULT_TIMEOUT = 30 * 86400.0
-"""Seconds in which the result of an action comes; a service has as long. Whether its server is there, tokens say."""
+"""Seconds in which the result of an action or a service must come. Tokens show earlier whether its server is gone."""
 
 CANCEL_RETRY_INTERVAL = 1.0
-"""Seconds after which a goal that may still go on is cancelled once more."""
+"""Seconds after which the cancel of a goal that may still be active is repeated."""
 
 SERVER_TIMEOUT = 1.0
-"""Seconds without its server's token after which a goal is said to be unknown."""
+"""Seconds without its server's token after which the state of a goal is unknown."""
 
 MAX_KEPT_REQUESTS = 100
-"""Requests that are over and are still told of."""
+"""Finished requests whose progress is kept."""
 
 GOAL_STATES = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
-"""The ends of an action, as action_msgs numbers them."""
+"""Final states of an action, by their numbers in action_msgs."""
 
 CANCEL_REJECTED = 1
-"""What a server says that goes on with a goal that is to be cancelled, as action_msgs numbers it."""
+"""Return code of a server that rejects a cancel, as action_msgs numbers it."""
 
 _GOAL_STATUS_NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
 
 
 class GoalPhase(Enum):
-    """Phase of a request. UNWANTED: it is to be cancelled once it is accepted; CANCEL_DUE: its cancel is to be sent.
+    """Phase of a request. CANCEL_ON_ACCEPT: cancel it once it is accepted; CANCEL_DUE: its cancel must be sent.
 
-    LOOSE: the end of a goal is unknown, so that it may go on, until its server has confirmed a cancel.
+    ORPHANED: the end of a goal is unknown, so it may be active until its server has confirmed a cancel.
     """
 
     SENT, CANCEL_ON_ACCEPT, RUNNING, CANCEL_DUE, CANCEL_SENT, ORPHANED, OVER = range(7)
 
 
 class GoalEvent(Enum):
-    """Event of a request: an answer of its server, or CANCEL and CANCEL_OUT: a cancel is wanted, and was sent."""
+    """Event of a request: an answer of its server, a requested CANCEL, or CANCEL_SENT."""
 
     ACCEPT, CANCEL, CANCEL_SENT, REFUSE_CANCEL, CONFIRM_CANCEL, LOSE, END = range(7)
 
@@ -74,11 +74,11 @@ TRANSITIONS: Final = {
     (GoalPhase.CANCEL_SENT, GoalEvent.REFUSE_CANCEL): GoalPhase.CANCEL_DUE,
     (GoalPhase.ORPHANED, GoalEvent.CONFIRM_CANCEL): GoalPhase.OVER,
 }
-"""Any other pair changes nothing: answers may be late, or come twice."""
+"""Transitions by phase and event. Other pairs are ignored: answers may be late, or come twice."""
 
 
 class _Request:
-    """A request: to a service, or a goal of an action. Its phase is changed under the lock of ``RequestTracker``."""
+    """A request to a service, or a goal of an action. Its phase is changed under the lock of ``RequestTracker``."""
 
     def __init__(self, name: str, kind: str, server: wire.Entity, *, goal: bool) -> None:
         self.name, self.kind, self.server, self.is_goal = name, kind, server, goal
@@ -89,14 +89,14 @@ class _Request:
         self.lost_since: float | None = None
 
     def handle(self, event: GoalEvent) -> None:
-        """Go on to the next phase."""
+        """Change the phase for an event."""
         self.phase = TRANSITIONS.get((self.phase, event), self.phase)
 
 
 class RequestTracker:
-    """The requests of one robot. ``nodes`` returns the node; ``changed`` is called whenever one has come further.
+    """Requests of one robot. ``get_node`` returns the node; ``changed`` is called at each progress.
 
-    Safe between threads: replies come on those of Zenoh.
+    Thread-safe: replies arrive on threads of Zenoh.
     """
 
     def __init__(self, get_node: Callable[[], Ros2Node], clock: Clock, changed: Callable[[], None]) -> None:
@@ -108,7 +108,7 @@ class RequestTracker:
         self._feedback_nodes: dict[tuple[str, str], Ros2Node] = {}  # the actions whose feedback is heard, on which node
 
     def call(self, name: str, kind: str, values: str) -> int:
-        """Ask a service. Raises BadRequest, NotConnected."""
+        """Call a service; return the number of the request. Raises BadRequest, NotConnected."""
         server = self._find_server(name, kind)
         payload = types().encode(f"{server.kind}_Request", _parse_object(server.kind, values))
         number, request = self._register(_Request(name, server.kind, server, goal=False))
@@ -116,7 +116,7 @@ class RequestTracker:
         return number
 
     def begin(self, name: str, kind: str, goal: Mapping[str, object]) -> int:
-        """Begin an action. Raises BadRequest, NotConnected."""
+        """Send a goal to an action; return the number of the request. Raises BadRequest, NotConnected."""
         server = self._find_server(f"{name}/{SEND}", kind and f"{kind}_SendGoal")
         kind = server.kind.removesuffix("_SendGoal")
         request = _Request(name, kind, server, goal=True)
@@ -127,7 +127,7 @@ class RequestTracker:
         return number
 
     def cancel(self, number: int) -> None:
-        """Cancel an action; one that is not accepted yet, as soon as it is. Asked again, it is sent again."""
+        """Cancel an action, once it is accepted. Each call sends the cancel again."""
         with self._lock:
             request = self._requests.get(number)
             if request is None or not request.is_goal or request.phase is GoalPhase.OVER:
@@ -144,21 +144,21 @@ class RequestTracker:
             self.cancel(number)
 
     def has_goal(self) -> bool:
-        """Return whether the goal of an action may still be under way."""
+        """Return True if the goal of an action may still be active."""
         with self._lock:
             return any(each.is_goal and each.phase is not GoalPhase.OVER for each in self._requests.values())
 
     def progress(self, number: int) -> Progress:
-        """Return how far one has come. Raises BadRequest for a number that was never given, or long ago."""
+        """Return the progress of a request. Raises BadRequest for an unknown number, or one that was dropped."""
         request = self._requests.get(number)
         if request is None:
             raise BadRequest(f"ros2: there is no request {number}")
         return request.progress
 
     def check_servers(self, node: Ros2Node | None) -> None:
-        """Notice servers that have gone, and cancel goals that may go on once theirs is back.
+        """Detect lost servers, and cancel orphaned goals once their server is back.
 
-        Called now and then, with the node that there is.
+        Called regularly, with the current node or None.
         """
         now = self._clock.now()
         for request in list(self._requests.values()):
@@ -192,7 +192,7 @@ class RequestTracker:
         return found
 
     def _find_server(self, name: str, kind: str) -> wire.Entity:
-        """Return the one server of a name: of two, such as those of two robots, both would do what is asked."""
+        """Return the only server of a name: of two, such as those of two robots, both would execute the request."""
         found = self._find_servers(name, kind)
         if len(found) > 1:
             what = f"ros2: {len(found)} nodes offer {name.removesuffix(f'/{SEND}')}: all of them would do it"
@@ -221,7 +221,7 @@ class RequestTracker:
         self._changed()
 
     def _on_response(self, request: _Request, payload: bytes | None) -> None:
-        """Take the answer of a service."""
+        """Handle the response of a service."""
         if payload is None:
             self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no answer came")
             return
@@ -233,7 +233,7 @@ class RequestTracker:
         self._set_progress(request, GoalState.SUCCEEDED, result=json.dumps(types().to_plain(told)))
 
     def _on_goal_response(self, request: _Request, payload: bytes | None) -> None:
-        """Take whether a goal was accepted; then ask for its result."""
+        """Handle the response to a goal; request the result of an accepted one."""
         try:
             told = None if payload is None else types().decode(f"{request.kind}_SendGoal_Response", payload)
         except MalformedMessage as error:
@@ -258,7 +258,7 @@ class RequestTracker:
         self._call_part(request, RESULT, service, asked, partial(self._on_result, request), RESULT_TIMEOUT)
 
     def _on_result(self, request: _Request, payload: bytes | None) -> None:
-        """Take the result."""
+        """Handle the result of an action."""
         if payload is None:
             self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: its result did not come")
             return
@@ -279,7 +279,7 @@ class RequestTracker:
         self._call_part(request, CANCEL, CANCEL_KIND, asked, partial(self._on_cancel_response, request), REPLY_TIMEOUT)
 
     def _on_cancel_response(self, request: _Request, payload: bytes | None) -> None:
-        """Take that the server has heard of a cancel, or has not; the end of the goal is told otherwise."""
+        """Handle the response to a cancel; the end of the goal arrives separately."""
         try:
             code = (
                 CANCEL_REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
@@ -298,7 +298,7 @@ class RequestTracker:
             )
 
     def _cancel_again(self, request: _Request, node: Ros2Node | None, now: float) -> None:
-        """Cancel a goal once more whose cancel was lost, or whose end is unknown, where its server is there."""
+        """Repeat the cancel of a goal if it was lost, or if the goal is orphaned and its server is there."""
         with self._lock:
             due = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.ORPHANED)
             if not due or node is None or now - request.cancel_sent_at <= CANCEL_RETRY_INTERVAL:

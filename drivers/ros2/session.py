@@ -1,4 +1,4 @@
-"""Opening a session of Zenoh, as `rmw_zenoh` has it: no multicast, a router that is named, TLS and a user if wanted."""
+"""Zenoh session as for `rmw_zenoh`: no multicast, a named router, optional TLS and user."""
 
 import json
 from collections.abc import Callable
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import zenoh
 
 LEASE_MS = 2000
-"""Milliseconds of silence after which the other end gives this session up, and its tokens go."""
+"""Milliseconds of silence after which the remote end drops this session and its tokens."""
 
 NO_ROUTER_HINT = (
     "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot, or `zenoh-bridge-ros2dds` for one of DDS; "
@@ -23,10 +23,10 @@ NO_ROUTER_HINT = (
 
 @dataclass(frozen=True, slots=True)
 class ZenohAccess:
-    """How Zenoh is reached: ``endpoints`` to connect to, and to ``listen`` at, such as ``tcp/127.0.0.1:7447``.
+    """Access to Zenoh: ``endpoints`` to connect to, and to ``listen`` at, such as ``tcp/127.0.0.1:7447``.
 
-    ``user`` and ``password`` are what a router asks for. ``ca``, ``certificate`` and ``private_key`` are files: who
-    signed the other's certificate, and our own. Endpoints with TLS begin with ``tls/``.
+    ``user`` and ``password`` are credentials for the router. ``ca``, ``certificate`` and ``private_key`` are files: the
+    authority of the router's certificate, and our own. TLS endpoints begin with ``tls/``.
     """
 
     endpoints: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
@@ -40,9 +40,9 @@ class ZenohAccess:
 
 
 def zenoh_access(keys: Any, router: str = "") -> ZenohAccess:
-    """Return how the router of a robot file is reached; at ``router`` instead, where that is given.
+    """Return the access of a robot file, with ``router`` instead of its own if given.
 
-    Raises BadRequest for a file of a password that cannot be read.
+    Raises BadRequest for an unreadable password file.
     """
     password = ""
     if keys.password_file:
@@ -62,9 +62,9 @@ def zenoh_access(keys: Any, router: str = "") -> ZenohAccess:
 
 
 def open_session(part: str, access: ZenohAccess, *, timeout: float = 0.5) -> "zenoh.Session":
-    """Open a session; blocks for ``patience`` seconds at most. Raises NotConnected, with what to try.
+    """Open a session; blocks for at most ``timeout`` seconds. Raises NotConnected, with a hint.
 
-    Peers and routers are open at once; they go on looking for the others by themselves.
+    Peers and routers open at once, and go on connecting in the background.
     """
     try:
         import zenoh  # noqa: PLC0415 - an extra
@@ -108,7 +108,7 @@ def _config(zenoh: Any, access: ZenohAccess, timeout: float) -> Any:
 
 
 class ConnectionMonitor:
-    """Counts who a session is connected to; ``changed`` is called, from a thread of Zenoh's, when that is nobody."""
+    """Counts the connections of a session; ``on_disconnect`` is called, on a thread of Zenoh, when none is left."""
 
     def __init__(self, session: "zenoh.Session", on_disconnect: Callable[[], None]) -> None:
         import zenoh  # noqa: PLC0415 - an extra

@@ -1,6 +1,7 @@
-"""The line from a part to its topics of ROS 2, in the form of a port: a ``drivers.transport.link.SerialLink`` owns it.
+"""Port of a part to its ROS 2 topics, owned by a ``drivers.transport.link.SerialLink``.
 
-What goes along it are frames (``drivers.ros2.wire.frame``): of a channel, which is a topic, or about who is there.
+Its bytes are frames (``drivers.ros2.wire.frame``): messages of a channel, which is a topic, or control frames about the
+remote nodes.
 """
 
 from collections import deque
@@ -18,20 +19,20 @@ from drivers.transport.link import LinkPort, SerialLink
 from drivers.transport.loop import LoopFactory, ThreadLoop
 
 RETRY_INTERVAL = 0.1
-"""Seconds until a session that is not there yet is looked for again."""
+"""Seconds between attempts to reach a session."""
 
 ROUTER_PORT = 7447
-"""What stands where other lines have a rate: the port of Zenoh's routers."""
+"""Port of Zenoh routers; stands in for the baud rate."""
 
 GetNode = Callable[[str], Ros2Node]
-"""Returns the node, for somebody. Raises NotConnected while there is none."""
+"""Function that returns the node for a part. Raises NotConnected while there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class TopicChannel:
-    """A topic of a part: its full name, the types that it may have, the best first, and whether the part sends on it.
+    """A topic of a part: full name, possible types (best first), and whether the part sends commands on it.
 
-    ``depth`` is how many messages wait for the part at most: the newest.
+    ``depth`` is the maximum number of queued messages; the newest are kept.
     """
 
     topic: str
@@ -47,7 +48,7 @@ def make_link(
     report: StatusCallback,
     loop: LoopFactory = ThreadLoop,
 ) -> SerialLink:
-    """Return the link of a part to its topics, whose numbers are their places."""
+    """Return the link of a part to its topics; a channel's number is its index."""
 
     def dial(who: str, port: str, baud: int) -> LinkPort:
         del port, baud
@@ -60,7 +61,7 @@ def make_link(
 
 
 class TopicPort:
-    """A ``drivers.transport.link.LinkPort`` to topics. Raises NotConnected for a type that is not known."""
+    """A ``drivers.transport.link.LinkPort`` to topics. Raises NotConnected for an unknown type."""
 
     def __init__(self, node: Ros2Node, channels: Sequence[TopicChannel]) -> None:
         self._node, self._channels = node, channels
@@ -80,7 +81,7 @@ class TopicPort:
                 self._filters[number] = node.subscribe(each.topic, each.kinds, self._message_handler(number), self)
 
     def read_available(self, timeout: float) -> bytes:
-        """Return the frames that have come; wait up to ``patience`` seconds for the first. Raises OSError if lost."""
+        """Return received frames; wait up to ``timeout`` seconds for the first. Raises OSError if the session is lost."""
         self._update_remotes()
         with self._changed:
             if not (self._control_frames or any(self._messages)):
@@ -95,7 +96,7 @@ class TopicPort:
         return b"".join(found)
 
     def write(self, data: bytes) -> None:
-        """Send frames; those for nobody are dropped, as a topic drops them. Raises OSError if the session is lost."""
+        """Send frames; without a subscriber they are dropped. Raises OSError if the session is lost."""
         if self._node.is_lost:
             raise OSError(f"{self._channels[0].topic}: the session of Zenoh has gone")
         for channel, payload in self._finder.feed(data):
@@ -110,7 +111,7 @@ class TopicPort:
         """Do nothing: there are no modem lines."""
 
     def close(self) -> None:
-        """Listen no more."""
+        """Unsubscribe."""
         self._node.undeclare(self)
 
     def _message_handler(self, number: int) -> Callable[[str, bytes], None]:
@@ -124,7 +125,7 @@ class TopicPort:
         return heard
 
     def _update_remotes(self) -> None:
-        """Tell who is there, as that changes: who listens, with which types, and how many are heard."""
+        """Queue control frames about changes of remote nodes: types of subscribers, number of publishers."""
         if self._version != self._node.version:
             self._version = self._node.version
             for number, channel in enumerate(self._channels):
@@ -137,7 +138,7 @@ class TopicPort:
                     self._announce(number, there[:1] * max(senders, self._bridge_counts.get(number, 0), 1))
 
     def _find_remotes(self, number: int, channel: TopicChannel) -> None:
-        """Look for who is at the other end; all that listen are told, whatever their types and hashes."""
+        """Find the remote nodes of a channel; commands go to every subscriber, of any type and hash."""
         role = wire.SUBSCRIBER if channel.is_command else wire.PUBLISHER
         everybody = self._node.entities(role, channel.topic)
         found = [each for each in everybody if each.kind in channel.kinds]
@@ -159,7 +160,7 @@ class TopicPort:
             self._control_frames.append(wire.about_frame(number, *kinds))
 
     def _announce_mismatch(self, number: int, channel: TopicChannel, others: Sequence[str]) -> None:
-        """Tell of other types than those expected, as they come and go."""
+        """Queue a control frame if the unexpected types on a topic have changed."""
         what = "a node listens for" if channel.is_command else "a node sends"
         why = f"expected {' or '.join(channel.kinds)}, but {what} {' and '.join(others)}" if others else ""
         if self._mismatches.get(number, "") != why:
@@ -168,7 +169,7 @@ class TopicPort:
 
 
 def absent_error(part: str, channel: TopicChannel, reason: str = "") -> NotConnected:
-    """Say that nobody is there for a channel; or ``why`` who is there is of no use."""
+    """Return the error for a channel without a remote node, or with the ``reason`` why its nodes are unusable."""
     if reason:
         return NotConnected(f"{part}: {reason}", hint=topic_hint(channel.topic))
     verb = "listens to" if channel.is_command else "sends"

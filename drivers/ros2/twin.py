@@ -1,4 +1,4 @@
-"""The twins of a robot of ROS 2: its nodes with a stand-in for Nav2, its base and range finder, in simulated time."""
+"""Simulated robot with ROS 2: its nodes with a stand-in for Nav2, its base and range finder."""
 
 import json
 from collections.abc import Callable
@@ -26,12 +26,12 @@ from drivers.sim.world import SimulatedWorld
 from drivers.sim.world_objects import BackupLimit
 
 MAX_WHEEL_SPEED = 100.0
-"""m/s, which no wheel turns: its limits are those of its section."""
+"""m/s above the limits of any section, so that the wheels never limit the speed."""
 
 
 @dataclass(slots=True)
 class _NavigationGoal:
-    """A goal of the stand-in for Nav2, and how far it has come."""
+    """A goal of the stand-in for Nav2, with its progress."""
 
     navigator: Navigator
     frame: str
@@ -40,9 +40,9 @@ class _NavigationGoal:
 
 
 class Ros2Twin:
-    """A ``drivers.api.Ros2`` whose only actions are Nav2's: they drive the base's twin straight to a place.
+    """A ``drivers.api.Ros2`` with only Nav2's actions, which drive the base's twin straight to a place.
 
-    ``published`` keeps what was sent, as (topic, type, values). No service and no other action is there.
+    ``published`` keeps sent messages, as (topic, type, values). There are no services and no other actions.
     """
 
     name = "ros2"
@@ -59,35 +59,35 @@ class Ros2Twin:
         self._goals: dict[int, _NavigationGoal] = {}
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
+        """Connect at once, unless it is unplugged."""
         self.plug.open()
 
     def rest(self) -> None:
-        """Cancel what was begun."""
+        """Cancel all goals."""
         self.stop()
 
     def close(self) -> None:
-        """Cancel what was begun, and go."""
+        """Cancel all goals, and disconnect."""
         self.stop()
         self.step()
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether it is there."""
+        """Return whether it is connected."""
         return self.plug.health({})
 
     def nodes(self) -> int:
-        """Return how many nodes there are."""
+        """Return the number of nodes."""
         return 1 if self.plug.online else 0
 
     def does(self, name: str) -> bool:
-        """Whether it is one of the actions of Nav2."""
+        """True if ``name`` is one of Nav2's actions, while connected."""
         return self.plug.online and name in {self._keys.navigation, self._keys.through}
 
     offers = does
 
     def navigates(self) -> bool:
-        """Whether there is Nav2 to drive by."""
+        """True while Nav2 is available."""
         return self.plug.online
 
     def latest(self, topic: str) -> Reading[str]:
@@ -97,25 +97,25 @@ class Ros2Twin:
         return Reading(values, now, Quality.NONE if values is None else Quality.GOOD)
 
     def progress(self, number: int) -> Progress:
-        """Return how far a goal has come. Raises BadRequest for a number that was never given."""
+        """Return the progress of a goal. Raises BadRequest for an unknown number."""
         if number not in self._goals:
             raise BadRequest(f"ros2: there is no request {number}")
         return self._goals[number].progress
 
     def publish(self, topic: str, kind: str, values: str) -> None:
-        """Keep what is sent."""
+        """Store a message."""
         self.plug.check_online()
         self.published.append((topic, kind, values))
 
     def call(self, service: str, kind: str, values: str) -> int:
-        """Refuse: there is no service."""
+        """Raise NotConnected: there are no services."""
         del kind, values
         raise NotConnected(
             f"ros2: nobody offers {service}: this robot is simulated", hint="run it with --simulate wire"
         )
 
     def begin(self, action: str, kind: str, goal: str) -> int:
-        """Begin an action of Nav2 by its own goal. Raises NotConnected for another."""
+        """Begin Nav2's navigation action; return its number. Raises NotConnected for another action."""
         del kind
         if action != self._keys.navigation:
             what = f"ros2: nobody offers {action}: this robot is simulated"
@@ -126,7 +126,7 @@ class Ros2Twin:
         return self.navigate((place,), pose.get("header", {}).get("frame_id", "map"))
 
     def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
-        """Begin to drive to a place, through others before it."""
+        """Begin to drive to the last place, through the others; return the number of the goal."""
         self.plug.check_online()
         number = next(self._numbers)
         name = self._keys.navigation if len(places) == 1 else self._keys.through
@@ -146,7 +146,7 @@ class Ros2Twin:
             self.cancel(number)
 
     def step(self) -> None:
-        """Drive on."""
+        """Advance all goals."""
         base = self._base()
         for drive in list(self._goals.values()):
             if not drive.progress.is_final and base is not None:
@@ -177,12 +177,12 @@ class Ros2Twin:
 
 
 def graph(keys: ZenohKeys, stage: SimContext) -> Ros2Twin:
-    """Return the twin of the nodes of a robot."""
+    """Return the simulated nodes of a robot."""
     return Ros2Twin(keys, stage.clock, lambda: stage.parts.get("base"), stage.report)
 
 
 def base(keys: Ros2BaseKeys, stage: SimContext) -> BaseTwin:
-    """Return the twin of a base: of one with contacts as a Kobuki's, of others without."""
+    """Return the simulated base: with a Kobuki's contacts if it has hazards, else without contacts."""
     if keys.hazards:
         twin = make_twin(keys, stage)
         twin.body.backup_limit = BackupLimit()
@@ -192,7 +192,7 @@ def base(keys: Ros2BaseKeys, stage: SimContext) -> BaseTwin:
 
 
 def ranger(keys: Ros2RangeKeys, stage: SimContext) -> RangerTwin:
-    """Return the twin of a range finder."""
+    """Return the simulated range finder."""
     world = SimulatedWorld() if stage.world is None else stage.world
     return RangerTwin(
         make_range_function(world, keys.place, stage.pose, height=keys.position[2]),

@@ -1,6 +1,6 @@
-"""Messages of ROS 2: values from and to CDR by the name of their type, and the hashes of types. CDR is done by rosbags.
+"""Message types of ROS 2: conversion of values to and from CDR, by rosbags, and type hashes.
 
-Loading takes a tenth of a second, and the first message of a type some milliseconds more: drivers do both as they open.
+Loading takes a tenth of a second, and the first message of a type some milliseconds: drivers do both when they open.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,7 +49,7 @@ MESSAGES: Mapping[str, str] = {
     ),
     "vision_msgs/msg/Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
 }
-"""Messages: their fields, one a line."""
+"""Message types that rosbags lacks: their fields, one per line."""
 
 SERVICES: Mapping[str, tuple[str, str]] = {
     "std_srvs/srv/Empty": ("", ""),
@@ -63,10 +63,10 @@ SERVICES: Mapping[str, tuple[str, str]] = {
     "irobot_create_msgs/srv/ResetPose": ("geometry_msgs/Pose pose", "bool success"),
     "nav2_msgs/srv/ClearEntireCostmap": ("std_msgs/Empty request", "std_msgs/Empty response"),
 }
-"""Services: what is asked, and what is answered."""
+"""Services: request and response."""
 
 _NAVIGATION_RESULT = "uint16 error_code\nstring error_msg"
-"""Of Kilted on; Jazzy has ``error_code`` alone, Humble a ``std_msgs/Empty``. See ``TypeRegistry.decoded``."""
+"""Result of Nav2 since Kilted; Jazzy has only ``error_code``, Humble a ``std_msgs/Empty``. See ``decode_result``."""
 
 _NAVIGATION_FEEDBACK = (
     "geometry_msgs/PoseStamped current_pose\nbuiltin_interfaces/Duration navigation_time\n"
@@ -101,26 +101,26 @@ ACTIONS: Mapping[str, tuple[str, str, str]] = {
 
 
 _EMPTY_FIELD = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
-"""What a type without fields has on the wire."""
+"""Field of a type without fields on the wire."""
 
 _MAX_DEPTH = 12
-"""How deep values may be nested in what a mission gives, and how long a list it is shown."""
+"""Maximum nesting of values in messages that a mission sees, and maximum length of lists."""
 
 _MAX_LENGTH = 1000
 
 
 class MalformedMessage(DriverError):
-    """Bytes that are no message of the type that they should be."""
+    """Bytes that are no message of the expected type."""
 
 
 @cache
 def types() -> "TypeRegistry":
-    """Return the types that there are: those of ROS 2 Jazzy that rosbags has, and ours. Made once."""
+    """Return the registry of types: those of ROS 2 Jazzy in rosbags, and ours. Created once."""
     return TypeRegistry()
 
 
 class TypeRegistry:
-    """The types by name, as ROS 2 writes them: "geometry_msgs/msg/Twist"."""
+    """Types by their ROS 2 names, such as "geometry_msgs/msg/Twist"."""
 
     def __init__(self) -> None:
         self._store: Any = get_typestore(Stores.ROS2_JAZZY)
@@ -130,7 +130,7 @@ class TypeRegistry:
             self._store.fielddefs[name] = (constants, [_char_to_uint8(each) for each in fields])
 
     def is_known(self, name: str) -> bool:
-        """Whether there is such a type; of services and actions, too."""
+        """True if the type is known, also for services and actions."""
         try:
             self._require_type(name)
         except BadRequest:
@@ -138,7 +138,7 @@ class TypeRegistry:
         return True
 
     def define(self, name: str, text: str) -> None:
-        """Add a type by the text of its definition. Raises BadRequest for one that is not understood."""
+        """Add a type from its definition. Raises BadRequest for an invalid one."""
         try:
             ((constants, fields),) = get_types_from_msg(text, name).values()
             for used in _field_types(fields):
@@ -173,17 +173,17 @@ class TypeRegistry:
         self.define(f"{name}_FeedbackMessage", f"{which}\n{name}_Feedback feedback")
 
     def digest(self, name: str) -> str:
-        """Return the hash of a type, as its keys have it. Raises BadRequest for one that is not known."""
+        """Return the hash of a type, as in keys. Raises BadRequest for an unknown type."""
         digest: str = self._store.hash_rihs01(self._require_type(name))
         return digest
 
     def preload(self, *names: str) -> None:
-        """Be ready for messages of these types."""
+        """Prepare for messages of these types."""
         for name in names:
             self._store.get_msgdef(self._require_type(name))
 
     def encode(self, name: str, values: Mapping[str, object]) -> bytes:
-        """Return a message with these values, the others zero. Raises BadRequest for what does not fit the type."""
+        """Return a message with these values, others zero. Raises BadRequest for values that do not fit the type."""
         try:
             made = self._make_message(self._require_type(name), values, name)
             return bytes(self._store.serialize_cdr(made, name, little_endian=True))
@@ -195,9 +195,10 @@ class TypeRegistry:
             raise BadRequest(f"{name}: a value does not fit: {error}") from error
 
     def decode(self, name: str, payload: bytes) -> Any:
-        """Return the message: an object with the fields of the type. Raises Malformed, with what came instead.
+        """Return the message as an object with the fields of the type.
 
-        CDR of either byte order; XCDR2 and parameter lists, which ROS 2 never sends, are refused by name.
+        CDR of either byte order; XCDR2 and parameter lists, which ROS 2 never sends, are refused by name. Raises
+        MalformedMessage, with the received bytes.
         """
         try:
             if wrong := _encapsulation_fault(payload):
@@ -217,7 +218,7 @@ class TypeRegistry:
         return seconds * 10**9 + rest
 
     def to_plain(self, message: object, depth: int = _MAX_DEPTH) -> Any:
-        """Return a message in plain values, as JSON has them; of long arrays the beginning."""
+        """Return a message as plain values for JSON; long arrays are cut."""
         if isinstance(message, np.ndarray):
             return message[:_MAX_LENGTH].tolist()
         if isinstance(message, np.generic):
@@ -230,7 +231,7 @@ class TypeRegistry:
         return message
 
     def _require_type(self, name: str) -> str:
-        """Return the name of a type that there is; ours are defined when they are first asked for."""
+        """Return ``name`` if the type is known; our own types are defined on first use. Raises BadRequest."""
         if name in self._store.fielddefs:
             return name
         if name in MESSAGES:
@@ -280,11 +281,11 @@ _ENCAPSULATIONS = {
     2: "a parameter list (PL_CDR)", 3: "a parameter list (PL_CDR)", 6: "XCDR2", 7: "XCDR2", 8: "XCDR2 (delimited)",
     9: "XCDR2 (delimited)", 10: "XCDR2 (parameter list)", 11: "XCDR2 (parameter list)",
 }  # fmt: skip
-"""The encodings of DDS besides CDR, by the second byte of a payload."""
+"""Encodings of DDS other than CDR, by the second byte of a payload."""
 
 
 def _encapsulation_fault(payload: bytes) -> str:
-    """Return the fault of the header of a payload; empty for CDR."""
+    """Return the fault in the header of a payload; empty for CDR."""
     if len(payload) < 4:
         return "too short for the header of CDR"
     if payload[0] == 0 and payload[1] in (0, 1):
@@ -294,12 +295,12 @@ def _encapsulation_fault(payload: bytes) -> str:
 
 
 def _parent_of(name: str, known: Mapping[str, object]) -> str | None:
-    """Return the service or action that a type is a part of."""
+    """Return the service or action to which a type belongs."""
     return next((each for each in known if name == each or name.startswith(f"{each}_")), None)
 
 
 def _field_types(fields: Sequence[Any]) -> list[str]:
-    """Return the types of the fields."""
+    """Return the message types of the fields."""
     inner = [of[0] if what in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (what, of) for _, (what, of) in fields]
     return [of for what, of in inner if what == Nodetype.NAME]
 

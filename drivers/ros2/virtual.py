@@ -1,4 +1,4 @@
-"""A robot of ROS 2 behind a router of Zenoh: its virtual devices, each on its topics, on loopback."""
+"""Virtual robot with ROS 2 behind a Zenoh router on loopback: virtual devices on topics, and a stand-in for Nav2."""
 
 import socket
 from collections.abc import Callable, Iterable
@@ -43,7 +43,7 @@ from drivers.virtual.device import VirtualDevice
 # A stand-in for Nav2 and a Create 3's docking as ROS 2 sees them: actions that drive a virtual base, and its place.
 
 FEEDBACK_INTERVAL = 0.1
-"""Seconds between two messages of feedback, and of where the robot is on the map."""
+"""Seconds between two feedback messages, and between two transforms."""
 
 
 DOCK = "irobot_create_msgs/action/Dock"
@@ -52,7 +52,7 @@ DOCK = "irobot_create_msgs/action/Dock"
 class VirtualNav2:
     """Serves actions under ``names`` (to a pose, through poses, onto the ``dock``), and drives ``base`` by them.
 
-    ``rejects_goals`` has it reject goals.
+    If ``rejects_goals`` is True, it rejects all goals.
     """
 
     def __init__(self, base: VirtualRos2Base, names: tuple[str, str, str], dock: WorldDock | None = None) -> None:
@@ -63,7 +63,7 @@ class VirtualNav2:
         base.velocity_source = self._steer
 
     def serve(self, node: Ros2Node) -> None:
-        """Offer the actions on a node: also on a new one, when the router was away."""
+        """Serve the actions on a node; called again after the router was away."""
         for name, kind in zip(self._names, (NAVIGATE_TO_POSE, NAVIGATE_THROUGH_POSES, DOCK), strict=True):
             ActionServer(node, name, kind, partial(self._begin, kind), ignore_cancel)
 
@@ -81,7 +81,7 @@ class VirtualNav2:
         return True
 
     def _steer(self, now: float, odometry: Pose2D) -> Velocity | None:
-        """Say how the base is to drive; None where no goal is under way."""
+        """Return the velocity of the base; None without an active goal."""
         if self._goal is None:
             return None
         goal, navigator, frame = self._goal
@@ -107,7 +107,7 @@ class VirtualNav2:
 
 
 class VirtualFrames(VirtualTopics):
-    """Tells by /tf where the robot's odometry is on the map, and where the robot is in its odometry."""
+    """Publishes on /tf the robot's odometry frame on the map, and the robot in its odometry frame."""
 
     def __init__(self, base: VirtualRos2Base, topic: str) -> None:
         super().__init__([TopicChannel(topic, (TF,))])
@@ -133,7 +133,7 @@ def _transform(frame: str, child: str, pose: Pose2D) -> dict[str, object]:
 
 
 def _dock_approach(dock: WorldDock | None) -> list[tuple[float, float, float]]:
-    """Return the way onto a dock: from before it to a little beyond where the contacts meet."""
+    """Return the way onto a dock: from before it to a little beyond its contacts."""
     away = () if dock is None else (0.6, DOCK_SIZE[0] / 2 + BASE_RADIUS - 0.04)
     return [
         (dock.x + it * cos(dock.heading), dock.y + it * sin(dock.heading), dock.heading + pi) for it in away if dock
@@ -148,12 +148,12 @@ def _pose_of(pose: Any) -> tuple[float, float, float]:
 T = TypeVar("T")
 
 POLL_INTERVAL = 0.005
-"""Seconds between two looks at what the devices have to say."""
+"""Seconds between two polls of the devices."""
 
 
 @dataclass(frozen=True, slots=True)
 class RouterSettings:
-    """What the devices of a robot are served by: its domain, its namespace, and where its router listens."""
+    """Router of a virtual robot: domain, namespace, and the address at which it listens."""
 
     domain: int
     namespace: str
@@ -161,9 +161,9 @@ class RouterSettings:
 
 
 class Ros2Terminal:
-    """Serves ``devices`` by Zenoh, with a router of its own; as ``drivers.virtual.terminal.PseudoTerminal`` does on a wire.
+    """Serves ``devices`` over Zenoh with its own router, as ``drivers.virtual.terminal.PseudoTerminal`` does on a wire.
 
-    ``path`` is where the router listens. ``unplug`` ends the router, and with it all that was declared.
+    ``path`` is the address of the router. ``unplug`` ends the router with all of its declarations.
     """
 
     def __init__(self, settings: RouterSettings, clock: Clock) -> None:
@@ -177,10 +177,10 @@ class Ros2Terminal:
         self._end_requested = Event()
         self._thread: Thread | None = None
         self.node_setups: list[Callable[[Ros2Node], None]] = []
-        """Called with each new node: what else it is to serve, such as actions."""
+        """Called with each new node, to add other services such as actions."""
 
     def open(self) -> None:
-        """Plug everything in. Does nothing while it is open."""
+        """Connect all devices. Does nothing while it is open."""
         if self._thread is None:
             self.replug()
             self._end_requested.clear()
@@ -188,7 +188,7 @@ class Ros2Terminal:
             self._thread.start()
 
     def close(self) -> None:
-        """Unplug, and end the thread. Safe more than once."""
+        """Disconnect, and end the thread. Safe more than once."""
         self._end_requested.set()
         if self._thread is not None:
             self._thread.join()
@@ -204,7 +204,7 @@ class Ros2Terminal:
             session.close()
 
     def replug(self) -> None:
-        """Start the router, and declare everything."""
+        """Start the router, and declare all topics."""
         if self._session is not None:
             return
         session = open_session("virtual ros2", ZenohAccess(endpoints=(), mode="router", listen=(self.path,)))
@@ -250,14 +250,14 @@ class Ros2Terminal:
 
 
 def free_address() -> str:
-    """Return an address on loopback at which nobody listens."""
+    """Return an unused address on loopback."""
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{found.getsockname()[1]}"
 
 
 def graph(keys: ZenohKeys, stage: SimContext) -> VirtualDevice:
-    """Return the router of a virtual robot, for the other parts to be served by."""
+    """Return the router of a virtual robot, which serves its other parts."""
     terminal = Ros2Terminal(
         RouterSettings(ros_domain(keys), keys.namespace, stage.listen_address or free_address()), stage.clock
     )
@@ -283,7 +283,7 @@ def base(keys: Ros2BaseKeys, stage: SimContext) -> VirtualDevice:
 
 
 def ranger(keys: Ros2RangeKeys, stage: SimContext) -> VirtualDevice:
-    """Return a virtual range finder, which sees the world from where the base truly is."""
+    """Return a virtual range finder, which sees the world from the true pose of the base."""
     world = SimulatedWorld() if stage.world is None else stage.world
     look = make_range_function(world, keys.place, stage.pose, height=keys.position[2])
     device = VirtualScan(look, _full_names(stage)(keys.scan), yaw=keys.yaw, seed=stage.seed)
@@ -292,7 +292,7 @@ def ranger(keys: Ros2RangeKeys, stage: SimContext) -> VirtualDevice:
 
 
 def camera(keys: Ros2CameraKeys, stage: SimContext) -> VirtualDevice:
-    """Return a virtual camera, which sees the world from where it truly is."""
+    """Return a virtual camera, which sees the world from its true pose."""
     upright = keys.upright()
     lens = PinholeLens(upright.width, upright.height, upright.field_of_view)
     renderer = Renderer(stage.world or SimulatedWorld(), lens, noise=stage.camera_noise, seed=stage.seed)
@@ -306,7 +306,7 @@ def camera(keys: Ros2CameraKeys, stage: SimContext) -> VirtualDevice:
 
 
 def arm(keys: Ros2ArmKeys, stage: SimContext) -> VirtualDevice:
-    """Return the joints of a virtual arm; its state are their angles in radians, by the names of the robot file."""
+    """Return a virtual arm; its state is the joint angles in radians, by the names of the robot file."""
     full, joints = _full_names(stage), arm_joints(keys)
     device = VirtualJoints(keys.states, keys.command, joints, full=full)
     _terminal(stage).devices.append(device)
@@ -318,7 +318,7 @@ def arm(keys: Ros2ArmKeys, stage: SimContext) -> VirtualDevice:
 
 
 def head(keys: Ros2HeadKeys, stage: SimContext) -> VirtualDevice:
-    """Return the two joints of a virtual head."""
+    """Return a virtual head of two joints."""
     full, joints = _full_names(stage), head_joints(keys)
     device = VirtualJoints(keys.states, keys.command, joints, full=full)
     _terminal(stage).devices.append(device)

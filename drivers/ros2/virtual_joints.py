@@ -1,4 +1,4 @@
-"""Joints of robots of ROS 2 at the far end of their topics. Frames in, frames out."""
+"""Virtual joints of a robot with ROS 2, at the remote end of their topics. Frames in, frames out."""
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
@@ -13,16 +13,17 @@ from drivers.ros2.virtual_topics import VirtualTopics
 from drivers.sim.servo import Shaft
 
 STATE_INTERVAL = 0.02
-"""Seconds between two messages of states."""
+"""Seconds between two joint state messages."""
 
 MAX_MOTOR_SPEED = 6.0
-"""rad/s that its motors make."""
+"""rad/s of the virtual motors."""
 
 
 class VirtualJoints(VirtualTopics):
-    """Joints behind a controller of ROS 2: of trajectories, as ``joint_trajectory_controller`` is, or of positions.
+    """Virtual joints with a controller: of trajectories, as ``joint_trajectory_controller``, or of positions.
 
-    It names its joints as ROS 2 does, and tells besides of others, as robots do. ``command_count`` counts what it was told.
+    It uses the ROS names of the joints, and also publishes the state of another joint, as robots do. ``command_count``
+    counts received commands.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class VirtualJoints(VirtualTopics):
         super().__init__(channels)
         self.shafts = {joint.ros_name: Shaft(0.0, 0.0, MAX_MOTOR_SPEED) for joint in joints.values()}
         self.is_silent = False
-        """True while it tells no states, and hears on."""
+        """True while it publishes no states, but still receives commands."""
         self.command_count = 0
         self._rates = rates
         self._points: list[tuple[float, dict[str, float]]] = []  # when, and where each is to be
@@ -50,7 +51,7 @@ class VirtualJoints(VirtualTopics):
         self._due = self._states_sent_at = -inf
 
     def position(self, joint: str, now: float) -> float:
-        """Where a joint, as ROS 2 calls it, really is at time ``now`` (radians)."""
+        """Return the true position (radians) of a joint, by its ROS name, at time ``now``."""
         with self._lock:
             self._advance(now)
             return self.shafts[joint].position
@@ -72,7 +73,7 @@ class VirtualJoints(VirtualTopics):
             self.shafts[names[channel - 1]].goal = float(told.data)
 
     def _set_trajectory(self, message: Any, now: float) -> None:
-        """Take a trajectory in the place of the one before, as a controller does, from where it is."""
+        """Replace the current trajectory from the current positions on, as a controller does."""
         if set(message.joint_names) != set(self.shafts):  # as with allow_partial_joints_goal: false
             return
         self._points = [(now, {name: shaft.position for name, shaft in self.shafts.items()})]

@@ -1,4 +1,4 @@
-"""What robots of ROS 2 have at the far end of their topics: a base, a range finder. Frames in, frames out."""
+"""Virtual devices of a robot with ROS 2, at the remote end of their topics: base, range finder, camera."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, sin
@@ -21,7 +21,7 @@ from drivers.sim.scanner import RangeFunction
 from drivers.sim.wheels import DelayLine
 
 ODOMETRY_INTERVAL = 0.02
-"""Seconds between two messages of odometry."""
+"""Seconds between two odometry messages."""
 
 BATTERY_INTERVAL = 0.5
 """Seconds between two messages of battery and dock."""
@@ -37,28 +37,28 @@ _FRAMES: Mapping[int, Mapping[str, tuple[str, ...]]] = {
     },
     base.WHEEL_DROP: {"left": ("wheel_drop_left",), "centre": (), "right": ("wheel_drop_right",)},
 }
-"""Where a Create 3 feels something, by the type of the hazard."""
+"""Frames of a Create 3's contact sensors, by the type of the hazard."""
 
 
 class VirtualTopics:
-    """A ``drivers.virtual.terminal.WireDevice`` of ``channels``: what is common. Safe between threads."""
+    """Base of virtual devices on ``channels``: a ``drivers.virtual.terminal.WireDevice``. Thread-safe."""
 
     baud = ROUTER_PORT
 
     def __init__(self, channels: Sequence[TopicChannel]) -> None:
         self.channels = list(channels)
         self.is_stalled = False
-        """True while it says nothing, and hears nothing: as a link that stalls."""
+        """True while it sends and receives nothing, like a stalled link."""
         self._finder = wire.TopicFrameFinder()
         self._lock = RLock()
         self._discovery_requested = False
 
     def power_on(self, now: float) -> None:  # noqa: ARG002 - it has its power from its battery
-        """Begin anew on a line."""
+        """Reset the connection."""
         self._finder = wire.TopicFrameFinder()
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take frames; return the answers."""
+        """Receive frames; return the replies."""
         with self._lock:
             for channel, payload in self._finder.feed(data):
                 if channel == wire.ABOUT_CHANNEL:
@@ -70,7 +70,7 @@ class VirtualTopics:
             return self._take_frames(now)
 
     def poll(self, now: float) -> bytes:
-        """Let time pass; return the frames that are due."""
+        """Advance the time; return the frames that are due."""
         with self._lock:
             return self._take_frames(now)
 
@@ -84,21 +84,20 @@ class VirtualTopics:
         return self.channels[channel].kinds[0]
 
     def _handle_message(self, channel: int, payload: bytes, now: float) -> None:
-        """Take a message."""
+        """Handle a message."""
 
     def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:  # noqa: ARG002 - of those that say something
-        """Yield what is due: the channel and the message."""
+        """Yield the messages that are due, with their channels."""
         return ()
 
 
 class VirtualRos2Base(VirtualTopics):
-    """A base of ROS 2 with a ``body``; ``stamped`` has it listen to TwistStamped.
+    """A virtual base with a ``body``; ``stamped`` makes it subscribe to TwistStamped.
 
-    It feels what its body feels, and what is set from outside: ``bumper``, ``cliff``, ``wheel_drop``, and ``hazards``,
-    each a type and the frame where it is felt. Its odometry
-    begins at ``origin``, as that of a robot that has driven before. ``velocity_source`` may drive it instead, while it returns
-    a velocity: as Nav2 does. Odometry is sent every ``odometry_interval`` seconds, ``odometry_delay``. ``received_velocities`` are those
-    that it was told, with their times.
+    It reports the contacts of its body, and those set by a test: ``bumper``, ``cliff``, ``wheel_drop``, and
+    ``hazards``, each a type and a frame. Its odometry begins at ``origin``, as for a robot that has driven before.
+    ``velocity_source`` drives it while it returns a velocity, as Nav2 does. Odometry is sent every
+    ``odometry_interval`` seconds, delayed by ``odometry_delay``. ``received_velocities`` are commands with their times.
     """
 
     def __init__(
@@ -130,13 +129,13 @@ class VirtualRos2Base(VirtualTopics):
         self._due = self._slow_due = self._odometry_due = -inf
 
     def pose(self, now: float) -> Pose2D:
-        """Where it really is at time ``now``."""
+        """Return the true pose at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
     @property
     def odometry(self) -> Pose2D:
-        """Where it takes itself to be."""
+        """Its pose by odometry."""
         at, own = self.origin, self._reckoning.pose
         along, across = cos(at.heading), sin(at.heading)
         x, y = at.x + own.x * along - own.y * across, at.y + own.x * across + own.y * along
@@ -223,7 +222,7 @@ class VirtualRos2Base(VirtualTopics):
 
 
 class VirtualScan(VirtualTopics):
-    """A range finder of ROS 2 that sees what ``look`` sees: ``beams`` all around, ``rate`` times a second."""
+    """A virtual range finder that measures with ``look``: ``beams`` all around, ``rate`` times a second."""
 
     def __init__(
         self, look: RangeFunction, topic: str, *, yaw: float = 0.0, beams: int = 360, rate: float = 8.0, seed: int = 0
@@ -250,7 +249,7 @@ class VirtualScan(VirtualTopics):
 
 
 class VirtualPictures(VirtualTopics):
-    """A camera of ROS 2 that sends what ``draw`` returns (height, width, 3; BGR), ``rate`` times a second."""
+    """A virtual camera that sends the result of ``draw`` (height, width, 3; BGR), ``rate`` times a second."""
 
     def __init__(
         self, draw: Callable[[float], Image], topic: str, *, compressed: bool = False, rate: float = 10.0

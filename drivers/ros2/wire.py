@@ -1,6 +1,6 @@
-"""ROS 2 on Zenoh as `rmw_zenoh` has it: keys of topics, liveliness tokens, attachments. And frames on a line to a part.
+"""Keys, liveliness tokens and attachments of `rmw_zenoh`; and frames between a part and its session.
 
-See docs/design.md of ros2/rmw_zenoh. Nothing here opens anything.
+See docs/design.md of ros2/rmw_zenoh. No I/O.
 """
 
 import re
@@ -8,25 +8,25 @@ import struct
 from dataclasses import dataclass
 
 LIVELINESS_PREFIX = "@ros2_lv"
-"""What the keys of liveliness tokens begin with."""
+"""Prefix of the keys of liveliness tokens."""
 
 PUBLISHER, SUBSCRIBER, SERVER, CLIENT, NODE = "MP", "MS", "SS", "SC", "NN"
-"""The kinds of entities, as tokens have them."""
+"""Roles of entities in tokens."""
 
 FEEDBACK, STATUS = "_action/feedback", "_action/status"
 SEND, RESULT, CANCEL = "_action/send_goal", "_action/get_result", "_action/cancel_goal"
-"""The five end points of an action, after its name."""
+"""Suffixes of the five end points of an action."""
 
 CANCEL_KIND = "action_msgs/srv/CancelGoal"
 
 BRIDGE = "zenoh-bridge-ros2dds"
-"""What stands for the node, and for the hash of a type, of an entity behind a bridge: see ``drivers.ros2.bridge``."""
+"""Marks an entity behind a bridge, as its node and as its type hash: see ``drivers.ros2.bridge``."""
 
 DEFAULT_QOS = "::,10:,:,:,,"
-"""Reliable, volatile, the last ten kept: what rclcpp calls its default."""
+"""Reliable, volatile, the last ten kept: rclcpp's default."""
 
 LATCHED_QOS = ":1:,10:,:,:,,"
-"""The same, but transient local: who comes later is given what was sent before."""
+"""Transient local: late subscribers receive earlier messages."""
 
 _UNNAMED = struct.Struct("<qqB")
 _NAMED = struct.Struct("<16sq17sq11sB")
@@ -35,23 +35,23 @@ _FRAME = struct.Struct("<HI")
 _NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 
 ABOUT_CHANNEL = 0xFFFF
-"""The channel on which a line tells what it has found of the others."""
+"""Channel of control frames about remote nodes."""
 
 MISMATCH_CHANNEL = 0xFFFE
-"""The channel on which a line tells of another type under the name of a topic."""
+"""Channel of control frames about another type under the name of a topic."""
 
 _MAX_FRAME_BYTES = 64_000_000
-"""Bytes of a frame at most: more is no frame."""
+"""Maximum size of a frame; larger ones are invalid."""
 
 
 def to_dds_type(name: str) -> str:
-    """Return a type as keys have it: "std_msgs/msg/String" is "std_msgs::msg::dds_::String_"."""
+    """Return a type as in keys: "std_msgs/msg/String" is "std_msgs::msg::dds_::String_"."""
     package, kind, word = name.split("/")
     return f"{package}::{kind}::dds_::{word}_"
 
 
 def from_dds_type(name: str) -> str:
-    """Return a type as ROS 2 writes it: the inverse of ``to_dds_type``. Raises ValueError for another form."""
+    """Return the ROS 2 name of a type, the inverse of ``to_dds_type``. Raises ValueError for another form."""
     package, kind, inner, word = name.split("::")
     if inner != "dds_" or not word.endswith("_"):
         raise ValueError(f"{name}: no type of DDS")
@@ -59,14 +59,14 @@ def from_dds_type(name: str) -> str:
 
 
 def topic_key(domain: int, name: str, kind: str = "*", digest: str = "*") -> str:
-    """Return the key of a topic or a service; ``kind`` is its type as ``to_dds_type`` gives it, ``digest`` the type's hash."""
+    """Return the key of a topic or a service, with its DDS type ``kind`` and its type hash ``digest``."""
     return f"{domain}/{name.strip('/')}/{kind}/{digest}"
 
 
 def full_name(name: str, namespace: str = "") -> str:
-    """Return the full name of a topic: one that does not begin with "/" is within ``namespace``.
+    """Return the full name of a topic: without a leading "/" it is within ``namespace``.
 
-    Raises ValueError for what no topic is called: a wildcard of Zenoh would reach those of other robots.
+    Raises ValueError for an invalid name: a wildcard of Zenoh would reach other robots.
     """
     full = name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
     if not is_name(full):
@@ -75,17 +75,17 @@ def full_name(name: str, namespace: str = "") -> str:
 
 
 def is_name(name: str) -> bool:
-    """Whether ROS 2 has topics, services and actions of this name."""
+    """True if the name is valid for ROS 2 topics, services and actions."""
     return _NAME.fullmatch(name) is not None
 
 
 NAME_HINT = "names are of letters, digits and _, with / between, such as /robot1/cmd_vel"
-"""What to write."""
+"""Hint for a valid name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """A node, or an end point of one: ``name`` is its topic or service, ``kind`` its type (as ROS 2 writes it)."""
+    """A node, or an end point of one: ``name`` is its topic or service, ``kind`` its ROS 2 type."""
 
     role: str
     domain: int
@@ -101,7 +101,7 @@ class Entity:
 
     @property
     def token(self) -> str:
-        """The key of its liveliness token."""
+        """Key of its liveliness token."""
         own = f"{LIVELINESS_PREFIX}/{self.domain}/{self.zid}/{self.node_id}/{self.number}/{self.role}/%"
         own += f"/{_mangle(self.namespace)}/{self.node}"
         if self.role == NODE:
@@ -110,24 +110,27 @@ class Entity:
 
     @property
     def is_latched(self) -> bool:
-        """Whether its durability is transient local, which rmw numbers 1: its last messages are kept for who comes."""
+        """True if its durability is transient local, so that late subscribers get its last messages.
+
+        rmw numbers this durability 1.
+        """
         return self.qos.split(":")[1:2] == ["1"]
 
     @property
     def is_bridged(self) -> bool:
-        """Whether it is behind a bridge to DDS."""
+        """True if it is behind a bridge to DDS."""
         return self.digest == BRIDGE
 
     @property
     def key(self) -> str:
-        """The key on which it sends or listens."""
+        """Key on which it sends or receives."""
         if self.is_bridged:
             return self.name.strip("/")
         return topic_key(self.domain, self.name, to_dds_type(self.kind), self.digest)
 
 
 def parse_entity(token: str) -> Entity | None:
-    """Return whose token that is; None for one that is not understood."""
+    """Return the entity of a token; None if it is not understood."""
     parts = token.split("/")
     if len(parts) < 9 or parts[0] != LIVELINESS_PREFIX:
         return None
@@ -155,9 +158,9 @@ def _demangle(name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """What goes with each message: a number that counts up, when it was sent (ns since 1970), and by whom.
+    """Attachment of a message: sequence number, send time (ns since 1970), and sender.
 
-    Those of `rmw_zenoh` before 0.2.4 are ``has_names``: each part has its name before it, and must have.
+    In `rmw_zenoh` before 0.2.4 it ``has_names``: each field is preceded by its name, and must be.
     """
 
     number: int
@@ -166,7 +169,7 @@ class Attachment:
     has_names: bool = False
 
     def pack(self) -> bytes:
-        """Return it as it is on the wire."""
+        """Return the attachment as bytes."""
         told = self.number, self.sent_at, len(self.gid)
         if self.has_names:
             return _NAMED.pack(*(each for pair in zip(_FIELD_NAMES, told, strict=True) for each in pair)) + self.gid
@@ -174,7 +177,7 @@ class Attachment:
 
 
 def parse_attachment(data: bytes) -> Attachment | None:
-    """Return what was attached; None for what is none."""
+    """Return the attachment in ``data``; None if it is invalid."""
     named = data.startswith(_FIELD_NAMES[0])
     form = _NAMED if named else _UNNAMED
     if len(data) <= form.size:
@@ -187,54 +190,51 @@ def parse_attachment(data: bytes) -> Attachment | None:
 
 
 def channel_code(channel: int, kind: int) -> int:
-    """Return what stands for a channel, and for the place of a type among those of it, in a frame."""
+    """Return the code of a channel, and of a type's index in it, for a frame."""
     return channel | kind << 8
 
 
 def frame(channel: int, payload: bytes, kind: int = 0) -> bytes:
-    """Return a message of a channel as it is on the line between a part and its session.
-
-    ``kind`` as in ``channel_code``.
-    """
+    """Return a message of a channel as a frame. ``kind`` as in ``channel_code``."""
     return _FRAME.pack(channel_code(channel, kind), len(payload)) + payload
 
 
 def about_frame(channel: int, *kinds: str) -> bytes:
-    """Return the frame that tells of a channel: the types of those who are there, nothing for nobody."""
+    """Return a control frame with the types of the remote nodes of a channel; none if there are no nodes."""
     return frame(ABOUT_CHANNEL, struct.pack("<H", channel) + " ".join(kinds).encode())
 
 
 def mismatch_frame(channel: int, reason: str) -> bytes:
-    """Return the frame that tells of another type under the name of a channel; empty once it is there no more."""
+    """Return a control frame with the reason of a type mismatch on a channel; empty once it has ended."""
     return frame(MISMATCH_CHANNEL, struct.pack("<H", channel) + reason.encode())
 
 
 def parse_mismatch(payload: bytes) -> tuple[int, str]:
-    """Return the channel and the words of a frame of ``mismatch_frame``. Raises ValueError for what is none."""
+    """Return channel and reason of a ``mismatch_frame``. Raises ValueError for an invalid one."""
     if len(payload) < 2:
         raise ValueError("too short")
     return struct.unpack_from("<H", payload)[0], payload[2:].decode(errors="replace")
 
 
 DISCOVERY_REQUEST = frame(ABOUT_CHANNEL, b"")
-"""Asks who is there, on every channel."""
+"""Requests control frames about the remote nodes of every channel."""
 
 
 def parse_about(payload: bytes) -> tuple[int, tuple[str, ...]]:
-    """Return the channel and the types of a frame of ``about_frame``. Raises ValueError for what is none."""
+    """Return channel and types of an ``about_frame``. Raises ValueError for an invalid one."""
     if len(payload) < 2:
         raise ValueError("too short")
     return struct.unpack_from("<H", payload)[0], tuple(payload[2:].decode().split())
 
 
 class TopicFrameFinder:
-    """Cuts what comes along a line into frames: (channel, payload). Overlong ones begin anew."""
+    """Splits a stream into frames: (channel, payload). An oversized frame discards the buffer."""
 
     def __init__(self) -> None:
         self._buffer = b""
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Return the frames that are whole by now."""
+        """Return the frames that are complete now."""
         held = self._buffer + data if self._buffer else data
         at, found = 0, []
         while at + _FRAME.size <= len(held):

@@ -1,1 +1,1 @@
-"""The robot's own face: how it looks, its drawing, and the page that shows it on the robot's display."""
+"""The robot's face: its expression, its drawing, and the page that shows it on the robot's display."""

@@ -1,4 +1,4 @@
-"""What a screen is to show, kept for whoever draws it: what all screens have in common."""
+"""Common state of all screens: mood, text and mouth opening."""
 
 from dataclasses import replace
 from math import isnan
@@ -8,13 +8,13 @@ from drivers.api import Mood, ScreenContent
 from drivers.clock import Clock
 
 MOUTH_TIMEOUT = 0.3
-"""Seconds after which a mouth shuts that nobody moves any more."""
+"""Seconds without an update after which the mouth shuts."""
 
 
 class BaseScreen:
-    """The part of a ``drivers.api.Screen`` that is the same on all: told from any thread, it keeps the newest.
+    """Common part of every ``drivers.api.Screen``: stores the newest mood, text and mouth opening. Thread-safe.
 
-    It is ``awake`` until it rests, and again when it is opened after that.
+    It shows ``awake`` until it rests, and again when it is reopened.
     """
 
     name = "screen"
@@ -34,29 +34,29 @@ class BaseScreen:
                 self._state = self._awake
 
     def rest(self) -> None:
-        """Look as it does at rest, with no words and the mouth at rest."""
+        """Show the resting face, without text."""
         with self._lock:
             self._state = self._resting
 
     def mood(self, mood: Mood) -> None:
-        """Look like this from now on."""
+        """Set the mood."""
         with self._lock:
             self._state = replace(self._state, mood=mood)
 
     def show(self, text: str) -> None:
-        """Show words below the face; an empty text takes them away."""
+        """Set the text below the face; an empty text removes it."""
         with self._lock:
             self._state = replace(self._state, text=text)
 
     def mouth(self, opening: float) -> None:
-        """Open the mouth so far, 0..1; what lies beyond is as much as there is, and what is not a number none."""
+        """Set the mouth opening, clamped to 0..1; 0 if it is not a number."""
         kept = 0.0 if isnan(opening) else min(max(opening, 0.0), 1.0)
         with self._lock:
             self._state = replace(self._state, mouth=kept)
             self._mouth_moved_at = self._clock.now()
 
     def content(self) -> ScreenContent:
-        """Return what is to be seen now, or would be if it were there."""
+        """Return the current content, also while the screen is offline."""
         with self._lock:
             if self._state.mouth and self._clock.now() - self._mouth_moved_at > MOUTH_TIMEOUT:
                 self._state = replace(self._state, mouth=0.0)

@@ -1,4 +1,4 @@
-"""A page for a browser, and lines on the terminal, as drivers of screens."""
+"""Driver declarations of screens: a page for a browser, and lines on the terminal."""
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys

@@ -1,6 +1,6 @@
-"""The face as shapes, from its expression: the one drawing that pages, pictures and films show.
+"""Drawing of a face as shapes, for pages, pictures and films.
 
-A shape is a chain of cubic Bézier curves, which every way of drawing knows, and numbers can move.
+A shape is a chain of cubic Bézier curves, which every renderer supports and which can be animated by numbers.
 """
 
 import unicodedata
@@ -20,12 +20,12 @@ from drivers.screen.expression import FaceExpression, TextLayout, layout_text
 Point = tuple[float, float]
 
 CIRCLE_CONTROL = 0.5523
-"""How far the control points of a quarter of an ellipse lie along its sides, for the best fit."""
+"""Distance of the control points of a quarter ellipse along its sides, for the best fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceShape:
-    """A chain of curves: its first point, then two control points and an end for each. A filled one closes itself.
+    """A chain of curves: first point, then two control points and an end for each curve. A filled shape is closed.
 
     x to the right, y down. Colours are ``#rrggbb``, empty for none; lines have round ends. ``opacity`` is 0..1.
     """
@@ -43,7 +43,7 @@ class FaceShape:
             yield start, leave, arrive, end
 
     def transform(self, *, scale: float, angle: float, centre: Point, to: Point) -> "FaceShape":
-        """Return it larger by ``scale`` and turned clockwise by ``angle`` (radians) about ``centre``, moved ``to``."""
+        """Return the shape scaled and rotated clockwise by ``angle`` (radians) about ``centre``, moved ``to``."""
         along, across = scale * cos(angle), scale * sin(angle)
         moved = (
             (to[0] + along * (x - centre[0]) - across * (y - centre[1]),
@@ -66,7 +66,7 @@ def polyline(*points: Point) -> tuple[Point, ...]:
 
 
 def closed_curve(left: Point, top: Point, right: Point, bottom: Point) -> tuple[Point, ...]:
-    """Return a closed chain that is upright at its left and right point, level at its top and bottom."""
+    """Return a closed chain with vertical tangents at its left and right point, horizontal ones at top and bottom."""
 
     def level(end: Point, side: Point) -> Point:
         return end[0] + CIRCLE_CONTROL * (side[0] - end[0]), end[1]
@@ -91,7 +91,7 @@ def oval(centre: Point, across: float, down: float) -> tuple[Point, ...]:
 def curve_segment(
     points: tuple[Point, Point, Point, Point], begin: float, end: float
 ) -> tuple[Point, Point, Point, Point]:
-    """Return the piece of one curve between two parameters, 0..1 (de Casteljau's construction)."""
+    """Return the segment of a curve between two parameters, 0..1 (de Casteljau's construction)."""
 
     def blend(a: Point, b: Point, share: float) -> Point:
         return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
@@ -108,31 +108,31 @@ def curve_segment(
 
 
 WIDTH, HEIGHT = 320.0, 240.0
-"""The sheet that the face is drawn on; screens of other sizes show it as large as fits."""
+"""Size of the sheet that the face is drawn on; it is scaled to the screen."""
 
 NIGHT, CREAM, TEAL, INK, CORAL, WINE, ROSE, SKY = (
     "#101826", "#fff4dc", "#17a398", "#10202e", "#ff6b73", "#7c1f35", "#f2788a", "#7cc8ff",
 )  # fmt: skip
-"""Dark behind, bright before: a face that is seen across a room, and does not light it at night."""
+"""Palette with a dark background: visible across a room, without lighting it at night."""
 
 MIDDLE_X = WIDTH / 2
 SIDES = (-1.0, 1.0)
 EYE, EYE_Y, ACROSS, DOWN = 66.0, 104.0, 42.0, 47.0  # from the middle, from the top, half-axes
 MOUTH_Y = 184.0
 SCALE_ABOVE_TEXT = 0.68
-"""How large the face is above words."""
+"""Scale of the face above text."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceDrawing:
-    """Shapes from back to front, always as many with as many points each, and the words below them."""
+    """Shapes from back to front, always with the same number of shapes and points, and the text below them."""
 
     shapes: tuple[FaceShape, ...]
     text: TextLayout
 
 
 def draw_face(face: FaceExpression, text: str = "") -> FaceDrawing:
-    """Return the drawing of a face with words below it."""
+    """Return the drawing of a face with text below it."""
     words = layout_text(text)
     scale = SCALE_ABOVE_TEXT if words.lines else 1.0
     middle = (MIDDLE_X, HEIGHT / 2)
@@ -215,7 +215,7 @@ def _tear(face: FaceExpression) -> FaceShape:
 
 
 def _waves(face: FaceExpression) -> Iterator[FaceShape]:
-    """Arcs of sound that come nearer on both sides, one after the other."""
+    """Yield arcs of sound that approach on both sides, one after the other."""
     for side in SIDES:
         for number in (0, 1):
             near = (2 * face.breath + number / 2) % 1.0
@@ -226,7 +226,7 @@ def _waves(face: FaceExpression) -> Iterator[FaceShape]:
 
 
 def _letters(face: FaceExpression) -> Iterator[FaceShape]:
-    """The letters Z that a sleeper sends up, one after the other."""
+    """Yield the letters Z of a sleeping face, one after the other."""
     for number in (0, 1):
         risen = (face.breath + number / 2) % 1.0
         x, y, size = 270 + 30 * risen, 78 - 58 * risen, 6 + 8 * risen
@@ -235,7 +235,7 @@ def _letters(face: FaceExpression) -> Iterator[FaceShape]:
 
 
 def _fade(share: float) -> float:
-    """Return how plain something is that comes and goes: unseen at 0 and 1, wholly there in between."""
+    """Return the opacity of an appearing and disappearing shape: 0 at 0 and 1, full in between."""
     return min(1.0, 6 * share, 3 * (1 - share))
 
 
@@ -254,17 +254,17 @@ BERNSTEIN = np.stack(
     ),
     axis=1,
 )
-"""What each control point of a curve counts at the points that it is drawn through, (11, 4)."""
+"""Weights of the control points of a curve at its drawn points, (11, 4)."""
 
 FONT = cv2.FONT_HERSHEY_DUPLEX
 CAPITAL_HEIGHT = 22.0
-"""Pixels that a capital of these letters is high at scale 1; of most others it is 0.73 of their size."""
+"""Height of a capital of this font at scale 1, in pixels; for most other fonts it is 0.73 of their size."""
 
 
 def face_image(face: FaceExpression, text: str, size: tuple[int, int]) -> Image:
     """Return the face with ``text`` below it, (height, width, 3) BGR; ``size`` is width and height in pixels.
 
-    Letters that OpenCV does not have lose their accents, or become question marks.
+    Letters that OpenCV lacks lose their accents, or become question marks.
     """
     drawing = draw_face(face, text)
     scale = min(size[0] / WIDTH, size[1] / HEIGHT)
@@ -306,12 +306,12 @@ def _write_text(image: Image, words: TextLayout, scale: float, corner: tuple[flo
 
 
 def _colour(written: str) -> tuple[int, int, int]:
-    """Return blue, green, red of ``#rrggbb``."""
+    """Return blue, green and red of ``#rrggbb``."""
     return int(written[5:7], 16), int(written[3:5], 16), int(written[1:3], 16)
 
 
 def _blend_with_background(written: str, opacity: float) -> tuple[float, float, float]:
-    """Return a colour over the night: what fades in and out has nothing else behind it."""
+    """Return a colour blended with the night background."""
     blue, green, red = (
         opacity * front + (1 - opacity) * back for front, back in zip(_colour(written), _colour(NIGHT), strict=True)
     )

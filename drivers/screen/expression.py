@@ -1,4 +1,4 @@
-"""How a face looks at a moment: its mood, the mouth, a blink now and then, and eyes that do not stare."""
+"""Expression of a face at a time: mood, mouth, blinking and eye movement. Also the layout of text below it."""
 
 import textwrap
 import unicodedata
@@ -11,29 +11,29 @@ from drivers.api.fast_dataclass import dataclass
 # Words below a face: as large as fits, in as many lines as they need, broken at spaces.
 
 TEXT_TOP, TEXT_HEIGHT, TEXT_WIDTH = 164.0, 70.0, 308.0
-"""Where the words begin below the small face, and their room, on the sheet of 320 x 240."""
+"""Top, height and width of the text area below the small face, on the sheet of 320 x 240."""
 
 MAX_LINES = 5
-"""More make letters too small to be read from afar."""
+"""Maximum number of lines; more would make the letters too small to read from afar."""
 
 LETTER_WIDTH = 0.63
-"""How wide a bold letter is on average, as a share of its size; those of Chinese, Japanese and Korean are square."""
+"""Average width of a bold letter as a share of its size; Chinese, Japanese and Korean letters are square."""
 
 LINE_SPACING = 1.15
-"""From line to line, as a share of the size."""
+"""Distance between lines as a share of the letter size."""
 
 MAX_LETTER_SIZE = 44.0
 
 MAX_TEXT_LENGTH = 240
-"""Letters that are looked at: a few more than there is ever room for. What is longer costs no more."""
+"""Maximum number of letters that are processed, slightly more than ever fit."""
 
 NON_LETTER_CATEGORIES = ("Cc", "Cs", "Cn", "Co")
-"""Categories of Unicode: controls, surrogates, not assigned, private."""
+"""Unicode categories: controls, surrogates, unassigned, private."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextLayout:
-    """Lines of words, the size of their letters, and how far down the foot of each line is."""
+    """Lines of text, the size of their letters, and the baseline of each line from the top."""
 
     lines: tuple[str, ...]
     size: float
@@ -41,9 +41,9 @@ class TextLayout:
 
 
 def clean_text(text: str) -> str:
-    """Return ``text`` in one line, with spaces for what is no letter: controls, halves of letters, what is unassigned.
+    """Return ``text`` in one line, with spaces for control characters, surrogates and unassigned characters.
 
-    What is longer than ``MAX_TEXT_LENGTH`` letters ends there in an ellipsis.
+    Text longer than ``MAX_TEXT_LENGTH`` ends there in an ellipsis.
     """
     text = " ".join(text.split())
     if len(text) > MAX_TEXT_LENGTH:
@@ -52,7 +52,7 @@ def clean_text(text: str) -> str:
 
 
 def layout_text(text: str) -> TextLayout:
-    """Return ``text`` in lines; what does not fit ends in an ellipsis."""
+    """Return ``text`` in lines; text that does not fit ends in an ellipsis."""
     text = clean_text(text)
     square = any(unicodedata.east_asian_width(letter) in "WF" for letter in text)
     for count in range(1, MAX_LINES + 1):
@@ -67,24 +67,24 @@ def layout_text(text: str) -> TextLayout:
 
 
 BLINK_INTERVAL, BLINK_TIME = 4.0, 0.24
-"""Seconds from blink to blink on average, and how long one takes; people blink a little oftener than that."""
+"""Seconds from blink to blink on average, and duration of a blink; people blink slightly more often."""
 
 GLANCE_TIME = 2.6
-"""Seconds that the eyes look one way."""
+"""Seconds for which the eyes look in one direction."""
 
 BREATH_PERIOD = 4.0
-"""Seconds of what repeats: a breath of a sleeper, a tear, the waves of a listener."""
+"""Period in seconds of repeating motions: breath of a sleeper, tear, sound waves."""
 
 BREATH_STEPS = 60
-"""Steps in which that goes on: a page moves between them by itself."""
+"""Steps per period; a page interpolates between them."""
 
 GOLDEN = 0.6180339887
-"""Multiples of it, modulo 1, are spread evenly, and never repeat: moments that seem to be chance, and are not."""
+"""Its multiples modulo 1 are evenly distributed and never repeat: pseudo-random, but deterministic."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceExpression:
-    """A face as a few numbers, of which 0 is none and 1 plenty, unless said otherwise. Left and right are alike."""
+    """Numeric parameters of a face; 0 is none and 1 full, unless noted. Left and right are symmetric."""
 
     upper: float = 1.0  # the edge of the upper lid above the middle of the eye; below 0 past it
     lower: float = 1.0  # the edge of the lower lid below it; below 0 past it
@@ -123,15 +123,15 @@ MOODS = {
     ),
     Mood.SPEAKING: FaceExpression(brow_height=0.75, curve=0.45, width=0.75, opening=0.3),
 }
-"""Each mood, with eyes open and the mouth at rest."""
+"""Expression of each mood, with open eyes and the mouth at rest."""
 
 SHUT_EYES = MOODS[Mood.ASLEEP]
 
 
 def face_expression(shown: ScreenContent, time: float) -> FaceExpression:
-    """Return how the face of what is ``shown`` looks at a ``time`` in seconds.
+    """Return the expression for the ``shown`` state at ``time`` in seconds.
 
-    A mouth that is moved opens over any mood; a speaking one that nobody moves does so by itself.
+    A moved mouth opens in any mood; in mood SPEAKING it moves by itself otherwise.
     """
     face = MOODS[shown.mood]
     opening = face.opening + shown.mouth * (1 - face.opening)
@@ -156,18 +156,18 @@ def _pseudo_random(number: float) -> float:
 
 
 def _lid_closure(time: float) -> float:
-    """Return how far the lids are shut: 0 but for one blink in each ``BLINK_INTERVAL`` seconds."""
+    """Return how far the lids are shut: 0 except for one blink in each ``BLINK_INTERVAL``."""
     turn, within = divmod(time, BLINK_INTERVAL)
     begun = within - _pseudo_random(turn) * (BLINK_INTERVAL - BLINK_TIME)
     return sin(pi * begun / BLINK_TIME) if 0.0 <= begun <= BLINK_TIME else 0.0
 
 
 def _gaze_at(time: float) -> float:
-    """Return where the eyes look: mostly straight ahead, now and then a little aside."""
+    """Return the direction of the eyes: mostly straight ahead, sometimes aside."""
     place = _pseudo_random(time // GLANCE_TIME)
     return 0.0 if place < 0.6 else 5.0 * place - 4.0
 
 
 def _syllable_opening(time: float) -> float:
-    """Return how far a mouth is open that speaks words unknown: syllables of about a quarter of a second."""
+    """Return the mouth opening for unknown words: syllables of about a quarter of a second."""
     return 0.1 + 0.6 * abs(sin(2 * pi * 2.1 * time) * sin(2 * pi * 0.77 * time))

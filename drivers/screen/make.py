@@ -1,4 +1,4 @@
-"""From the keys of a robot file to a screen."""
+"""Factories of screens, and the screen that prints to the terminal."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ from drivers.transport.loop import guard_callback
 
 
 class PrintedScreen(BaseScreen):
-    """A ``drivers.api.Screen`` that hands each new mood and each new text to ``out``, as a mission writes them."""
+    """A ``drivers.api.Screen`` that passes each new mood and text to ``out``, as in a mission."""
 
     def __init__(
         self,
@@ -30,28 +30,28 @@ class PrintedScreen(BaseScreen):
         self._open = False
 
     def open(self) -> None:
-        """Wake up, and be ready to print."""
+        """Wake up, and start printing."""
         super().open()
         self._open = True
 
     def close(self) -> None:
-        """Rest, and print no more."""
+        """Rest, and stop printing."""
         self.rest()
         self._open = False
 
     def health(self) -> Health:
-        """Say whether it is open."""
+        """Return whether it is open."""
         return Health(self._open, "" if self._open else f"{self.name}: not opened yet")
 
     def mood(self, mood: Mood) -> None:
-        """Print the mood, if it is a new one."""
+        """Print a new mood."""
         new = mood is not self.content().mood
         super().mood(mood)
         if new and self._open:
             self._out(f"face: {mood}")
 
     def show(self, text: str) -> None:
-        """Print the text, if it is a new one and not empty."""
+        """Print a new text, unless it is empty."""
         new = text != self.content().text
         super().show(text)
         if new and text and self._open:
@@ -64,5 +64,5 @@ def page(keys: PageKeys, site: DriverContext) -> PageScreen:
 
 
 def printed(keys: ScreenKeys, site: DriverContext) -> Screen:
-    """Return a face that is told in words on the terminal."""
+    """Return a face that is printed on the terminal."""
     return PrintedScreen(site.clock, site.print_line, awake=Mood(keys.mood))

@@ -1,6 +1,6 @@
-"""The face on the robot's own display: a page for a browser, served from within the run.
+"""The face on the robot's display: a page for a browser, served from within the run.
 
-The page begins with the face as SVG; from then on it moves what it has drawn towards the newest numbers.
+The page starts with the face as SVG. Then it animates its shapes towards the newest numbers.
 """
 
 import hashlib
@@ -21,9 +21,9 @@ from drivers.transport.loop import guard_callback
 
 
 def svg(face: FaceExpression, text: str, size: tuple[int, int] | None = None, *, label: str = "") -> str:
-    """Return the face with ``text`` below it; ``size`` in pixels, width and height, else whatever room there is.
+    """Return the face as SVG with ``text`` below it; ``size`` is width and height in pixels, by default the whole area.
 
-    ``label`` is what it shows in words, for those who do not see it.
+    ``label`` describes the face for screen readers.
     """
     drawing = draw_face(face, text)
     extent = "" if size is None else f' width="{size[0]}" height="{size[1]}"'
@@ -41,7 +41,7 @@ def svg(face: FaceExpression, text: str, size: tuple[int, int] | None = None, *,
 
 
 def shape_numbers(shape: FaceShape) -> list[float]:
-    """Return what of a shape may move: its opacity, the width of its line, and its points, x before y."""
+    """Return the animated numbers of a shape: opacity, line width, and points, x before y."""
     places = (place for point in shape.points for place in point)
     return [round(shape.opacity, 2), round(shape.width, 1), *(round(place, 1) for place in places)]
 
@@ -64,18 +64,18 @@ def _words(words: TextLayout) -> str:
 
 
 ASSET_FOLDER = Path(__file__).parent
-"""The folder of ``page.html``, ``page.js`` and ``page.css``."""
+"""Folder of ``page.html``, ``page.js`` and ``page.css``."""
 
 
 @cache
 def asset(name: str) -> str:
-    """Return the text of a file beside this one."""
+    """Return the text of a file in this folder."""
     return (ASSET_FOLDER / name).read_text(encoding="utf-8")
 
 
 @cache
 def page_version() -> str:
-    """Return what tells this page from those of other releases: a page that is out of date loads itself again."""
+    """Return the version of the page, by which an outdated page reloads itself."""
     shapes = [
         (shape.fill, shape.line, len(shape.points)) for shape in draw_face(face_expression(ScreenContent(), 0.0)).shapes
     ]
@@ -84,7 +84,7 @@ def page_version() -> str:
 
 
 def page(shown: ScreenContent, time: float) -> str:
-    """Return the whole page, with the face as it is at ``time`` (seconds), so that it is there at first sight."""
+    """Return the whole page, with the face at ``time`` (seconds), so that it is visible at once."""
     asleep = state_line(ScreenContent(Mood.ASLEEP), 1.0)
     return Template(asset("page.html")).substitute(face=picture(shown, time), edition=page_version(), asleep=asleep)
 
@@ -95,7 +95,7 @@ def picture(shown: ScreenContent, time: float, size: tuple[int, int] | None = No
 
 
 def state_line(shown: ScreenContent, time: float) -> str:
-    """Return a line of JSON: everything that the page needs to show the face at ``time``."""
+    """Return a line of JSON with everything that the page needs to show the face at ``time``."""
     return _state_json(face_expression(shown, time), shown.text, label(shown))
 
 
@@ -114,13 +114,13 @@ def _state_json(face: FaceExpression, text: str, label: str) -> str:
 
 
 def label(shown: ScreenContent) -> str:
-    """Return in words what is shown, for those who do not see it."""
+    """Return a description of the face for screen readers."""
     text = clean_text(shown.text)
     return f"{shown.mood} face: {text}" if text else f"{shown.mood} face"
 
 
 DEFAULT_PORT, PORT_ATTEMPTS = 8321, 20
-"""Where it is served when nobody says where, and how many ports it tries from there."""
+"""First port that is tried by default, and the number of ports from there."""
 
 PORT_RETRY_INTERVAL = 1.0
 """Seconds between attempts to get a port that is taken."""
@@ -129,11 +129,11 @@ PORT_RETRY_INTERVAL = 1.0
 class PageScreen(BaseScreen):
     """A ``drivers.api.Screen`` as a page at ``address``, for up to four browsers on this computer.
 
-    ``port`` 0 is the first free one from 8321 on; another is waited for while it is taken. ``host`` is the address
-    that it is served at: who else can reach that sees the face.
+    ``port`` 0 is the first free one from 8321 on; any other is awaited while it is taken. ``host`` is the address that
+    it is served at: everyone who can reach it sees the face.
 
-    A face is an ornament, without which the robot does its work: while it waits for its port it counts as online, and
-    ``health`` has the reason in ``detail``.
+    The robot works without its face. Therefore it counts as online while it waits for its port, and ``health`` has the
+    reason in ``detail``.
     """
 
     def __init__(
@@ -164,11 +164,11 @@ class PageScreen(BaseScreen):
 
     @property
     def address(self) -> str:
-        """Where a browser finds the face; empty while it is not served."""
+        """URL of the face; empty while it is not served."""
         return self._server.address
 
     def open(self) -> None:
-        """Wake up, and serve the page; where the port is taken, wait for it on a thread."""
+        """Wake up, and serve the page; if the port is taken, wait for it on a thread."""
         super().open()
         if self._is_open:
             return
@@ -180,7 +180,7 @@ class PageScreen(BaseScreen):
             self._port_thread.start()
 
     def close(self) -> None:
-        """Rest, show that, and free the port. Safe from any state, more than once."""
+        """Rest, send the resting face, and free the port. Safe from any state, more than once."""
         self.rest()
         self._is_open = False
         self._end_requested.set()
@@ -190,7 +190,7 @@ class PageScreen(BaseScreen):
         self._server.close()
 
     def health(self) -> Health:
-        """Say whether it is open, why the page is not served yet where it is not, and how many look at it."""
+        """Return whether it is open, the reason if the page is not served, and the number of listening pages."""
         counters = {"pages": self._server.listeners}
         if self.address:
             return Health(True, counters=counters)

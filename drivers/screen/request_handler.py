@@ -1,4 +1,4 @@
-"""What a browser is answered by the server of pages, in HTTP."""
+"""HTTP request handler of the page server."""
 
 import ipaddress
 from http import HTTPStatus
@@ -9,20 +9,20 @@ from urllib.parse import urlsplit
 from drivers.screen.server import MAX_LISTENERS, REQUEST_TIMEOUT, PageTcpServer
 
 NEWS_INTERVAL = 1 / 30
-"""Seconds between two looks for news."""
+"""Seconds between two checks for news."""
 
 HEARTBEAT_POLLS = 30
-"""Looks without news after which the last is sent again: the page knows that the robot still runs."""
+"""Checks without news after which the last one is sent again, as a heartbeat for the page."""
 
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
-"""What a page may do: run and look as it was served here, ask here, and nothing else."""
+"""Content security policy: scripts, styles and connections only from this server."""
 
 
 class PageRequestHandler(BaseHTTPRequestHandler):
-    """Answers one request of a browser, on a thread of the server's."""
+    """Handles one request of a browser, on a thread of the server."""
 
     server: PageTcpServer
     server_version = "MissionTree"
@@ -47,10 +47,10 @@ class PageRequestHandler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
 
     def log_message(self, *args: Any) -> None:
-        """Say nothing: the terminal belongs to the mission."""
+        """Log nothing: the terminal belongs to the mission."""
 
     def _is_cross_site(self) -> bool:
-        """Whether a page of another server asks: browsers tell by ``Sec-Fetch-Site``, old ones by ``Origin`` alone."""
+        """True if a page of another server sends the request: ``Sec-Fetch-Site``, in old browsers ``Origin``."""
         if self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
             return True
         origin = self.headers.get("Origin")
@@ -66,7 +66,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def _stream_news(self) -> None:
-        """Send the news as they come, as long as the page listens; the last ones at the end too."""
+        """Stream the news as long as the page listens, including the last ones."""
         talks = self.server.connections
         if not talks.listen(self.request, self.client_address[0]):
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_LISTENERS} pages listen already")
@@ -87,7 +87,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
 
 
 def _is_numeric_host(host: str) -> bool:
-    """Whether a Host header names this computer as ``localhost``, or by an address in figures."""
+    """True if a Host header names this computer as ``localhost`` or by a numeric address."""
     if "@" in host:  # before it stands a user, whom URLs may have, and Host headers never
         return False
     try:

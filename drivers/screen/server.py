@@ -1,8 +1,8 @@
-"""A small server of pages: documents, and news that is sent to a page as it comes (server-sent events).
+"""A small HTTP server: documents, and news that a page receives as server-sent events.
 
-It is for browsers on the robot itself. It answers GET alone, and only who asks for ``localhost`` or for an address in
-figures: a page from elsewhere whose name has been pointed at this computer (DNS rebinding) asks for that name. No page
-from elsewhere may listen, show what is served here as its own, or frame it.
+It is for browsers on the robot itself. It answers only GET, and only requests for ``localhost`` or a numeric address: a
+foreign page whose host name points to this computer (DNS rebinding) requests that name. No foreign page may listen,
+embed the documents, or frame them.
 """
 
 import logging
@@ -21,47 +21,50 @@ from drivers.clock import SystemClock
 
 EVENTS = "/events"
 MAX_CONNECTIONS = 32
-"""Browsers that are talked with at once, with those that listen. For one more, the oldest goes that has no answer."""
+"""Maximum simultaneous connections, including listeners. A further one closes the oldest without an answer."""
 
 MAX_LISTENERS = 4
-"""Pages that may listen at once."""
+"""Maximum pages that listen at once."""
 
 REQUEST_TIMEOUT = 5.0
-"""Seconds that a browser has to ask, and to take what it is sent, however slowly it goes on."""
+"""Seconds for a request and its answer, at any speed of the browser."""
 
 RETRY_INTERVAL = 0.1
-"""Seconds for which nobody is let in where the process has no descriptor left."""
+"""Seconds without accepting connections after the process ran out of descriptors."""
 
 CLOSE_TIMEOUT = 0.2
-"""Seconds that all talks together have for their last words."""
+"""Seconds that all connections together have for their last news."""
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """Something to be fetched: its type, as ``text/html``, and its text."""
+    """A document: its content type, such as ``text/html``, and its text."""
 
     kind: str
     text: str
 
 
 SiteMap = Mapping[str, Callable[[], Document]]
-"""What there is at each path."""
+"""Documents by path."""
 
 
 @dataclass(slots=True)
 class Connections:
-    """Who is being answered now."""
+    """Open connections, with their threads."""
 
     lock: Lock = field(default_factory=Lock)
     sockets: dict[socket.socket, Thread] = field(default_factory=dict)
     deadlines: dict[socket.socket, float] = field(default_factory=dict)
-    """When each has to have its answer; one that listens has time."""
+    """Deadline of each answer; listeners have none."""
 
     listeners: dict[socket.socket, str] = field(default_factory=dict)
-    """The address of each that listens."""
+    """Address of each listener."""
 
     def listen(self, request: socket.socket, address: str) -> bool:
-        """Let a browser listen; return whether there is room, for which one of an address with more may have to go."""
+        """Register a listener; return True if there is room.
+
+        If its address has fewer listeners than another one, the oldest of that one is closed to make room.
+        """
         with self.lock:
             if len(self.listeners) >= MAX_LISTENERS:
                 [(busiest, count)] = Counter(self.listeners.values()).most_common(1)
@@ -76,10 +79,10 @@ class Connections:
 
 
 class PageServer:
-    """Serves ``site`` and, at ``events``, what ``news`` returns, whenever it has changed; news are one line each.
+    """Serves ``site`` and, at ``events``, the result of ``news``, one line, whenever it changes.
 
-    ``news`` and the site are asked from the server's own threads. A listener that is slow misses what was replaced
-    meanwhile. Opens nothing before ``open``.
+    ``news`` and the site are called on the server's threads. A slow listener misses intermediate news. Opens no port
+    before ``open``.
     """
 
     def __init__(self, site: SiteMap, news: Callable[[], str], events: str = EVENTS) -> None:
@@ -91,7 +94,7 @@ class PageServer:
 
     @property
     def address(self) -> str:
-        """Where to look; empty while it is closed."""
+        """URL of the server; empty while it is closed."""
         if self._server is None:
             return ""
         host, port = self._server.server_address[:2]
@@ -99,17 +102,17 @@ class PageServer:
 
     @property
     def listeners(self) -> int:
-        """How many pages listen."""
+        """Number of listening pages."""
         return 0 if self._server is None else len(self._server.connections.listeners)
 
     def open(self, host: str, port: int) -> None:
-        """Serve at this port, 0 for any that is free. Raises OSError where that is not possible."""
+        """Serve at this port, 0 for any free one. Raises OSError if that is not possible."""
         self._server = PageTcpServer((host, port), self._site, self._news, self._events)
         self._thread = Thread(target=self._server.serve_forever, args=(0.1,), name="page server", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Send the last news, end all talks, and free the port. Safe more than once."""
+        """Send the last news, close all connections, and free the port. Safe more than once."""
         server, self._server = self._server, None
         if server is None or self._thread is None:
             return
@@ -121,7 +124,7 @@ class PageServer:
 
 
 class PageTcpServer(ThreadingTCPServer):
-    """Accepts, and gives each browser a thread that ends with ``close_connections``."""
+    """Accepts connections, and gives each a thread that ends with ``close_connections``."""
 
     allow_reuse_address = True
     daemon_threads = True
@@ -134,7 +137,7 @@ class PageTcpServer(ThreadingTCPServer):
         super().__init__(at, BaseRequestHandler)
 
     def get_request(self) -> tuple[Any, Any]:
-        """Accept. Without a descriptor left, nobody is let in for a moment: the socket stays ready all the time."""
+        """Accept a connection. Without a free descriptor, wait for a moment: the socket stays ready all the time."""
         try:
             return super().get_request()
         except OSError:
@@ -142,7 +145,7 @@ class PageTcpServer(ThreadingTCPServer):
             raise
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Return whether there is room for one more; the oldest without an answer is hung up on for that."""
+        """Return True if there is room for a connection; the oldest without an answer is closed for it."""
         del request, client_address
         with self.connections.lock:
             oldest = (
@@ -160,7 +163,7 @@ class PageTcpServer(ThreadingTCPServer):
             return len(self.connections.sockets) < MAX_CONNECTIONS
 
     def service_actions(self) -> None:
-        """Hang up on those whose time is over; asked ten times a second."""
+        """Close connections after their deadline; called ten times a second."""
         now = self.clock.now()
         with self.connections.lock:
             for request in [each for each, due in self.connections.deadlines.items() if due < now]:
@@ -168,7 +171,7 @@ class PageTcpServer(ThreadingTCPServer):
                 _shut_down(request)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer on a thread, which is remembered."""
+        """Answer on a registered thread."""
         thread = Thread(
             target=self.process_request_thread, args=(request, client_address), name="page talk", daemon=True
         )
@@ -178,26 +181,26 @@ class PageTcpServer(ThreadingTCPServer):
         thread.start()
 
     def finish_request(self, request: Any, client_address: Any) -> None:
-        """Answer. What speaks HTTP is loaded for the first browser: it takes longer than all other of a screen."""
+        """Answer. The HTTP modules are imported for the first browser: they take longer than the rest of a screen."""
         from drivers.screen.request_handler import PageRequestHandler  # noqa: PLC0415 - most runs are looked at by none
 
         PageRequestHandler(request, client_address, self)
 
     def shutdown_request(self, request: Any) -> None:
-        """Close a talk, and forget it."""
+        """Close a connection, and unregister it."""
         super().shutdown_request(request)
         with self.connections.lock:
             self.connections.sockets.pop(request, None)
             self.connections.deadlines.pop(request, None)
 
     def handle_error(self, *args: Any) -> None:
-        """Log what is our own mistake; a browser that goes away in the middle of a talk is nobody's."""
+        """Log our own errors; a browser that disconnects during an answer is none."""
         del args
         if not isinstance(sys.exception(), OSError):
             logging.getLogger(__name__).exception("a page was not answered")
 
     def close_connections(self) -> None:
-        """End all talks: they have a moment for their last words, and are cut off then."""
+        """Close all connections, with a moment for the last news."""
         with self.connections.lock:
             talks = dict(self.connections.sockets)
         clock = SystemClock()

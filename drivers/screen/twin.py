@@ -1,4 +1,4 @@
-"""The twin of a screen: what it shows can be asked, and it has a plug."""
+"""Simulated screen with a plug."""
 
 from drivers.api import Health, Mood, StatusCallback, ignore
 from drivers.clock import Clock
@@ -7,7 +7,7 @@ from drivers.sim.plug import SimulatedPlug
 
 
 class ScreenTwin(BaseScreen):
-    """A ``drivers.api.Screen`` that nobody needs to look at. Unplugged it keeps what it is told, as the real one."""
+    """A simulated ``drivers.api.Screen``. Unplugged it still stores its state, as the real one."""
 
     def __init__(
         self,
@@ -21,15 +21,15 @@ class ScreenTwin(BaseScreen):
         self.plug = SimulatedPlug(self.name, report)
 
     def open(self) -> None:
-        """Wake up, and be there at once unless it is unplugged."""
+        """Wake up, and connect at once unless it is unplugged."""
         super().open()
         self.plug.open()
 
     def close(self) -> None:
-        """Rest, and go."""
+        """Rest, and disconnect."""
         self.rest()
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether it is there."""
+        """Return whether it is connected."""
         return self.plug.health({})

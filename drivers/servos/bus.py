@@ -1,4 +1,4 @@
-"""One Dynamixel bus: what servos of either protocol can be asked and told, one by one or many at once."""
+"""A serial servo bus of any protocol: registers read and written, one servo or many at once."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
@@ -14,17 +14,17 @@ from drivers.servos.units import Protocol, protocol_label, protocol_name
 from drivers.servos.wire import BROADCAST, REFUSAL_FAULTS, Packet, ServoFault
 
 MAX_READ_ATTEMPTS = 3
-"""How often a read is sent before it counts as unanswered."""
+"""Number of times a read is sent before it counts as unanswered."""
 
 _IDENTITY_SIZE = 6
-"""Bytes at the front of a table by which a servo of protocol 1.0 and an STS say what they are."""
+"""Bytes at the front of a table that identify a servo of protocol 1.0 or an STS."""
 
 BROADCAST_PING_SLOT = 0.003
-"""Seconds that each ID has for its answer to a ping that asks all of them."""
+"""Seconds that each ID has for its reply to a broadcast ping."""
 
 
 class ServoAddress(NamedTuple):
-    """Whom a transaction is for."""
+    """Address of a servo on a bus: its ID and its protocol."""
 
     id: int
     protocol: Protocol = 1
@@ -32,7 +32,7 @@ class ServoAddress(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ServoIdentity:
-    """What a servo says that it is: its model number, and the version of its firmware."""
+    """Identity that a servo reports: model number and firmware version."""
 
     address: ServoAddress
     number: int
@@ -41,7 +41,7 @@ class ServoIdentity:
 
 @dataclass(slots=True, eq=False)
 class _PendingRead:
-    """A read and its tries: the block that is wanted, the one that is asked for, which contains it, and since when."""
+    """A read and its attempts: the requested block, the wider block that is read instead, and the start time."""
 
     block: RegisterBlock
     requested_block: RegisterBlock
@@ -52,7 +52,7 @@ class _PendingRead:
 
 
 class ServoBus(ServoTransport):
-    """The servos of one line, asked and told by what it is about. Reads are retried, writes are sent once."""
+    """Servos of one line, addressed by register. Reads are retried; writes are sent once."""
 
     # --- one servo ----------------------------------------------------------------------------------------------------
 
@@ -61,10 +61,10 @@ class ServoBus(ServoTransport):
         return self.identify(at, tries=tries).number
 
     def identify(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> ServoIdentity:
-        """Return what a servo is. Raises NoReply if it is not there.
+        """Return the identity of a servo. Raises NoReply if it is not there.
 
-        In protocol 1.0 the answer to a ping says nothing, and is the same as the echo of one: the table is read. It
-        tells a Dynamixel from an STS, which hears the same frames: the ``address`` that is returned may have that protocol.
+        In protocol 1.0 a ping has no data, and its reply equals its echo, so the table is read instead. The table also
+        tells a Dynamixel from an STS, which uses the same frames: the returned address may have protocol "STS".
         """
         if at.protocol != 2:
             return _parse_table_head(at, self.read_block(at, 0, _IDENTITY_SIZE, tries=tries))
@@ -74,10 +74,7 @@ class ServoBus(ServoTransport):
         )
 
     def answers_ping(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> bool:
-        """Say whether anything answers a ping at ``address``, intact or damaged, at any status return level.
-
-        Raises NotConnected.
-        """
+        """True if a reply to a ping arrives, intact or damaged, at any status return level. Raises NotConnected."""
         request, size = self._codec_for(at).ping(at.id), 3 if at.protocol == 2 else 0
         damaged = self.statistics(at.id).corrupt
         return any(
@@ -96,7 +93,7 @@ class ServoBus(ServoTransport):
         return self._transact_with_retries(at, question, lambda: self._read_once(at, question), tries)
 
     def write(self, at: ServoAddress, register: Register, value: int) -> None:
-        """Write ``value``. Sent once: without a reply (NoReply) it may have been carried out or not.
+        """Write ``value``. Sent once: on NoReply the servo may have executed the write or not.
 
         Raises BadRequest for a value that does not fit the register or that the servo refuses, and NotConnected.
         """
@@ -109,11 +106,11 @@ class ServoBus(ServoTransport):
         )
 
     def reboot(self, at: ServoAddress) -> None:
-        """Start a servo anew: it goes limp. Raises BadRequest in protocol 1.0, else as ``write``."""
+        """Reboot a servo, which switches its torque off. Raises BadRequest unless protocol 2.0, else as ``write``."""
         self._send_command(at, "reboot", self._codec_for(at).reboot(at.id))
 
     def reset(self, at: ServoAddress, keep: KeptSettings) -> None:
-        """Set a servo back to what it was delivered as, but for what it is to ``keep``. Raises as ``write``."""
+        """Reset a servo to factory settings except for ``keep``. Raises as ``write``."""
         self._send_command(at, f"factory reset that keeps {keep}", self._codec_for(at).reset(at.id, keep))
 
     # --- many servos --------------------------------------------------------------------------------------------------
@@ -121,9 +118,9 @@ class ServoBus(ServoTransport):
     def read_many(
         self, targets: Mapping[ServoAddress, RegisterBlock], *, mode: Literal["bulk", "sync"]
     ) -> dict[ServoAddress, bytes]:
-        """Read a block of each servo with one request; a sync read wants the same of all. Tried once.
+        """Read a block of each servo with one request; ``mode`` "sync" needs equal blocks. Tried once.
 
-        Returns the blocks of those that answered; the rest are missing. Raises BadRequest, NotConnected.
+        Returns the blocks of the servos that answered. Raises BadRequest and NotConnected.
         """
         if not targets:
             self._require_line()
@@ -149,7 +146,7 @@ class ServoBus(ServoTransport):
         return {at: replies[at.id].data for at in targets if at.id in replies and replies[at.id].data}
 
     def sync_write(self, protocol: Protocol, register: Register, values: Mapping[int, int]) -> None:
-        """Write ``register`` of many servos at once, which none acknowledges.
+        """Write ``register`` of many servos in one packet, without acknowledgement.
 
         Raises BadRequest for a value that does not fit the register, and NotConnected.
         """
@@ -157,9 +154,9 @@ class ServoBus(ServoTransport):
         self.sync_write_block(protocol, register.address, encoded)
 
     def sync_write_block(self, protocol: Protocol, address: int, blocks: Mapping[int, bytes]) -> None:
-        """Write a block of the same size from ``address`` to many servos, in as few packets as hold it.
+        """Write blocks of equal size from ``address`` to many servos, in as few packets as possible.
 
-        Raises BadRequest for blocks of several sizes or that are too long, NotConnected.
+        Raises BadRequest for blocks that differ in size or are too long, and NotConnected.
         """
         self._require_line()
         if not blocks:
@@ -176,9 +173,9 @@ class ServoBus(ServoTransport):
                 self._transact(codec, codec.sync_write(address, size, some), {})
 
     def find_servos(self, *, protocol: Protocol, ids: Iterable[int]) -> Iterator[ServoIdentity]:
-        """Look for the servos ``ids`` at this rate: in protocol 2.0 by one ping for all, else one after the other.
+        """Yield the servos among ``ids`` at the current rate: protocol 2.0 by one broadcast ping, others one by one.
 
-        Each is tried once. Raises NotConnected.
+        Each ID is tried once. Raises NotConnected.
         """
         sought = [ServoAddress(servo, protocol) for servo in ids if servo <= self._codecs[protocol].last_id]
         if protocol == 2:
@@ -201,7 +198,10 @@ class ServoBus(ServoTransport):
     def _transact_with_retries(
         self, at: ServoAddress, operation: object, attempt: Callable[[], ServoReply | None], tries: int
     ) -> bytes:
-        """Make an attempt until it is answered, ``tries`` times at most; return the data of the answer."""
+        """Call ``attempt`` up to ``tries`` times; return the data of its reply.
+
+        Raises BadRequest for a refusal, NoReply, NotConnected.
+        """
         tally = self.statistics(at.id)
         damaged = tally.corrupt
         for _ in range(tries):
@@ -217,7 +217,7 @@ class ServoBus(ServoTransport):
         raise self._no_reply_error(at, operation, tries, tally.corrupt - damaged)
 
     def _read_once(self, at: ServoAddress, pending: _PendingRead) -> ServoReply | None:
-        """Read a block once."""
+        """Send one read request; widen the block if a late reply could be mistaken for this one."""
         codec, block = self._codec_for(at), pending.block
         with self._lock:
             wide = pending.requested_block = self._late_replies.widen(
@@ -231,12 +231,12 @@ class ServoBus(ServoTransport):
         return reply._replace(data=reply.data[start : start + block.size])
 
     def _send_once(self, at: ServoAddress, request: Packet, size: int) -> ServoReply | None:
-        """Send anything else once."""
+        """Send any other request once."""
         wanted = ExpectedReply(request, size, self._clock.now())
         return self._transact(self._codec_for(at), request, {at.id: wanted}).get(at.id)
 
     def _send_command(self, at: ServoAddress, operation: str, request: Packet) -> None:
-        """Send what must not be repeated blindly, for it may have been carried out although no reply came."""
+        """Send a command once. It must not be repeated: the servo may have executed it although no reply came."""
         self._transact_with_retries(at, operation, lambda: self._send_once(at, request, 0), 1)
 
     def _encode(self, servo: int, register: Register, value: int) -> bytes:
@@ -250,7 +250,7 @@ class ServoBus(ServoTransport):
         return self._checked_codec(at.protocol, (at.id,))
 
     def _checked_codec(self, protocol: Protocol, servos: Iterable[int]) -> Codec:
-        """Return the protocol, if servos can have such IDs in it."""
+        """Return the codec of ``protocol``. Raises BadRequest for IDs out of its range."""
         codec = self._codecs[protocol]
         for servo in servos:
             if not 0 <= servo <= codec.last_id:
@@ -278,7 +278,10 @@ def _parse_identity(at: ServoAddress, data: bytes) -> ServoIdentity:
 
 
 def _parse_table_head(at: ServoAddress, data: bytes) -> ServoIdentity:
-    """Return whose table begins so: that of protocol 1.0 with number, firmware and ID, or of an STS the other way."""
+    """Return the identity from the first bytes of a table, whose layout differs between protocol 1.0 and STS.
+
+    The layout that has the right ID, and a known model of that protocol, wins.
+    """
     number, firmware = int.from_bytes(data[3:5], "little"), int.from_bytes(data[:2], "little")
     found = (
         (_parse_identity(ServoAddress(at.id, 1), data), data[3]),
@@ -294,7 +297,7 @@ def _parse_table_head(at: ServoAddress, data: bytes) -> ServoIdentity:
 
 
 def _refusal_hint(faults: ServoFault) -> str:
-    """Say what helps against a refusal."""
+    """Return a hint for a refused request."""
     if faults & ServoFault.ACCESS:
         return "some registers are read-only, and settings (EEPROM) can be written with the torque off alone"
     if faults & (ServoFault.ANGLE_LIMIT | ServoFault.LIMIT):

@@ -1,4 +1,4 @@
-"""Who is on the wire: all servos found at several baud rates, in both protocols, and how each of them is."""
+"""Bus scan: find all servos at several baud rates and protocols, and read their state."""
 
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -15,12 +15,11 @@ from drivers.servos.wire2 import decode_hardware_error
 
 @dataclass(frozen=True, slots=True)
 class ScannedServo:
-    """One servo, or several that share an ID.
+    """A servo found by a scan, or several that share an ID.
 
-    ``model`` is None for a ``number`` that is not one of ours; the position (radians from the servo's middle), voltage
-    (V) and temperature (degrees Celsius) are None where they could not be read. ``has_damaged_replies`` is True when its replies
-    came damaged: another servo may have the same ID. If not even its number was understood, that is None too. ``answers_ping_only``
-    is True for a servo that answers a ping, and no read.
+    ``model`` is None for an unknown ``number``; ``number`` is None if no intact reply came. Position (radians from the
+    servo's middle), voltage (V) and temperature (degrees Celsius) are None if they could not be read.
+    ``has_damaged_replies``: another servo may have the same ID. ``answers_ping_only``: the servo answers no reads.
     """
 
     address: ServoAddress
@@ -39,11 +38,11 @@ class ScannedServo:
 def scan_bus(
     bus: ServoBus, bauds: Sequence[int], protocols: Sequence[Protocol] = (1, "STS", 2), ids: Iterable[int] = range(254)
 ) -> Generator[ScannedServo, None, None]:
-    """Look for servos on an open bus, and yield them as they are found: by rate, protocol and ID.
+    """Scan an open bus; yield servos as they are found, ordered by baud rate, protocol and ID.
 
-    In protocol 2.0 all are called at once before each is asked by itself; one question finds a servo of protocol 1.0 or
-    an STS. Nothing is written to them, and the bus has
-    its own rate again in the end, whatever happens; who stops half-way closes the generator. Raises NotConnected.
+    Protocol 2.0 is found by a broadcast ping first; one request finds a servo of protocol 1.0 or an STS. Nothing is
+    written to the servos. The baud rate of the bus is restored at the end, also if the generator is closed early.
+    Raises NotConnected.
     """
     before, ids = bus.baud, tuple(ids)
     try:
@@ -60,11 +59,14 @@ def scan_bus(
 
 
 MAX_PING_IDS = 32
-"""IDs of which each is pinged too that answers no read: of more, only the lowest ones where a servo was found."""
+"""Largest scan in which every ID without a reply to a read is also pinged.
+
+In larger scans that have found a servo, only the IDs below this number are pinged.
+"""
 
 
 def _scan_ids(bus: ServoBus, protocol: Protocol, ids: Sequence[int]) -> Iterator[ScannedServo]:
-    """Look for servos at the present rate."""
+    """Scan ``ids`` at the current rate."""
     called = {known.address.id: known for known in bus.find_servos(protocol=2, ids=ids)} if protocol == 2 else {}
     silent = []
     for number in ids:
@@ -87,7 +89,7 @@ def _scan_ids(bus: ServoBus, protocol: Protocol, ids: Sequence[int]) -> Iterator
 
 
 def _find_ping_only(bus: ServoBus, silent: Iterable[ServoAddress]) -> Iterator[ScannedServo]:
-    """Yield the servos that answer a ping, and no read; and those that were late."""
+    """Yield the servos that answer a ping but no read, and those that answered late."""
     for at in silent:
         damaged = bus.statistics(at.id).corrupt
         if not bus.answers_ping(at, tries=1):
@@ -100,7 +102,7 @@ def _find_ping_only(bus: ServoBus, silent: Iterable[ServoAddress]) -> Iterator[S
 
 
 def _identify(bus: ServoBus, at: ServoAddress) -> ServoIdentity | None:
-    """Ask one servo who it is, and again if anything was heard; None if it does not say."""
+    """Return the identity of one servo, retried if bytes were received; None if there is none."""
     before = bus.statistics(at.id).corrupt, bus.noise_bytes()
     with suppress(NoReply, BadRequest):
         return bus.identify(at, tries=1)
@@ -111,7 +113,7 @@ def _identify(bus: ServoBus, at: ServoAddress) -> ServoIdentity | None:
 
 
 def _describe(bus: ServoBus, identity: ServoIdentity, damaged: int) -> ScannedServo:
-    """Read how a servo is. ``damaged`` is how many of its replies had been before it was looked for."""
+    """Return the state of a servo. ``damaged`` is its count of damaged replies before the scan."""
     at, model = identity.address, find_model(identity.number)
     found = ScannedServo(
         at, bus.baud, model, identity.number, identity.firmware, faults=bus.faults(at.id) & LASTING_FAULTS
@@ -126,7 +128,7 @@ def _describe(bus: ServoBus, identity: ServoIdentity, damaged: int) -> ScannedSe
 
 
 def _measure(bus: ServoBus, found: ScannedServo, model: ServoModel) -> ScannedServo:
-    """Read what a servo of a known model feels. Raises NoReply, NotConnected, BadRequest."""
+    """Read position, voltage, temperature and faults of a known model. Raises NoReply, NotConnected, BadRequest."""
     place, volts, heat = (model.table[f"present_{what}"] for what in ("position", "voltage", "temperature"))
     start = place.address
     data = bus.read_block(found.address, start, heat.end - start)

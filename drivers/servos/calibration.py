@@ -1,11 +1,11 @@
-"""Calibration files as LeRobot keeps them: for each motor its ID, its offset and how far it turns, as JSON.
+"""Calibration files in LeRobot's format: ID, offset and range of each motor, as JSON.
 
 ::
 
     {"elbow_flex": {"id": 3, "drive_mode": 0, "homing_offset": -1024, "range_min": 885, "range_max": 3091}}
 
-A servo shows where it stands less ``homing_offset`` (steps, its register ``position_offset``), so that the middle of
-its joint is near step 2047; the range is in what it shows. ``drive_mode`` is 1 where the joint turns the other way.
+A servo reports its position minus ``homing_offset`` (steps, register ``position_offset``), so that the middle of its
+joint is near step 2047. The range is in reported steps. ``drive_mode`` is 1 if the joint turns the other way.
 """
 
 import json
@@ -26,12 +26,12 @@ LAST_STEP = MODELS["STS3215"].last_tick
 """The highest step of a turn."""
 
 HALF_TURN = 2047
-"""The step at which LeRobot lets a servo show the middle of its joint."""
+"""Step that LeRobot maps to the middle of a joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotorCalibration:
-    """What a calibration file says of one motor."""
+    """Calibration of one motor, in the fields of the file."""
 
     id: int
     drive_mode: int
@@ -60,11 +60,11 @@ OLD_FORMAT_MESSAGE = (
 )
 
 MAX_FILE_BYTES = 1_000_000
-"""Bytes that a calibration file may have."""
+"""Largest calibration file that is read."""
 
 
 def load_calibration(path: str) -> Mapping[str, MotorCalibration]:
-    """Read a calibration file. Raises BadRequest with all that is wrong with it, by motor and field."""
+    """Read a calibration file. Raises BadRequest that lists all errors by motor and field."""
     file = Path(path).expanduser()
     try:
         found = file.stat()
@@ -99,7 +99,7 @@ def _load_cached(path: str, *_: int) -> Mapping[str, MotorCalibration]:
 
 
 def _reject_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Return the entries of a mapping. Raises ValueError for a name that stands there twice."""
+    """Return the entries of a JSON object. Raises ValueError for duplicate keys."""
     twice = [name for name, count in Counter(name for name, _ in pairs).items() if count > 1]
     if twice:
         raise ValueError(f"it has {' and '.join(repr(name) for name in twice)} twice")
@@ -107,7 +107,7 @@ def _reject_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def _entry_errors(motor: str, entry: object) -> Iterable[str]:
-    """Yield what is wrong with what is told of one motor."""
+    """Yield the errors in the entry of one motor."""
     if not isinstance(entry, dict):
         yield f"motor '{motor}' needs {', '.join(_BOUNDS)}, not {entry!r}"
         return
@@ -126,6 +126,6 @@ def _entry_errors(motor: str, entry: object) -> Iterable[str]:
 
 
 def format_calibration(motors: Mapping[str, MotorCalibration]) -> str:
-    """Return a calibration file."""
+    """Return the text of a calibration file."""
     fields = {motor: {field: getattr(each, field) for field in _BOUNDS} for motor, each in motors.items()}
     return json.dumps(fields, indent=4) + "\n"

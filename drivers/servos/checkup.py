@@ -1,4 +1,4 @@
-"""How the servos of an arm are, at rest: who answers, as what, with how much voltage and heat. Only reads."""
+"""Check-up of an arm at rest: identity, settings, voltage, temperature and faults of each servo. Only reads."""
 
 from collections.abc import Iterator
 
@@ -12,14 +12,14 @@ from drivers.servos.make import REPLY_TIMEOUT, VIRTUAL_REPLY_TIMEOUT, joint_spec
 from drivers.servos.models import MODELS, find_model
 
 LOW_VOLTAGE_SHARE = 0.83
-"""The share of its nominal voltage below which a servo is short of power: 10 V of 12 V."""
+"""Share of the nominal voltage below which a warning is due: 10 V of 12 V."""
 
 HOT_MARGIN = 10
-"""Degrees below its limit from which on a servo is hot."""
+"""Degrees Celsius below its temperature limit from which on a servo counts as hot."""
 
 
 def checkup(keys: DynamixelKeys, site: DriverContext) -> Iterator[Finding]:
-    """Look at each servo of the robot file."""
+    """Yield the findings on each servo of the robot file."""
     patience = VIRTUAL_REPLY_TIMEOUT if site.is_virtual else REPLY_TIMEOUT
     bus = ServoBus(site.port, site.clock, baud=keys.baud, name=site.part, reply_timeout=patience, framing=keys.framing)
     try:
@@ -39,7 +39,7 @@ def checkup(keys: DynamixelKeys, site: DriverContext) -> Iterator[Finding]:
 
 
 def _check_servo(bus: ServoBus, joint: Joint) -> Iterator[Finding]:
-    """Look at one servo. Raises NoReply, NotConnected, BadRequest."""
+    """Yield the findings on one servo. Raises NoReply, NotConnected, BadRequest."""
     number, title = joint.spec.id, joint.title
     known = bus.identify(joint.address)
     model = find_model(known.number)
@@ -69,7 +69,7 @@ def _check_servo(bus: ServoBus, joint: Joint) -> Iterator[Finding]:
 
 
 def _for_robot(cure: str) -> str:
-    """Return a cure in which the robot of the check-up is to be named."""
+    """Return a hint with the check-up's own placeholder for the robot, ROBOT."""
     return cure.replace("--robot FILE", "--robot ROBOT")
 
 

@@ -1,7 +1,7 @@
-"""What a bus says and hears, in each protocol: requests by their meaning, and what a reply comes to.
+"""Encoding of requests and decoding of replies in each servo protocol.
 
-The protocols share most instructions; they differ in their frames, in the width of an address, and in how a servo
-complains. Feetech's has the frames of protocol 1.0, and reads many servos at once as 2.0 does.
+The protocols share most instructions. They differ in their frames, in the size of an address, and in the encoding of
+errors. Feetech's protocol has the frames of protocol 1.0, and sync reads like 2.0.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -22,11 +22,11 @@ _FAULTS_2 = tuple(wire2.decode_error(error) for error in range(256))
 _FAULTS_STS = tuple(wire.decode_sts_faults(error) for error in range(256))
 
 KeptSettings = Literal["nothing", "id", "id and baud"]
-"""What a factory reset leaves as it is."""
+"""Settings that survive a factory reset."""
 
 
 class ServoReply(NamedTuple):
-    """What a servo has answered: its complaints, and the data asked for."""
+    """Reply of a servo: its faults, and the requested data."""
 
     id: int
     faults: ServoFault
@@ -35,10 +35,10 @@ class ServoReply(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """One protocol. ``frame`` makes bytes of servo, instruction and parameters, ``parser`` makes packets of bytes.
+    """One protocol. ``frame`` encodes servo, instruction and parameters; ``parser`` creates a packet parser.
 
-    ``overhead`` is the bytes of a reply beside its data, ``address_size`` those of an address, ``max_parameters`` what the
-    parameters of a request may come to for every servo to have room for it.
+    ``overhead`` is the size of a reply without its data, ``address_size`` that of an address, ``max_parameters`` the
+    largest size of parameters that every servo can buffer, all in bytes.
     """
 
     protocol: Protocol
@@ -50,7 +50,7 @@ class Codec:
     parser: Callable[[], PacketParser]
 
     def reply(self, packet: Packet) -> ServoReply | None:
-        """Return what an intact packet says; None when it is no reply."""
+        """Decode an intact packet; return None if it is no reply."""
         if self.protocol == 1:
             return ServoReply(packet.id, _FAULTS_1[packet.code], packet.parameters)
         if self.protocol == "STS":
@@ -60,36 +60,39 @@ class Codec:
         return ServoReply(packet.id, _FAULTS_2[packet.parameters[0]], packet.parameters[1:])
 
     def ping(self, servo: int) -> Packet:
-        """Ask whether ``servo`` is there; BROADCAST asks all, in protocol 2.0."""
+        """Return a ping request to ``servo``; in protocol 2.0 BROADCAST pings all."""
         return Packet(servo, Protocol2Instruction.PING)
 
     def read(self, servo: int, block: RegisterBlock) -> Packet:
-        """Ask for a block of the table."""
+        """Return a request to read a block of the control table."""
         return Packet(servo, Protocol2Instruction.READ, self._encode_block(block))
 
     def write(self, servo: int, address: int, data: bytes) -> Packet:
-        """Write ``data`` from ``address`` on."""
+        """Return a request to write ``data`` from ``address`` on."""
         return Packet(servo, Protocol2Instruction.WRITE, self._encode_number(address) + data)
 
     def max_sync_servos(self, size: int) -> int:
-        """Return how many servos one sync write of ``size`` bytes for each can serve."""
+        """Return the number of servos that one sync write of ``size`` bytes each can address."""
         return (self.max_parameters - 2 * self.address_size) // (size + 1)
 
     def sync_write(self, address: int, size: int, blocks: Mapping[int, bytes]) -> Packet:
-        """Write blocks of ``size`` bytes to many servos, of which none answers."""
+        """Return a request to write blocks of ``size`` bytes to many servos, without acknowledgement."""
         data = b"".join(bytes((servo,)) + block for servo, block in blocks.items())
         return Packet(
             BROADCAST, Protocol2Instruction.SYNC_WRITE, self._encode_block(RegisterBlock(address, size)) + data
         )
 
     def sync_read(self, servos: Collection[int], block: RegisterBlock) -> Packet:
-        """Ask many servos for the same block. Raises BadRequest in protocol 1.0."""
+        """Return a request to read the same block of many servos. Raises BadRequest in protocol 1.0."""
         if self.protocol == 1:
             raise self._unsupported_error("sync read", "read them one by one")
         return Packet(BROADCAST, Protocol2Instruction.SYNC_READ, self._encode_block(block) + bytes(servos))
 
     def bulk_read(self, blocks: Mapping[int, RegisterBlock]) -> Packet:
-        """Ask many servos for a block each. In protocol 1.0 only the MX know it, and no STS does. Raises BadRequest."""
+        """Return a request to read a block of each servo.
+
+        Raises BadRequest for STS; in protocol 1.0 only MX support it.
+        """
         if self.protocol == "STS":
             raise self._unsupported_error("bulk read", "read the same of all, by a sync read")
         if self.protocol == 1:
@@ -99,13 +102,13 @@ class Codec:
         return Packet(BROADCAST, Protocol2Instruction.BULK_READ, b"".join(rows))
 
     def reboot(self, servo: int) -> Packet:
-        """Start the servo anew. Raises BadRequest but in protocol 2.0."""
+        """Return a request to reboot a servo. Raises BadRequest unless protocol 2.0."""
         if self.protocol != 2:
             raise self._unsupported_error("reboot", "write its torque limit and switch its torque on, or cut its power")
         return Packet(servo, Protocol2Instruction.REBOOT)
 
     def reset(self, servo: int, keep: KeptSettings) -> Packet:
-        """Set the servo back to what it was delivered as. Raises BadRequest for what protocol 1.0 cannot keep."""
+        """Return a factory reset request. Raises BadRequest if the protocol cannot keep ``keep``."""
         if self.protocol == 1 and keep == "nothing":
             return Packet(servo, Protocol2Instruction.FACTORY_RESET)
         if self.protocol != 2:
@@ -136,11 +139,11 @@ CODECS: Mapping[Protocol, Codec] = MappingProxyType(
         "STS": Codec("STS", wire.LAST_ID, 6, 1, wire.MAX_PACKET_BYTES - 6, wire.request, wire.PacketParser),
     }
 )
-"""The protocols."""
+"""Codecs with our own packet code, by protocol."""
 
 
 def codecs_for(framing: Framing) -> Mapping[Protocol, Codec]:
-    """Return the protocols, framed by our code or by the vendor's."""
+    """Return the codecs with our packet code ("own") or with that of ROBOTIS ("sdk")."""
     if framing == "own":
         return CODECS
     from drivers.servos.sdk import SDK_CODECS  # noqa: PLC0415 - few ask for it
@@ -155,21 +158,23 @@ def codecs_for(framing: Framing) -> Mapping[Protocol, Codec]:
 # widened to another size, a write, whose reply has no data, has to wait.
 
 MAX_REPLY_LATENESS = 0.05
-"""Seconds by which a reply can be late, and be overtaken by another. No adapter holds bytes back for longer."""
+"""Seconds by which a reply can be late and be overtaken by another. No adapter holds bytes back for longer."""
 
 MAX_SIZE_ERROR = 2
-"""Bytes by which a reply can look longer than it is: where its length is wrong by so much, in protocol 1.0, the header
-of the next packet makes its checksum right."""
+"""Bytes by which a reply can look longer than it is.
+
+In protocol 1.0, if its length is wrong by so much, the header of the next packet makes its checksum right.
+"""
 
 LATE_REPLY_TIMEOUT = 1.0
-"""Seconds after which a reply will not come any more, from a servo that has not answered anything else either."""
+"""Seconds after which a reply no longer arrives, from a servo that has not answered any other request either."""
 
 
 class ExpectedReply(NamedTuple):
-    """What a servo is asked for: a reply with ``size`` bytes of data.
+    """Reply that a servo owes: ``size`` bytes of data.
 
-    Replies to equal questions are as good as each other: those to the tries of one read, which ``requested_at`` at one time,
-    and those to equal writes.
+    Replies to equal requests are interchangeable: those to the attempts of one read, which share ``requested_at``, and
+    those to equal writes.
     """
 
     request: object
@@ -183,18 +188,18 @@ class _LateReply(NamedTuple):
 
 
 class LateReplies:
-    """What the servos of a bus owe, by ID. Times are those of the bus's clock."""
+    """Replies that did not arrive in time, by servo ID. Times are those of the bus clock."""
 
     def __init__(self) -> None:
         self._late: dict[int, list[_LateReply]] = {}
 
     def add(self, servo: int, expected: ExpectedReply, now: float) -> None:
-        """Remember that ``servo`` has not answered."""
+        """Record that ``servo`` has not answered."""
         kept = [owed for owed in self._late.get(servo, ()) if now - owed.since < LATE_REPLY_TIMEOUT]
         self._late[servo] = [*kept, _LateReply(expected, now)]
 
     def pop(self, servo: int, size: int) -> bool:
-        """Strike off a reply that has come after all; return whether one of that size was owed."""
+        """Remove a late reply of this size that has arrived; return False if none was recorded."""
         for owed in self._late.get(servo, ()):
             if owed.expected.size == size:
                 self._late[servo].remove(owed)
@@ -202,12 +207,12 @@ class LateReplies:
         return False
 
     def on_reply(self, servo: int, expected: ExpectedReply) -> None:
-        """Strike off what will not come any more, for the servo has answered what it was asked long after that."""
+        """Remove late replies to older requests, which cannot arrive any more after a reply to ``expected``."""
         if owed := self._late.get(servo):
             self._late[servo] = [o for o in owed if o.since > expected.requested_at - MAX_REPLY_LATENESS]
 
     def blocked_until(self, servo: int, expected: ExpectedReply, seconds: float = MAX_REPLY_LATENESS) -> float:
-        """Return when the last reply that could be mistaken for the one ``expected`` is ``seconds`` overdue."""
+        """Return the time at which no late reply can be mistaken for ``expected``, ``seconds`` after each was recorded."""
         if not self._late.get(servo):
             return 0.0
         return max(
@@ -221,29 +226,28 @@ class LateReplies:
         )
 
     def is_clear(self, servo: int, expected: ExpectedReply, now: float) -> bool:
-        """Return whether nothing that is owed could be mistaken for the reply that is ``expected``."""
+        """True if no late reply could be mistaken for ``expected``."""
         return now >= self.blocked_until(servo, expected, LATE_REPLY_TIMEOUT)
 
     def widen(self, servo: int, block: RegisterBlock, request: object, now: float) -> RegisterBlock:
-        """Return the smallest block that contains ``block`` and whose reply cannot be mistaken for one that is owed."""
+        """Return the smallest block around ``block`` whose reply cannot be mistaken for a late one."""
         wide = block
         while self._late.get(servo) and not self.is_clear(servo, ExpectedReply(request, wide.size, now), now):
             wide = RegisterBlock(max(0, wide.address - 1), wide.size + 1)
         return wide
 
     def reset(self) -> None:
-        """Forget everything: nothing of what was asked can be answered any more."""
+        """Forget all late replies: the port was reopened, or its rate has changed."""
         self._late.clear()
 
 
 class Exchange:
-    """Takes packets as they arrive, and sorts them.
+    """Replies to one request, sorted as they arrive.
 
-    ``replies`` holds what has been answered or refused, by ID; ``damaged`` the servos whose reply, or whose request,
-    was damaged on its way; ``missing`` those that may still answer. ``has_damaged_packet`` is True once something came that may
-    have been a reply of theirs. ``duplicates`` holds the IDs of replies beyond the one that was requested. ``stray`` is
-    told every sound reply that nobody waits for, and says whether it was
-    owed from before; what equals one of ``sent`` is the adapter's echo of our own request.
+    ``replies`` holds data or refusals by ID; ``damaged`` the servos whose reply or request arrived damaged; ``missing``
+    the servos that may still answer. ``has_damaged_packet`` is True after a packet that may have been such a reply.
+    ``duplicates`` holds the IDs of surplus replies. ``on_stray`` is called with each unexpected intact reply and
+    returns True for a late one. A packet equal to one of ``recent_requests`` is an echo of the adapter.
     """
 
     def __init__(
@@ -263,7 +267,7 @@ class Exchange:
         self._recent_requests = recent_requests
 
     def receive(self, packet: Packet) -> None:
-        """Take one packet; a reply counts only if it is whole, from a servo that is asked, and of the right size."""
+        """Sort one packet; a reply counts only if it is intact, expected and of the right size."""
         reply = self.codec.reply(packet)
         if reply is None or (reply.faults and packet in self._recent_requests):  # as a reply, any echo has error bits
             return

@@ -1,12 +1,12 @@
-"""Dynamixel servos as drivers of arms and of heads, and their keys in a robot file.
+"""Driver declarations and robot-file keys of Dynamixel arms, and of heads that are two joints of an arm.
 
-A joint says how it moves in angles, or, as the ROS stack ``dynamixel_controllers`` does, in steps of its servo::
+A joint describes its motion in angles or, as the ROS stack ``dynamixel_controllers`` does, in servo steps::
 
     elbow: {id: 4, zero: 10 deg, limits: [-90 deg, 90 deg], reverse: true}
     knee: {id: 15, model: EX-106+, ticks: {init: 2048, min: 3000, max: 1000}}
 
-With ``ticks`` the joint is at 0 where the servo stands at ``init``, and its angle grows from ``min`` towards ``max``:
-where ``min`` is above ``max``, the servo is mounted the other way round.
+With ``ticks`` the joint is at 0 when the servo is at ``init``, and its angle grows from ``min`` towards ``max``. If
+``min`` is above ``max``, the servo is mounted the other way round.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -24,11 +24,11 @@ from drivers.servos.units import Framing
 # Two servos on one joint, which would work against each other: recognised by the names of their joints.
 
 SECOND_SERVO_WORDS = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
-"""Words that say of a joint that it is another one's second servo: `shoulder_mimic`, as in files of ROS."""
+"""Words in the name of a joint that mark it as the second servo of another joint: `shoulder_mimic`, as in ROS files."""
 
 
 def find_second_servos(joints: Collection[str]) -> Iterator[KeyDiagnostic]:
-    """Yield the joints of an arm that are the second servos of others by their names."""
+    """Yield diagnostics for joints whose names mark them as the second servo of another joint."""
     for name in joints:
         words = name.split("_")
         for token in SECOND_SERVO_WORDS & {word.lower() for word in words}:
@@ -41,21 +41,21 @@ def find_second_servos(joints: Collection[str]) -> Iterator[KeyDiagnostic]:
 
 
 ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
-"""Names of models that are the same to a program."""
+"""Model names that mean the same to the driver."""
 
 DYNAMIXEL_MODELS = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
-"""The models that it drives."""
+"""Models that the driver supports."""
 
 UNSUPPORTED_HINT = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
-"""What is said of a model that is none of those."""
+"""Hint for a model that is not supported."""
 
 DEFAULT_REACH = 2.6
-"""Radians that a joint without limits may turn either way, if its servo does."""
+"""Largest angle (rad) in either direction of a joint without limits, if its servo reaches it."""
 
 
 @keys
 class Ticks:
-    """Where a servo stands (steps) with its joint at 0 and at either end; ``min`` above ``max`` turns it round."""
+    """Servo positions (steps) of a joint at 0 and at both ends; ``min`` above ``max`` reverses the joint."""
 
     init: int = key(low=0, high=4095, help="Where the servo stands with the joint at 0.")
     min: int = key(low=0, high=4095, help="Where it stands with the joint at its lowest angle.")
@@ -64,7 +64,7 @@ class Ticks:
 
 @keys
 class JointKeys:
-    """One Dynamixel servo as a joint."""
+    """A Dynamixel servo as a joint."""
 
     id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
     written_model: str = key(
@@ -91,12 +91,12 @@ class JointKeys:
 
     @property
     def model(self) -> str:
-        """The model of the servo, as the driver calls it."""
+        """Name of the servo model, with aliases resolved."""
         return ALIASES.get(self.written_model, self.written_model)
 
     @property
     def servo_model(self) -> ServoModel:
-        """What is known of that model."""
+        """Data of the servo model."""
         return MODELS[self.model]
 
     @property
@@ -106,7 +106,7 @@ class JointKeys:
 
     @property
     def zero(self) -> float:
-        """Where the joint's 0 lies from the servo's centre, in radians."""
+        """Angle of the servo (rad from its centre) at which the joint is at 0."""
         return self.written_zero or 0.0 if self.ticks is None else self.servo_model.angle(self.ticks.init)
 
     @property
@@ -121,7 +121,7 @@ class JointKeys:
 
     @property
     def angle_limits(self) -> tuple[float, float]:
-        """The lowest and the highest angle, in radians: as written, else what the servo can reach."""
+        """Lowest and highest angle in radians, as configured or as the servo can reach."""
         ticks = self.ticks
         if ticks is not None:
             step = -self.servo_model.tick if self.reverse else self.servo_model.tick
@@ -133,13 +133,13 @@ class JointKeys:
 
     @property
     def reachable_angles(self) -> tuple[float, float]:
-        """What the servo can reach from that zero, in radians."""
+        """Angles that the servo can reach from that zero, in radians."""
         way = -1 if self.reverse else 1
         least, most = sorted((self.servo_model.angle(end) - self.zero) * way for end in (0, self.servo_model.last_tick))
         return least, most
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what the servo cannot do."""
+        """Yield settings that the servo does not support."""
         last = max_id(self.servo_model)
         if self.id > last:
             yield KeyDiagnostic(f"'id' must be at most {last}", ("id",))
@@ -170,7 +170,7 @@ class JointKeys:
 
 
 def max_id(model: ServoModel) -> int:
-    """Return the highest ID that a servo can have."""
+    """Return the highest ID of a servo model."""
     return 252 if model.protocol == 2 else 253
 
 
@@ -197,17 +197,17 @@ class DynamixelKeys(ArmKeys, SerialKeys):
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
-        """How far and fast each joint goes, by its name."""
+        """Angle and speed limits by joint."""
         return {name: JointLimits(joint.lower, joint.upper, joint.speed) for name, joint in self.servos.items()}
 
     @property
     def servos(self) -> Mapping[str, JointKeys]:
-        """The joints as they are driven."""
+        """Joints as the driver uses them, with calibration."""
         return self.joints
 
     @property
     def offsets(self) -> Mapping[str, int]:
-        """The position offset (steps) that the servos of joints must have, where that is known."""
+        """Position offsets (steps) that the servos must have, by joint, if known."""
         return {}
 
     def resolution(self, joint: str) -> float:
@@ -215,7 +215,7 @@ class DynamixelKeys(ArmKeys, SerialKeys):
         return self.joints[joint].servo_model.tick
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield IDs that stand twice, and what ArmKeys finds."""
+        """Yield duplicate IDs, second servos, and the diagnostics of ArmKeys."""
         owners: dict[int, str] = {}
         for name, joint in self.joints.items():
             owner = owners.setdefault(joint.id, name)
@@ -234,7 +234,7 @@ class DynamixelKeys(ArmKeys, SerialKeys):
 
 @keys
 class NeckJointKeys(AxisKeys):
-    """An axis of the head that is a joint of the arm; the joint says how it is mounted."""
+    """An axis of the head that is a joint of the arm; the joint describes its mounting."""
 
     joint: str = key(help="The joint of the arm.")
     limits: tuple[float, float] = key(
@@ -255,14 +255,14 @@ class NeckKeys(HeadKeys):
         return self.pan.joint, self.tilt.joint
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield two axes that are one joint."""
+        """Yield a diagnostic if both axes are the same joint."""
         if self.pan.joint == self.tilt.joint:
             about = (("pan", "joint"), ("tilt", "joint"))
             yield KeyDiagnostic(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
 
 
 def check_neck_joints(neck: NeckKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield axes of a head that are no joints of the arm, or that turn where those do not."""
+    """Yield axes of a head that are no joints of the arm, or whose range exceeds that of the joint."""
     arm = others.get("arm")
     limits = arm.limits if isinstance(arm, ArmKeys) else {}
     for axis, its in (("pan", neck.pan), ("tilt", neck.tilt)):

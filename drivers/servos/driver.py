@@ -1,8 +1,8 @@
-"""An arm of Dynamixel servos as named joints: ``drivers.api.Joints`` over one bus.
+"""Driver of an arm of servos on one bus: ``drivers.api.Joints``.
 
-A thread of the driver finds the servos, reads them as often as they need it (``attention``), finds them again
-(``watch``), and leads joints that follow others (``leading``); commands go out at once from the caller's thread.
-Nothing is ever written to a servo's EEPROM.
+The driver's thread finds the servos (``monitor``), reads them at the rate that each needs (``poll_rate``), finds lost
+ones again, and updates followers. Commands are sent at once from the caller's thread. The EEPROM of a servo is never
+written.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -41,11 +41,11 @@ from drivers.transport.loop import LoopFactory, ThreadLoop, guard_callback
 # What an arm says of itself: whether it is there, what is wrong with it, and the figures of its wire.
 
 SLOW_ADAPTER_LATENCY = 0.004
-"""Seconds for which an adapter may hold a reply back before it is worth a word."""
+"""Latency of a USB adapter, in seconds, above which health reports it."""
 
 
 def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: JointMonitor, *, runs: bool) -> Health:
-    """Say whether the arm is there: the port open, its driver's thread runs, and at least one servo answers."""
+    """Return the health of an arm: online if the port is open, the thread runs and at least one servo answers."""
     try:
         bus.require_open()
     except NotConnected as error:
@@ -64,7 +64,7 @@ def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: Joi
 def arm_counters(
     bus: ServoBus, joints: Mapping[str, Joint], pace: RoundSchedule, *, connections: int
 ) -> dict[str, int]:
-    """Return the figures of the wire and of each servo."""
+    """Return counters of the bus and of each servo."""
     counters = {"connections": connections, "rounds": pace.rounds, **bus.exchanges.counters("exchange")}
     counters |= {"achieved rate (Hz)": round(pace.achieved_rate), "utilisation (%)": round(100 * pace.utilisation)}
     tallies = {name: bus.statistics(joint.spec.id) for name, joint in joints.items()}
@@ -74,7 +74,7 @@ def arm_counters(
 
 
 def current_readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[str, Reading[JointState]]:
-    """Return the newest reading of each joint; those are stale that were taken before ``since``."""
+    """Return the newest reading of each joint, marked as stale if it was taken before ``since``."""
     newest = {name: joint.reading for name, joint in joints.items()}
     return {
         name: replace(reading, quality=Quality.STALE) if reading.good and reading.stamp < since else reading
@@ -83,27 +83,27 @@ def current_readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[st
 
 
 DEFAULT_POLL_RATE = 100.0
-"""Rounds of readings a second at most, as far as the wire can carry them."""
+"""Maximum number of read rounds per second, if the bus is fast enough."""
 
 RETRY_INTERVAL = 0.5
 """Seconds between attempts to open the port."""
 
 STALE_AFTER = 0.25
-"""Seconds after which a reading is stale; to who does not keep asking, ``RESTING`` later."""
+"""Seconds after which a reading is stale; ``RESTING_INTERVAL`` later for a client that does not keep polling."""
 
 SETPOINT_INTERVAL = 0.01
-"""Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
+"""Minimum seconds between two updates of the setpoints of moving joints."""
 
 COMMAND_PRIORITY_TIMEOUT = 0.2
-"""Seconds for which readings wait at most while somebody holds or relaxes joints, of which each is to confirm it."""
+"""Maximum seconds for which readings wait while another thread holds or relaxes joints, joint by joint."""
 
 
 class DynamixelJoints(ServoJoints):
-    """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
+    """Joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
-    ``rate`` (Hz) is how often those joints are read that lead or follow, as far as the wire allows; others as often as
-    ``drivers.servos.poll_rate`` says. Callbacks are called mostly from the driver's thread, which ``loop`` makes.
-    Raises BadRequest for joints that cannot be, all faults in one message.
+    ``rate`` (Hz) is the poll rate of joints that lead or follow, as far as the bus allows; ``drivers.servos.poll_rate``
+    sets that of others. Callbacks run mostly on the driver's thread, which ``loop`` creates. Raises BadRequest that
+    lists all invalid joints.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class DynamixelJoints(ServoJoints):
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Start the thread that looks for the servos; does nothing if it runs."""
+        """Start the thread that finds and reads the servos. Does nothing if it runs."""
         if not self._is_open:
             self._is_open = True
             self._connections = 0
@@ -170,7 +170,7 @@ class DynamixelJoints(ServoJoints):
             joint.may_have_torque = joint.is_unconfirmed = False  # from now on it is no concern of ours
 
     def rest(self) -> None:
-        """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
+        """Hold or relax, as configured; report the servos that did not confirm it. Never raises."""
         why = ""
         with self._lock:
             try:
@@ -188,12 +188,12 @@ class DynamixelJoints(ServoJoints):
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
-        """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
+        """Start moving the named joints to ``goals`` (radians), all in one packet; return the clamped goals.
 
-        Joints that followed others do so no more. Goals that had to be clamped are told, once an episode. Joints whose
-        servo is silent, shut down or not what it should be are left out, with a notice. Raises BadRequest
-        for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
-        DeviceFault while it is latched, or a joint is blocked.
+        Ends the following of these joints. Clamped goals are reported once per episode. Joints whose servo is silent,
+        shut down or not as configured are left out, with a notice. Raises BadRequest for an unknown joint or a value
+        that is not finite, NotConnected if the bus is gone or has just come back, DeviceFault while latched or if a
+        joint is blocked.
         """
         asked, speeds = self._clock.now(), speeds or {}
         check_move(self.name, goals, speeds, self._joints)
@@ -208,12 +208,11 @@ class DynamixelJoints(ServoJoints):
         return accepted
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Let joints follow others in every round from now on, until told otherwise; () ends it.
+        """Couple followers to leaders in every round, until the next call; () ends all couplings.
 
-        Joints that follow no more stand where they are. A follower that is far from where it is led is brought over
-        slowly before it goes as fast as it may. A lost bus ends nothing: when it is back, all stand where they are, and
-        the followers are brought over anew. Raises BadRequest for couplings that cannot be, and NotConnected, but not
-        in order to end them.
+        Joints that no longer follow hold their position. A distant follower approaches slowly first. After a lost
+        connection all joints hold, and the followers approach again. Raises BadRequest for invalid couplings, and
+        NotConnected, but not to end them.
         """
         asked = self._clock.now()
         check_couplings(self.name, couplings, self._joints)
@@ -225,16 +224,19 @@ class DynamixelJoints(ServoJoints):
         self._loop.wake()
 
     def poll_fast(self, joints: Collection[str], on_round: Callable[[], object] = ignore) -> None:
-        """Read ``joints`` as often as those that lead, and call ``then`` in each round. BadRequest: unknown joint."""
+        """Read ``joints`` as often as leaders, and call ``on_round`` after each round.
+
+        Raises BadRequest for an unknown joint.
+        """
         check_names(self.name, set(joints), self._joints)
         self._fast_joints, self._on_round = frozenset(joints), guard_callback(on_round)
         self._loop.wake()
 
     def recover(self) -> tuple[str, ...]:
-        """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
+        """Switch the torque of servos that have shut down on again, in place; return the names of the joints.
 
-        Those of protocol 2.0 start again for it, and are stiff about half a second later. For a person to ask for who
-        has removed the cause; so it enables the arm as well. Raises NotConnected.
+        Those of protocol 2.0 reboot, and have torque about half a second later. For a person who has removed the cause;
+        it also enables the arm. Raises NotConnected.
         """
         with self._lock:
             self._reconnect.enable()
@@ -245,20 +247,23 @@ class DynamixelJoints(ServoJoints):
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The newest state of each joint; stale after ``STALE_AFTER`` seconds without a reading.
 
-        Joints at rest are read more seldom while nobody keeps asking.
+        Joints at rest are read less often while no client keeps polling.
         """
         now = self._clock.now()
         fresh = STALE_AFTER if self._poll_schedule.note_request(now) else STALE_AFTER + RESTING_INTERVAL
         return current_readings(self._joints, since=now - fresh)
 
     def health(self) -> Health:
-        """Say whether the arm is there: the port open, and at least one servo answering."""
+        """Return the health: online if the port is open and at least one servo answers."""
         counters = arm_counters(self._bus, self._joints, self._round_schedule, connections=self._connections)
         health = arm_health(self.name, self._bus, self._joints, self._monitor, runs=self._loop.is_alive)
         return replace(health, counters=counters, reconnected_at=self._reconnect.reconnected_at)
 
     def _require_ready(self, requested_at: float) -> None:
-        """Raise NotConnected unless what is told to a servo now lasts, and was ``asked`` since the arm was back."""
+        """Raise NotConnected while servos are being found, or for a command requested before the reconnect.
+
+        Raises DeviceFault while the arm is latched.
+        """
         self._bus.require_open()
         absent = self._reconnect.is_silent(self._clock.now()) or self._reconnect.is_from_before(requested_at)
         if absent or not self._monitor.connected:
@@ -266,7 +271,7 @@ class DynamixelJoints(ServoJoints):
         self._reconnect.require_unlatched(self.name)
 
     def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
-        """Hold or relax; tell of the joints whose servo did not confirm it, and let the watch look after them."""
+        """Hold or relax joints; report those without confirmation, which the monitor retries."""
         self._no_command_pending.clear()
         try:
             with self._lock:
@@ -280,7 +285,7 @@ class DynamixelJoints(ServoJoints):
         self._loop.wake()
 
     def _hold_or_relax(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
-        """Hold or relax; return the joints whose servo did not confirm it."""
+        """Hold or relax joints; return those whose servo did not confirm it."""
         check_names(self.name, set(names), self._joints)
         with self._lock:
             self._couplings.release(names)
@@ -308,7 +313,7 @@ class DynamixelJoints(ServoJoints):
         return pause
 
     def _next_due(self) -> float:
-        """Return when there is something to be done next."""
+        """Return the time of the next reading or confirmation."""
         joints, now = self._joints.values(), self._clock.now()
         return min(
             self._poll_schedule.next_due(joints, self._couplings.coupled_joints | self._fast_joints, now),
@@ -341,7 +346,7 @@ class DynamixelJoints(ServoJoints):
             self._hold_all()
 
     def _stop_blocked_joints(self, polled: Collection[Joint]) -> None:
-        """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
+        """Hold joints that are blocked; relax joints that run away."""
         with self._lock:
             for joint in self._check_progress(polled):
                 self._couplings.release([joint.name])
@@ -349,7 +354,7 @@ class DynamixelJoints(ServoJoints):
                 hold_or_relax(self._bus, [joint], stiff=joint.torque_request, now=self._clock.now())
 
     def _hold_all(self) -> None:
-        """Let what is stiff stand where it is, and nothing follow: what was decided before goes on no more."""
+        """Hold all joints with torque at their position and end all couplings: older commands are dropped."""
         with self._lock:
             self._couplings.replace(())
             self._hold_or_relax_and_report(
@@ -357,9 +362,9 @@ class DynamixelJoints(ServoJoints):
             )
 
     def _send_setpoints(self) -> None:
-        """Send the joints farther on their way that need it: on a slow wire a round takes longer than they wait.
+        """Send the next setpoints of moving joints; on a slow bus a round takes longer than the lookahead allows.
 
-        Who holds or relaxes joints meanwhile has the wire first: a lock is not given to who has waited for longest.
+        A thread that holds or relaxes joints meanwhile gets the bus first, because a lock is not fair.
         """
         self._no_command_pending.wait(COMMAND_PRIORITY_TIMEOUT)
         now = self._clock.now()
@@ -369,7 +374,7 @@ class DynamixelJoints(ServoJoints):
                 send_setpoints(self._bus, self._joints.values(), now=now)
 
     def _report_driver_error(self, error: BaseException) -> None:
-        """Report what is wrong with the driver itself, unless it is the same as before."""
+        """Report an error of the driver itself, unless it equals the last one."""
         if (fault := f"{type(error).__name__}: {error}") != self._reported_fault:
             self._reported_fault = fault
             self._report(DeviceStatus(self.name, "fault", fault))

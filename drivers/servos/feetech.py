@@ -12,12 +12,12 @@ from drivers.servos.declared import UNSUPPORTED_HINT, DynamixelKeys, JointKeys
 from drivers.servos.models import MODELS
 
 STS_MODELS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
-"""The models that it drives."""
+"""Models that the driver supports."""
 
 
 @keys
 class FeetechJointKeys(JointKeys):
-    """One Feetech servo as a joint."""
+    """A Feetech servo as a joint."""
 
     written_model: str = key(
         default="STS3215", among=STS_MODELS, word="model", hint=UNSUPPORTED_HINT, help="The model of the servo."
@@ -27,7 +27,7 @@ class FeetechJointKeys(JointKeys):
     )
 
     def with_calibration(self, calibration: MotorCalibration) -> "FeetechJointKeys":
-        """Return the joint with what a calibration file says of it, where the robot file says nothing."""
+        """Return the joint completed by a calibration; keys of the robot file override it."""
         if self.ticks is not None:
             return self
         model, turned = (
@@ -54,12 +54,12 @@ class FeetechKeys(DynamixelKeys):
 
     @property
     def calibrations(self) -> Mapping[str, MotorCalibration]:
-        """What the calibration file says of the joints; nothing without one. Raises BadRequest for a wrong one."""
+        """Calibrations by motor; empty without a calibration file. Raises BadRequest for an invalid one."""
         return load_calibration(self.calibration) if self.calibration else {}
 
     @property
     def servos(self) -> Mapping[str, FeetechJointKeys]:
-        """The joints as they are driven."""
+        """Joints as the driver uses them, with calibration."""
         found = self.calibrations
         return {
             name: each.with_calibration(found[name]) if name in found else each for name, each in self.joints.items()
@@ -67,11 +67,11 @@ class FeetechKeys(DynamixelKeys):
 
     @property
     def offsets(self) -> Mapping[str, int]:
-        """The position offset that the servos of joints must have, as far as a calibration file says so."""
+        """Position offsets (steps) that the servos must have, by joint, from the calibration file."""
         return {name: each.homing_offset for name, each in self.calibrations.items() if name in self.joints}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what is wrong with the calibration file; else what DynamixelKeys finds, and joints beyond it."""
+        """Yield diagnostics of the calibration file, those of DynamixelKeys, and joints beyond their calibrated range."""
         at = ("calibration",)
         try:
             found = self.calibrations

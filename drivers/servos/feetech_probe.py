@@ -1,4 +1,4 @@
-"""Feetech's STS are recognised as Dynamixels are: by a ping, and by what their own table says."""
+"""Probe for Feetech STS servos, as for Dynamixels: a ping, then the identity in the control table."""
 
 from collections.abc import Generator
 
@@ -10,5 +10,5 @@ OTHER_BAUD_RATES = (500_000, 115_200, 250_000, 128_000, 76_800, 57_600, 38_400)
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Ask for STS servos, at the rate at which they are delivered, else at all others."""
+    """Probe for STS servos, at the factory baud rate first, else at the other rates."""
     return (yield from probe_servos(("STS",), FACTORY_BAUD_RATES, OTHER_BAUD_RATES))

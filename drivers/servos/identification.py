@@ -1,14 +1,14 @@
-"""Proof that exactly one servo answers at an ID, before anything is written there. Only reads.
+"""Proof that exactly one servo answers at an ID, before a register is written. Only reads.
 
-No protocol tells two servos with one ID apart, so the proof looks for every trace that a second one leaves:
+No protocol tells two servos with one ID apart, so the proof looks for traces of a second one:
 
-- a second reply after the one that was requested;
+- a second reply after the requested one;
 - replies that damage each other on the wire;
-- a register that holds two values in turn: a setting, the position (faster than any motor turns), the temperature, or
-  the servo's own clock.
+- a register that alternates between two values: a setting, the position (faster than any motor turns), the
+  temperature, or the servo's own clock.
 
-Two servos whose tables are equal, and whose replies leave at the same moment, leave none of these. Whoever changes an
-ID has to be asked whether the others are unplugged.
+Two servos with equal tables, whose replies start at the same moment, leave none of these. Before it changes an ID, a
+command must therefore let the user confirm that the other servos are unplugged.
 """
 
 from collections.abc import Iterator
@@ -22,43 +22,43 @@ from drivers.servos.models import ServoModel, find_model
 from drivers.servos.transport import SECOND_REPLY_DELAY
 
 FULL_READS = 10
-"""Reads of the whole table: of two servos that reply by turns, one alone is seen in 1 of 512 proofs."""
+"""Reads of the whole table: of two servos that reply alternately, only one is seen in 1 of 512 proofs."""
 
 LISTENED_READS = 3
-"""Reads after which a second reply is waited for."""
+"""Reads after which a second reply is awaited."""
 
 MIN_DUPLICATE_REPLIES = 2
-"""Surplus replies that prove a second servo: a single one may be a reply that was late."""
+"""Surplus replies that prove a second servo; a single one may be a late reply."""
 
 MIN_DAMAGED_REPLIES, MIN_DAMAGED_SHARE = 3, 0.2
-"""Damaged replies, and their share of all, from which on the line is not good enough for a write."""
+"""Damaged replies, and their share of all reads, from which on the line is too bad for a write."""
 
 DRIVER_FULL_READS, DRIVER_QUICK_READS, DRIVER_MIN_DAMAGED_SHARE = 2, 8, 0.8
-"""Reads of the whole table, and of its readings alone, that a driver takes; and the share of damage that it bears."""
+"""Reads of the whole table, and of its readings only, by a driver; and the share of damage that it tolerates."""
 
 DOUBTED_QUICK_READS = 30
-"""The same of readings, for a servo that was seen to share its ID: it is looked at again every second."""
+"""Reads of the readings for a servo that has shared its ID before; it is checked again every second."""
 
 MIN_JUMPS = 2
 """Jumps of a reading that prove a second servo: there, and back."""
 
 MIN_READ_ADDRESS = 8
-"""The address from which tables are read: the bytes before it leave room for a read that is repeated, and grows."""
+"""Lowest address that is read: the bytes before it leave room to widen a repeated read."""
 
 MAX_HAND_SPEED_FACTOR = 3.0
-"""How many times faster than its motor a person turns a servo at most."""
+"""Largest speed of a servo turned by hand, in multiples of its motor's speed."""
 
 POSITION_NOISE, TEMPERATURE_NOISE, CLOCK_SLACK = 8, 1, 20.0
-"""Steps, degrees and milliseconds by which two readings of one servo differ at rest."""
+"""Steps, degrees and milliseconds by which two readings of one servo at rest may differ."""
 
 
 def require_unique_id(
     bus: ServoBus, at: ServoAddress, number: int | None = None, *, full_reads: int = FULL_READS
 ) -> ServoIdentity:
-    """Return what the one servo at ``at`` is, once it is certain that it is the only one, and of a known model.
+    """Return the identity of the servo at ``at`` once it is certain that it is the only one, and of a known model.
 
-    ``number`` is the model number that it must have. Raises DeviceFault, with the evidence, for a second servo, a line
-    that damages replies, another or an unknown model; NoReply, NotConnected, BadRequest.
+    ``number`` is the required model number. Raises DeviceFault, with the evidence, for a second servo, a line that
+    damages replies, another or an unknown model; NoReply, NotConnected, BadRequest.
     """
     proof = _UniqueIdTest(bus, at)
     identity = proof.identify()
@@ -88,10 +88,10 @@ def require_unique_id(
 def duplicate_id_evidence(
     bus: ServoBus, at: ServoAddress, model: ServoModel, *, quick_reads: int = DRIVER_QUICK_READS
 ) -> str:
-    """Return what shows that a servo of ``model`` shares its ID with another; empty for one that seems to be alone.
+    """Return the evidence that a servo of ``model`` shares its ID with another; empty if it seems unique.
 
-    Reads the whole table ``DRIVER_FULL_READS`` times, and its readings ``glances`` times. Bears more damage than
-    ``require_unique_id``: for drivers, which write no EEPROM. Raises NotConnected.
+    Reads the whole table ``DRIVER_FULL_READS`` times, and its readings ``quick_reads`` times. Tolerates more damage
+    than ``require_unique_id``: for drivers, which write no EEPROM. Raises NotConnected.
     """
     proof = _UniqueIdTest(bus, at)
     proof.read_table(model, DRIVER_FULL_READS, extra_time=0.0)
@@ -102,7 +102,7 @@ def duplicate_id_evidence(
 
 
 def duplicate_ping_evidence(bus: ServoBus, at: ServoAddress) -> str:
-    """Return what shows, by pings alone, that servos share an ID; empty otherwise. Raises NotConnected."""
+    """Return the evidence, from pings alone, that servos share an ID; empty otherwise. Raises NotConnected."""
     proof = _UniqueIdTest(bus, at)
     for _ in range(FULL_READS):
         bus.answers_ping(at, tries=1)
@@ -114,13 +114,13 @@ UNPLUG_HINT = (
     "unplug all servos with ID {0} but one, and give it another ID: mission servo set {0} id NEW; then plug in the "
     "next; if it was alone, try another cable"
 )
-"""What helps against two servos with one ID."""
+"""Hint against two servos with one ID."""
 
 SCAN_HINT = "mission servo scan  (with the same --robot FILE or --port PORT) shows what answers"
 
 
 def ping_only_error(at: ServoAddress, options: str = " --port PORT") -> DeviceFault:
-    """Return the error for a servo that answers a ping and nothing else; ``options`` name its bus in a command."""
+    """Return the error for a servo that answers only pings; ``options`` select its bus in a command."""
     return DeviceFault(
         f"servo {at.id} answers a ping, and no read: its status return level is 0",
         hint=f"mission servo set {at.id} status_return_level 2{options}",
@@ -129,7 +129,7 @@ def ping_only_error(at: ServoAddress, options: str = " --port PORT") -> DeviceFa
 
 @dataclass(slots=True)
 class _ReadComparison:
-    """The replies of one servo, compared with each other."""
+    """Replies of one servo, compared with each other."""
 
     model: ServoModel
     first: tuple[int, bytes] | None = None  # its address, and the bytes
@@ -142,7 +142,7 @@ class _ReadComparison:
     latest: float = inf
 
     def add(self, start: int, data: bytes, sent: float, now: float) -> None:
-        """Compare one copy of the table from ``start`` on with those before.
+        """Compare a copy of the table from ``start`` on with earlier ones.
 
         It was requested at ``sent`` and complete at ``now`` (s).
         """
@@ -156,7 +156,7 @@ class _ReadComparison:
         self._narrow_clock_offset(start, data, sent, now)
 
     def _count_jumps(self, start: int, data: bytes, now: float) -> None:
-        """Count the changes of position and temperature that no servo makes."""
+        """Count changes of position and temperature that are impossible for one servo."""
         table = self.model.table
         place, heat = (table[name].decode(data, start) for name in ("present_position", "present_temperature"))
         if self.last is not None:
@@ -169,7 +169,7 @@ class _ReadComparison:
         self.last = now, place, heat
 
     def _narrow_clock_offset(self, start: int, data: bytes, sent: float, now: float) -> None:
-        """Narrow down when the servo's clock was 0, in milliseconds; it begins anew after 32 768."""
+        """Narrow down when the servo's clock was 0, in milliseconds; it wraps after 32 768."""
         clock = self.model.table.registers.get("realtime_tick")
         if clock is None or clock.address < start:
             return
@@ -182,7 +182,7 @@ class _ReadComparison:
         self.earliest, self.latest = max(self.earliest, early), min(self.latest, late)
 
     def evidence(self) -> Iterator[str]:
-        """Yield which registers hold what no single servo holds."""
+        """Yield the registers whose values cannot come from a single servo."""
         for name, (before, after) in self.conflicts.items():
             yield f"{name} reads {before} and {after}"
         if self.position_jumps >= MIN_JUMPS:
@@ -194,7 +194,7 @@ class _ReadComparison:
 
 
 class _UniqueIdTest:
-    """The traces of a second servo at ``at``, gathered over several looks."""
+    """Traces of a second servo at ``at``, collected over several reads."""
 
     def __init__(self, bus: ServoBus, at: ServoAddress) -> None:
         self._bus = bus
@@ -206,7 +206,7 @@ class _UniqueIdTest:
         self._readings: _ReadComparison | None = None
 
     def identify(self) -> ServoIdentity:
-        """Return what the servo says that it is. Raises as ``require_unique_id``."""
+        """Return the identity that the servo reports. Raises as ``require_unique_id``."""
         noise = self._bus.noise_bytes()
         try:
             return self._bus.identify(self._at)
@@ -224,9 +224,9 @@ class _UniqueIdTest:
         start: int = MIN_READ_ADDRESS + 2,
         extra_time: float = SECOND_REPLY_DELAY,
     ) -> None:
-        """Read the table from ``start`` on so many times; each time from elsewhere, so that the checksums differ.
+        """Read the table ``count`` times, each time from another address near ``start``, so that the checksums differ.
 
-        ``extra`` is how much later (s) than one servo may reply a second one is listened for.
+        ``extra_time`` (s) is how much later than one servo a second one may reply.
         """
         bus, at = self._bus, self._at
         self._readings = self._readings or _ReadComparison(model)
@@ -260,13 +260,13 @@ class _UniqueIdTest:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether something was odd, of which more looks tell what it was."""
+        """True if something was unusual and more reads are needed."""
         readings = self._readings
         odd = readings is not None and (readings.position_jumps or readings.temperature_jumps)
         return bool(self._duplicate_count or self._damaged_count or self._missed_count or odd)
 
     def evidence(self, damaged_share: float = MIN_DAMAGED_SHARE) -> list[str]:
-        """Return the traces of a second servo, or of a line that is as bad."""
+        """Return the traces of a second servo, or of an equally bad line."""
         found = [] if self._readings is None else list(self._readings.evidence())
         if self._refused_count >= MIN_JUMPS and self._refused_count < self._read_count:
             found.append(f"refuses {self._refused_count} of {self._read_count} equal reads")
@@ -277,7 +277,7 @@ class _UniqueIdTest:
         return found
 
     def raise_if_duplicate(self) -> None:
-        """Raise DeviceFault for the traces of a second servo; NoReply for one that hardly answers."""
+        """Raise DeviceFault for traces of a second servo, NoReply for a servo that hardly answers."""
         bus, at = self._bus, self._at
         if evidence := self.evidence():
             raise DeviceFault(

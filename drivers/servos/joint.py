@@ -1,7 +1,7 @@
-"""A joint of a robot and the servo behind it: where it sits, how it may move, and what is known of it.
+"""A joint of a robot and its servo: configuration, conversion of angles, and current state.
 
-Two scales of angle meet here and nowhere else. The *servo's* has its zero at the middle of the servo's range, positive
-anticlockwise seen facing the horn. The *joint's* is the robot's: ``servo = zero + direction * joint``.
+Two angles are converted only here. The *servo angle* is 0 at the middle of the servo's range, and positive
+anticlockwise seen facing the horn. The *joint angle* is the robot's: ``servo = zero + direction * joint``.
 """
 
 from dataclasses import field
@@ -18,20 +18,20 @@ from drivers.servos.register import Register, RegisterBlock
 from drivers.servos.wire import LASTING_FAULTS, ServoFault
 
 DISPLACEMENT_TOLERANCE = radians(5)
-"""A joint that is found farther than this from where it stood is elsewhere: it was turned, or is another."""
+"""Radians from its expected position beyond which a returning joint was moved, or its servo replaced."""
 
 OVERVOLTAGE_FACTOR = 1.1
-"""A servo is not driven at this many times the highest voltage that its EEPROM allows: a charged battery has less."""
+"""Multiple of the highest allowed voltage (EEPROM) at which a servo is not driven; a charged battery stays below it."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointSpec:
-    """A joint as the robot file describes it.
+    """Configuration of a joint in the robot file.
 
-    ``zero`` is the servo's angle (radians from its middle) at which the joint is at 0, ``direction`` is -1 where the
-    servo is mounted the other way round. ``lower`` and ``upper`` bound the joint (radians), ``speed`` is its highest
-    (rad/s), ``torque_limit`` the share of the stall torque that it may use, above 0 up to 1.
-    ``offset`` is the position offset (steps) that an STS must have, if that is known.
+    ``zero`` is the servo angle (radians from its middle) at which the joint is at 0; ``direction`` is -1 if the servo
+    is mounted the other way round. ``lower`` and ``upper`` are the limits (radians), ``speed`` is the maximum (rad/s),
+    ``torque_limit`` the allowed share of the stall torque, above 0 up to 1. ``offset`` is the position offset (steps)
+    that an STS must have, if known.
     """
 
     id: int
@@ -45,7 +45,7 @@ class JointSpec:
     offset: int | None = None
 
     def errors(self) -> list[str]:
-        """Return what is wrong with this description, in words."""
+        """Return the errors in this configuration, as text."""
         found = []
         model = MODELS.get(self.model)
         highest = wire2.LAST_ID if model and model.protocol == 2 else wire.LAST_ID
@@ -74,13 +74,13 @@ class JointSpec:
 
 @dataclass(slots=True, eq=False)
 class Joint:
-    """One joint with its servo, and what the driver knows of it at present.
+    """A joint with its servo, and the driver's current knowledge of it.
 
-    ``undriven_reason`` says why the servo is not driven, and is empty when it is; ``hint`` is what helps. ``torque_request`` is the
-    torque that was asked for: None as long as nobody did. ``is_shut_down`` is true after the servo has shut itself down.
-    ``table`` is a copy of the servo's control table, as far as it was read. ``may_have_torque`` is true once this driver may
-    have given the servo torque: then it has to be brought to rest. ``is_unconfirmed`` is true after it was held or relaxed
-    without confirming it.
+    ``undriven_reason`` is empty while the servo is driven; ``hint`` is its remedy. ``torque_request`` is None until
+    hold, relax or a move was requested. ``is_shut_down`` is True after the servo has shut itself down. ``table`` is a
+    copy of the control table, as far as it was read. ``may_have_torque`` is True once this driver may have switched the
+    torque on: then the joint must be brought to rest. ``is_unconfirmed`` is True after a hold or relax without
+    confirmation.
     """
 
     name: str
@@ -129,31 +129,31 @@ class Joint:
 
     @property
     def configured_limits(self) -> JointLimits:
-        """How far and fast it may go by its robot file; ``limits`` may be narrower for a while."""
+        """Limits of the robot file; ``limits`` may be narrower temporarily."""
         return JointLimits(self.spec.lower, self.spec.upper, min(self.spec.speed, self.model.top_speed))
 
     @property
     def title(self) -> str:
-        """The joint for a message: ``elbow (servo 3)``."""
+        """Name of the joint in messages: ``elbow (servo 3)``."""
         return f"{self.name} (servo {self.spec.id})"
 
     @property
     def is_driven(self) -> bool:
-        """True while the servo answers and is what it should be."""
+        """True while the servo answers and matches its configuration."""
         return not self.undriven_reason
 
     # --- the servo's control table ------------------------------------------------------------------------------------
 
     def store(self, block: RegisterBlock, data: bytes) -> None:
-        """Copy what was read."""
+        """Store a block that was read into ``table``."""
         self.table[block.address : block.address + block.size] = data
 
     def value(self, register: str) -> int:
-        """Return what a register held when it was read last."""
+        """Return the value of a register at the last read."""
         return self.model.table[register].decode(self.table)
 
     def state(self) -> JointState:
-        """Return what the servo felt when it was read last, as the joint feels it."""
+        """Return the state of the joint from the last read registers."""
         position, speed, effort, voltage, temperature, moving = [
             each.decode(self.table) for each in self._state_registers
         ]
@@ -172,14 +172,14 @@ class Joint:
 
     @property
     def nominal_voltage(self) -> float:
-        """The voltage that the servo is made for: of one model number there are STS for 7.4 V and for 12 V."""
+        """Nominal supply voltage: STS servos for 7.4 V and for 12 V share one model number."""
         if self.address.protocol == "STS" and self.value("highest_voltage") >= 120:
             return 12.0
         return self.model.nominal_voltage
 
     @property
     def active_faults(self) -> ServoFault:
-        """What ails the servo: protocol 1.0 and STS tell it in every reply, 2.0 in one of the slow registers."""
+        """Current faults: protocol 1.0 and STS send them in every reply, 2.0 in a slow register."""
         return (
             self.reply_faults & LASTING_FAULTS
             if self.address.protocol != 2
@@ -188,10 +188,10 @@ class Joint:
 
     @property
     def reports_shutdown(self) -> bool:
-        """Whether it had shut itself down when its slow registers were read last.
+        """True if the servo was shut down when its slow registers were read last.
 
-        In protocol 1.0 a shutdown sets the torque limit to 0, in 2.0 it switches the torque off until a reboot; an STS
-        tells in its status, and loses most of its force.
+        In protocol 1.0 a shutdown sets the torque limit to 0. In 2.0 it switches the torque off until a reboot. An STS
+        reports it in its status, and loses most of its force.
         """
         if self.address.protocol == 1:
             return self.value("torque_limit") == 0
@@ -201,7 +201,7 @@ class Joint:
 
     @property
     def has_lost_setpoint(self) -> bool:
-        """Whether a stiff servo had another goal than it was sent when its slow registers were read last."""
+        """True if a servo with torque held another goal than its setpoint when its slow registers were read last."""
         if self.setpoint is None or self.is_shut_down or not self.torque:
             return False
         return self.value(self.model.table.goal) != self.setpoint
@@ -209,14 +209,14 @@ class Joint:
     # --- angles, and what they are to the servo -----------------------------------------------------------------------
 
     def clamp(self, angle: float) -> float:
-        """Return the nearest angle of the joint within its limits."""
+        """Return ``angle`` clamped to the limits of the joint."""
         return self.limits.clamp(angle)
 
     def estimated_position(self, now: float) -> float | None:
-        """Return where the joint is by ``now``: seen last, and carried on at its speed as far as its goal.
+        """Return the position at ``now``: the last reading, extrapolated at its speed up to the goal.
 
-        A fast joint covers several degrees from one reading to the next. One that was seen to turn any other way than
-        towards its goal is taken to be where it was seen. None when it never was.
+        A fast joint covers several degrees between two readings. If it turned away from its goal, the last reading
+        counts. None without any reading.
         """
         state = self.reading.value
         if state is None or self.goal is None:
@@ -228,9 +228,9 @@ class Joint:
         return state.position + min(covered, way, key=abs)
 
     def expected_position(self, position: float) -> float | None:
-        """Return where it should stand that is ``found`` (radians) after it was away; None where that is so.
+        """Return the nearest possible position after an absence; None if ``position`` (radians) is near it.
 
-        It was seen stiff, and may have ended the leg of its way that it was sent. A limp one may be anywhere.
+        A joint with torque may have moved on to its last setpoint. Without torque it may be anywhere: None.
         """
         state = self.reading.value
         if state is None or not self.torque:
@@ -240,46 +240,46 @@ class Joint:
         return None if abs(position - place) <= DISPLACEMENT_TOLERANCE else place
 
     def ticks(self, angle: float) -> int:
-        """Return the servo's position for an angle of the joint."""
+        """Return the servo position for an angle of the joint."""
         return self.model.ticks(self.spec.zero + self.spec.direction * angle)
 
     def angle(self, ticks: int) -> float:
-        """Return the angle of the joint for a position of the servo."""
+        """Return the angle of the joint for a servo position."""
         return (self.model.angle(ticks) - self.spec.zero) * self.spec.direction
 
     @property
     def tick_limits(self) -> tuple[int, int]:
-        """The lowest and the highest position (ticks) within its limits."""
+        """Lowest and highest servo position (ticks) within the configured limits."""
         low, high = sorted((self.ticks(self.spec.lower), self.ticks(self.spec.upper)))
         return low, high
 
     def clamp_ticks(self, ticks: int) -> int:
-        """Return the position within its limits nearest to ``ticks``: a servo refuses a goal outside its own."""
+        """Return ``ticks`` clamped to the limits: a servo refuses goals outside of its own."""
         low, high = self.tick_limits
         return min(max(ticks, low), high)
 
     def goal_write(self, goal: int, speed: float) -> tuple[int, bytes]:
-        """Return the write that sends it to ``goal`` (ticks) at ``speed`` (rad/s) within its limits; see ``Model``."""
+        """Return address and bytes of the write that moves to ``goal`` (ticks) at ``speed`` (rad/s, limited)."""
         return self.model.goal_write(goal, self.speed_ticks(speed))
 
     def speed_ticks(self, speed: float) -> int:
-        """Return a speed (rad/s) within the limits as a step: at least 1, and no more than the servo takes."""
+        """Return a limited speed (rad/s) in steps: at least 1, at most the servo's own limit."""
         limited = min(max(speed, 0.0), self.limits.speed)
         return self._cap(self.model.speed_ticks(limited), "velocity_limit")
 
     @property
     def torque_ticks(self) -> int:
-        """The torque limit that it is to have, and no more than the servo takes."""
+        """The configured torque limit in steps, at most the servo's own limit."""
         return self._cap(self.model.torque_ticks(self.spec.torque_limit), self.model.table.torque_ceiling)
 
     def _cap(self, steps: int, ceiling: str) -> int:
-        """Return ``steps``, or what the register ``ceiling`` allows; it holds 0 as long as it was not read."""
+        """Return ``steps``, at most the value of register ``ceiling``, which is 0 until it was read."""
         most = self.value(ceiling) if ceiling in self.model.table else 0
         return min(steps, most) if most else steps
 
 
 def check_joints(who: str, specs: dict[str, JointSpec]) -> None:
-    """Raise BadRequest with everything that is wrong with a set of joints."""
+    """Raise BadRequest that lists all errors in a set of joints."""
     found = [f"{name}: {fault}" for name, spec in specs.items() for fault in spec.errors()]
     owners: dict[int, str] = {}
     for name, spec in specs.items():

@@ -1,4 +1,4 @@
-"""How a servo joins the robot: it is identified, then its volatile settings are restored; never its EEPROM."""
+"""Setup of a servo when it joins the robot: identify it, then restore its volatile settings; never its EEPROM."""
 
 from contextlib import suppress
 from math import ceil, degrees, floor
@@ -26,16 +26,16 @@ REQUIRED_SETTINGS = (
     ("phase", 0b1_0100, 0b100, "counts speeds or turns in another way"),
     ("angular_resolution", 0xFF, 1, "counts in other steps"),
 )
-"""Registers, which bits of them count, what these must be, and what else is the matter. No model has them all."""
+"""Register, mask of its relevant bits, their required value, and the fault otherwise. No model has all of them."""
 
 CALIBRATION_REGISTERS = ("homing_offset", "operating_mode", "drive_mode")
-"""Registers of a Dynamixel that LeRobot sets as it calibrates an arm."""
+"""Registers of a Dynamixel that LeRobot sets when it calibrates an arm."""
 
 
 def find_mismatch(bus: ServoBus, joint: Joint) -> str:
-    """Return in what the servo is not what the robot file says, all of it; empty when it may be driven.
+    """Return all differences between the servo and its robot file; empty if it may be driven.
 
-    What helps is left in the joint's ``cure``. Raises NoReply, NotConnected.
+    Sets the joint's ``hint``. Raises NoReply, NotConnected.
     """
     joint.hint = ""
     number = bus.ping(joint.address, tries=1 if joint.missed_reads else MAX_READ_ATTEMPTS)
@@ -59,10 +59,9 @@ def find_mismatch(bus: ServoBus, joint: Joint) -> str:
 
 
 def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
-    """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected.
+    """Return the fault of a servo that does not answer: it may use the other protocol. Raises NotConnected.
 
-    ``corrupt`` is how many of its replies were damaged before it was looked for. What helps is left in the joint's
-    ``cure``.
+    ``corrupt`` is its count of damaged replies before the request. Sets the joint's ``hint``.
     """
     joint.hint = ""
     if joint.reading.value is not None:
@@ -87,9 +86,9 @@ def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
 
 
 def restore_settings(bus: ServoBus, joint: Joint, *, now: float) -> None:
-    """Give the servo its torque limit and speed, and the torque that was last asked for; as found if nobody asked.
+    """Restore torque limit and speed, and the last requested torque; keep the torque as found without a request.
 
-    Its slow registers have just been read. One that has shut itself down stays so. Raises NoReply, NotConnected,
+    Its slow registers have just been read. A servo that has shut down stays so. Raises NoReply, NotConnected,
     BadRequest.
     """
     table = joint.model.table
@@ -126,7 +125,7 @@ def read_table_block(bus: ServoBus, joint: Joint, block: RegisterBlock, *, tries
 
 
 Mismatch = tuple[str, str]
-"""What keeps a servo from being driven, and what helps."""
+"""A reason for which a servo is not driven, and a hint."""
 
 
 def _set_command(joint: Joint, register: str, value: int) -> str:
@@ -135,7 +134,7 @@ def _set_command(joint: Joint, register: str, value: int) -> str:
 
 
 def _power_faults(bus: ServoBus, joint: Joint) -> list[Mismatch]:
-    """Say that the servo gets more volts than it bears. Raises NoReply, NotConnected."""
+    """Return a mismatch if the supply voltage is too high. Raises NoReply, NotConnected."""
     volts = bus.read(joint.address, joint.model.table["present_voltage"]) / 10
     highest = joint.value("highest_voltage") / 10
     if volts <= OVERVOLTAGE_FACTOR * highest:
@@ -148,7 +147,7 @@ def _power_faults(bus: ServoBus, joint: Joint) -> list[Mismatch]:
 
 
 def _range_faults(joint: Joint) -> list[Mismatch]:
-    """Say in what the limits of the servo do not suit the joint."""
+    """Return mismatches between the servo's angle limits and the joint's."""
     names, last = joint.model.table.limit_registers, joint.model.last_tick
     low, high = (joint.value(register) for register in names)
     lowest, highest = joint.tick_limits
@@ -165,7 +164,7 @@ def _range_faults(joint: Joint) -> list[Mismatch]:
 
 
 def _range_hint(joint: Joint, low: int, high: int) -> str:
-    """Return what helps where a servo goes less far than its joint: a servo that was calibrated is to stay so."""
+    """Return the hint for a servo whose range is smaller than the joint's; a calibrated servo must stay unchanged."""
     ends = sorted(degrees(joint.angle(end)) for end in (low, high))
     limits = f"write limits: [{ceil(ends[0])} deg, {floor(ends[1])} deg]"
     if joint.address.protocol != "STS":
@@ -182,11 +181,11 @@ def _range_hint(joint: Joint, low: int, high: int) -> str:
 
 
 LEROBOT_FILES = "~/.cache/huggingface/lerobot/calibration/robots/NAME/ID.json"
-"""Where LeRobot keeps its calibrations."""
+"""Path pattern of LeRobot's calibration files."""
 
 
 def _calibrated_hint(joint: Joint) -> str:
-    """Return what is said of a Dynamixel whose offset a program has set: this driver has no place for one."""
+    """Return the hint for a Dynamixel with an offset, which this driver does not support."""
     path = _lerobot_file(joint, "homing_offset")
     who = f"LeRobot has calibrated it ({path})" if path else "another program has calibrated it, LeRobot perhaps,"
     return (
@@ -196,14 +195,14 @@ def _calibrated_hint(joint: Joint) -> str:
 
 
 def _lerobot_file(joint: Joint, offset: str = "position_offset") -> str:
-    """Return LeRobot's calibration file that the settings of a servo come from; empty without one."""
+    """Return the path of LeRobot's calibration file that matches the servo's settings; empty if there is none."""
     values = (joint.value(name) for name in (offset, "min_position", "max_position"))
     found = match_calibration({joint.spec.id: CalibrationSettings(*values)})
     return found[0] if found else ""
 
 
 def _offset_hint(joint: Joint) -> str:
-    """Return what helps where a servo has another offset than its calibration file says."""
+    """Return the hint for a servo whose offset differs from its calibration file."""
     if path := _lerobot_file(joint):
         return f"LeRobot has calibrated it anew: write calibration: {path} in the robot file"
     last = joint.model.last_tick
@@ -216,7 +215,7 @@ def _offset_hint(joint: Joint) -> str:
 
 
 def _mode_faults(joint: Joint) -> list[Mismatch]:
-    """Say in which other settings the servo does not do what its joint needs."""
+    """Return mismatches in all other settings."""
     found = []
     table = joint.model.table
     for register, mask, needed, words in REQUIRED_SETTINGS:

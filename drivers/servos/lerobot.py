@@ -1,4 +1,4 @@
-"""LeRobot's calibration files on this computer, and those that the settings of a servo come from."""
+"""LeRobot's calibration files on this computer, and the search for the one that a servo was calibrated with."""
 
 import json
 import os
@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 MAX_FILES, MAX_FILE_BYTES = 500, 100_000
-"""How many calibration files are looked at, and the bytes of one."""
+"""Maximum number of calibration files that are read, and maximum size of one in bytes."""
 
 
 class CalibrationSettings(NamedTuple):
-    """What calibrating sets in the EEPROM of a servo, in steps."""
+    """Settings that a calibration writes into the EEPROM of a servo, in steps."""
 
     offset: int
     low: int
@@ -19,7 +19,7 @@ class CalibrationSettings(NamedTuple):
 
 
 def calibration_folder() -> Path:
-    """Return where LeRobot keeps its calibrations, by the environment variables that it heeds."""
+    """Return LeRobot's calibration folder, from the environment variables that it uses."""
     if own := os.environ.get("HF_LEROBOT_CALIBRATION"):
         return Path(own).expanduser()
     if home := os.environ.get("HF_LEROBOT_HOME"):
@@ -30,7 +30,7 @@ def calibration_folder() -> Path:
 
 
 def find_calibrations() -> Iterator[tuple[Path, Mapping[int, tuple[str, CalibrationSettings]]]]:
-    """Yield the calibration files that can be read, the newest first: names and settings of the motors by ID."""
+    """Yield the readable calibration files, newest first, each with name and settings of its motors by ID."""
     try:
         files = [
             path
@@ -54,7 +54,7 @@ def _settings(motor: Mapping[str, int]) -> CalibrationSettings:
 
 
 def match_calibration(servos: Mapping[int, CalibrationSettings]) -> tuple[str, Mapping[int, str]] | None:
-    """Return the file whose motors have the settings of all ``servos``, by ID, and their names; None without one."""
+    """Return the file that has the settings of all ``servos``, and the motor names by ID; None if there is none."""
     for path, motors in find_calibrations():
         if servos and all(number in motors and motors[number][1] == held for number, held in servos.items()):
             return home_relative(path), {number: motors[number][0] for number in servos}
@@ -62,12 +62,12 @@ def match_calibration(servos: Mapping[int, CalibrationSettings]) -> tuple[str, M
 
 
 def is_wheel(motor: str) -> bool:
-    """Say whether a motor is a wheel by its name, as those of the base of a LeKiwi are."""
+    """True if a motor is a wheel by its name, as those of the base of a LeKiwi are."""
     return "wheel" in motor.lower()
 
 
 def home_relative(path: Path) -> str:
-    """Return a path as a robot file may name it, short where it is in the home folder."""
+    """Return a path as robot files name it: with ``~`` if it is in the home folder."""
     try:
         return f"~/{path.relative_to(Path.home())}"
     except (ValueError, RuntimeError):

@@ -1,4 +1,4 @@
-"""From the keys of a robot file to the drivers of Dynamixel servos: an arm, or a head that is two joints of one."""
+"""Factories of Dynamixel and Feetech drivers: an arm, or a head that is two joints of an arm."""
 
 from typing import TYPE_CHECKING
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from drivers.head.joints_head import JointAxis
 
 REPLY_TIMEOUT = 0.005
-"""Seconds that a servo's reply may be late, beside its time on the wire."""
+"""Seconds that a servo's reply may be late, beyond its time on the wire."""
 
 VIRTUAL_REPLY_TIMEOUT = 0.1
-"""The same for virtual servos, which share one interpreter with perception and the renderer."""
+"""Reply timeout for virtual servos, which share one interpreter with perception and the renderer."""
 
 
 def arm(keys: DynamixelKeys, site: DriverContext) -> DynamixelJoints:
-    """Return the driver of the arm's servos."""
+    """Return the driver of an arm."""
     patience = VIRTUAL_REPLY_TIMEOUT if site.is_virtual else REPLY_TIMEOUT
     return DynamixelJoints(
         ServoBus(site.port, site.clock, baud=keys.baud, name=site.part, reply_timeout=patience, framing=keys.framing),
@@ -35,7 +35,7 @@ def arm(keys: DynamixelKeys, site: DriverContext) -> DynamixelJoints:
 
 
 def neck(keys: NeckKeys, site: DriverContext) -> Head:
-    """Return the driver of a head that is two of the arm's joints; the arm is opened and closed besides."""
+    """Return the driver of a head that is two joints of the arm; the caller opens and closes the arm."""
     from drivers.head.joints_head import NeckDriver  # noqa: PLC0415 - few heads are joints of an arm
 
     led: Joints = site.needed_parts["arm"]
@@ -52,12 +52,12 @@ def neck(keys: NeckKeys, site: DriverContext) -> Head:
 
 
 def joint_specs(keys: DynamixelKeys) -> dict[str, JointSpec]:
-    """Return the joints of the arm, by name."""
+    """Return the joint configurations of an arm, by name."""
     return {name: _joint_spec(joint, keys.offsets.get(name)) for name, joint in keys.servos.items()}
 
 
 def joint_axis(keys: NeckJointKeys) -> "JointAxis":
-    """Return one joint of a neck."""
+    """Return an axis of a head."""
     from drivers.head.joints_head import JointAxis  # noqa: PLC0415 - as above
 
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)

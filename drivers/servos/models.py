@@ -1,7 +1,7 @@
-"""Dynamixel and Feetech models as data: the control table of each, and what a tick is worth in SI units.
+"""Dynamixel and Feetech models as data: control table, and steps in SI units.
 
-A model is one row at the end of this file. Positive is anticlockwise, seen facing the horn, where the maker says so.
-Source: ROBOTIS e-Manual, Feetech's data sheets.
+A model is one row at the end of this file. Positive is anticlockwise, seen facing the horn, unless the maker defines it
+otherwise. Source: ROBOTIS e-Manual, Feetech's data sheets.
 """
 
 from collections.abc import Iterator, Mapping
@@ -32,21 +32,21 @@ from drivers.servos.tables_sts import TABLE_SCS, TABLE_STS
 from drivers.servos.units import RPM, Protocol
 
 ReadMode = Literal["single", "bulk", "sync"]
-"""How the state of several servos is read best: one by one, by one bulk read, or by one sync read."""
+"""Best way to read several servos: one by one, by one bulk read, or by one sync read."""
 
 Wiring = Literal["TTL", "RS-485", "either"]
 
 
 @dataclass(frozen=True, slots=True)
 class ServoModel:
-    """One kind of servo.
+    """A servo model.
 
-    ``tick`` is the angle of one position step and ``speed_unit`` (rad/s) of one speed step; ``centre_tick`` is the tick of
-    angle zero, ``last_tick`` the highest one. ``full_torque`` is all its torque and ``max_speed_ticks`` its highest speed, in steps of the
-    registers that limit them; ``effort_unit`` is one step of its load or current as a share of the stall torque.
-    ``free_speed`` is what the unloaded motor reaches (rad/s), ``stall_torque`` what it stops at (Nm), at nominal
-    voltage, which is ``nominal_voltage``. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
-    One that is not ``is_driven`` is recognised, and its registers are read and set; of its motor nothing is known here.
+    ``tick`` is the angle of a position step and ``speed_unit`` (rad/s) that of a speed step; ``centre_tick`` is the
+    position of angle zero, ``last_tick`` the highest one. ``full_torque`` and ``max_speed_ticks`` are the maxima in
+    steps of their registers; ``effort_unit`` is a step of load or current as a share of the stall torque.
+    ``free_speed`` (rad/s) is the no-load speed and ``stall_torque`` is in Nm, both at ``nominal_voltage``. ``defaults``
+    holds the defaults that differ from ``table``, by name. A model that is not ``is_driven`` is recognised, and its
+    registers can be read and set; its motor data are unknown.
     """
 
     name: str
@@ -70,18 +70,18 @@ class ServoModel:
 
     @property
     def top_speed(self) -> float:
-        """The highest speed that it can be told, in rad/s."""
+        """Highest speed that can be commanded, in rad/s."""
         return self.max_speed_ticks * self.speed_unit
 
     @property
     def robot_file_hint(self) -> str:
-        """What to do where a robot file says another model than this one, which has answered."""
+        """Hint for a robot file that names another model than this one, which has answered."""
         return (
             f"write model: {self.name}" if self.is_driven else f"take another servo: an {self.name} is not driven here"
         )
 
     def default(self, register: Register) -> int:
-        """Return what ``register`` holds as delivered."""
+        """Return the factory default of ``register``."""
         return self.defaults.get(register.name, register.default)
 
     def angle(self, ticks: float) -> float:
@@ -93,15 +93,15 @@ class ServoModel:
         return min(max(round(angle / self.tick) + self.centre_tick, 0), self.last_tick)
 
     def speed(self, raw: int) -> float:
-        """Return a present speed in rad/s."""
+        """Return a speed reading in rad/s."""
         return raw * self.speed_unit
 
     def speed_ticks(self, speed: float) -> int:
-        """Return ``speed`` (rad/s) as a step: at least 1, since 0 would mean as fast as it can."""
+        """Return ``speed`` (rad/s) in steps: at least 1, since 0 means full speed."""
         return min(max(round(speed / self.speed_unit), 1), self.max_speed_ticks)
 
     def load(self, raw: int) -> float:
-        """Return a present load or current as a share of the stall torque, positive anticlockwise."""
+        """Return a load or current reading as a share of the stall torque, positive anticlockwise."""
         return raw * self.effort_unit
 
     def torque_ticks(self, share: float) -> int:
@@ -109,7 +109,7 @@ class ServoModel:
         return min(max(round(share * self.full_torque), 1), self.full_torque)
 
     def goal_write(self, goal: int, speed: int) -> tuple[int, bytes]:
-        """Return the one write that sends it to ``goal`` (ticks) at ``speed`` (steps): its address, and its bytes."""
+        """Return address and bytes of the single write that moves to ``goal`` (ticks) at ``speed`` (steps)."""
         place, pace = self.table[self.table.goal], self.table[self.table.speed]
         if place.address < pace.address:  # what lies between is 0: the time that a goal may take, which no speed needs
             return place.address, place.encode(goal).ljust(pace.address - place.address, b"\0") + pace.encode(speed)
@@ -117,13 +117,13 @@ class ServoModel:
 
 
 def find_model(number: int) -> ServoModel | None:
-    """Return the model that answers with ``number``, driven or not; None for an unknown one."""
+    """Return the model with this model number, driven or only recognised; None if unknown."""
     return _by_number().get(number)
 
 
 @dataclass(frozen=True, slots=True)
 class _Family:
-    """What servos of one kind share: ``degrees`` cut into ``ticks``, and speeds in steps of ``rpm``."""
+    """Common data of a servo family: ``degrees`` divided into ``ticks``, and speeds in steps of ``rpm``."""
 
     protocol: Protocol
     read_mode: ReadMode
@@ -154,7 +154,7 @@ def _model(
     current: tuple[float, float] | None = None,
     volts: float = 12.0,
 ) -> ServoModel:
-    """Make one row: the torque in Nm, the speed in turns a minute, and defaults by the names of their registers.
+    """Return a model: torque in Nm, speed in rpm, and factory defaults by register name.
 
     ``current`` is for a servo that reports its current instead of a load: one step of it, and the stall current (A).
     """
@@ -239,10 +239,10 @@ MODELS: Mapping[str, ServoModel] = MappingProxyType(
         )
     }
 )
-"""The models that are driven, by name.
+"""The supported models, by name.
 
-AX-12 and AX-12+ answer with the number of the AX-12A and are the same to a program. MX come with either firmware, which
-answer with different numbers: ``MX-28`` and ``MX-28(2.0)`` are one servo.
+AX-12 and AX-12+ have the number of the AX-12A and are the same to a program. MX servos exist with two firmwares, with
+different numbers: ``MX-28`` and ``MX-28(2.0)`` are one servo.
 """
 
 
@@ -287,10 +287,10 @@ def _by_number() -> Mapping[int, ServoModel]:
 # What a servo is to mechanics: how stiff, how strong, how fast, by its control table and data sheet. SI units.
 
 BACKLASH = radians(0.25)
-"""Radians that a servo's output turns freely: 15 arc minutes, as ROBOTIS says of most of them."""
+"""Backlash of a servo's output in radians: 15 arc minutes, as ROBOTIS specifies for most models."""
 
 INERTIA_SHARE = 0.011
-"""Inertia of a rotor behind its gears, in kg m2 for each Nm of stall torque: 0.045 of an XM430-W350 with 4.1 Nm."""
+"""Rotor inertia behind the gears, in kg m2 per Nm of stall torque: 0.045 of an XM430-W350 with 4.1 Nm."""
 
 FRICTION_SHARE = 0.0073
 """Dry friction of the gears as a share of the stall torque: 0.03 Nm of the same servo."""
@@ -298,10 +298,10 @@ FRICTION_SHARE = 0.0073
 
 @dataclass(frozen=True, slots=True)
 class MotorPhysics:
-    """A servo: a torque (Nm) that grows by ``stiffness`` with the error of its angle, up to ``torque``.
+    """Physical model of a servo: torque (Nm) = ``stiffness`` times the angle error, up to ``torque``.
 
-    It falls by ``damping`` (Nm s) with its speed, so that the motor turns at ``torque / damping`` without a burden.
-    ``inertia`` (kg m2) is that of its rotor behind the gears, ``friction`` (Nm) is dry, ``backlash`` in radians.
+    ``damping`` (Nm s) reduces it with the speed, so that the no-load speed is ``torque / damping``. ``inertia`` (kg m2)
+    is that of the rotor behind the gears, ``friction`` (Nm) is dry, ``backlash`` is in radians.
     """
 
     stiffness: float
@@ -313,10 +313,10 @@ class MotorPhysics:
 
 
 def motor_physics(model: ServoModel, torque_limit: float = 1.0) -> MotorPhysics:
-    """Return what a model of servo is to physics, with the gain that it has as delivered.
+    """Return the physical model of a servo, with its factory gain.
 
-    AX, RX and EX give all their torque at an error of ``compliance_slope`` steps; MX and X by their proportional gain.
-    Rotor and gears, which no maker tells, are scaled from a servo that was measured.
+    AX, RX and EX reach full torque at an error of ``cw_compliance_slope`` steps; MX and X by their proportional gain.
+    Rotor and gears, which no maker specifies, are scaled from a measured servo.
     """
     stall = model.stall_torque
     return MotorPhysics(
@@ -329,7 +329,7 @@ def motor_physics(model: ServoModel, torque_limit: float = 1.0) -> MotorPhysics:
 
 
 def _torque_share_per_step(model: ServoModel) -> float:
-    """Return the share of its torque that a servo gives for one step of error."""
+    """Return the share of its torque that a servo applies per step of error."""
     table = model.table
     if "cw_compliance_slope" in table:
         return 1 / model.default(table["cw_compliance_slope"])

@@ -1,4 +1,4 @@
-"""What the driver of an arm does unasked: find the servos, read them, notice what is wrong, find them again."""
+"""Monitor of an arm's servos: find them, read them, detect faults, and find lost ones again."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf
@@ -18,27 +18,27 @@ from drivers.servos.wire import LASTING_FAULTS, ServoFault
 from drivers.transport.reconnect import ReconnectTracker
 
 MAX_MISSED_READS = 3
-"""Readings without a reply, in a row, after which a servo counts as missing."""
+"""Consecutive readings without a reply after which a servo counts as missing."""
 
 CHECK_INTERVAL = 1.0
-"""Seconds between readings of what changes seldom, and between attempts to find a missing servo."""
+"""Seconds between reads of slow registers, and between attempts to find a missing servo."""
 
 CONFIRMATION_RETRY_INTERVAL = 0.05
-"""Seconds after which a servo is told again that has not confirmed that it is held or limp."""
+"""Seconds after which an unconfirmed hold or relax is repeated."""
 
 MISSED_READ_PAUSE = 0.2
-"""Seconds for which a servo that has missed two readings in a row is left alone, lest it slow the others down."""
+"""Seconds for which a servo is not read after two missed readings, so that it does not delay the others."""
 
 
 CONFIRMATION_TIMEOUT = 1.0
-"""Seconds that a servo has to confirm that it is held or limp: on a busy machine its reply may be late."""
+"""Seconds that a servo has to confirm a hold or relax before it is reported: replies may be late on a busy machine."""
 
 
 class JointMonitor:
-    """Keeps the driver's picture of its joints up to date. For one thread.
+    """Keeps the state of the joints up to date. Not thread-safe.
 
-    ``connected`` is True once every servo was looked for on a port that is open. ``lock`` is the driver's own, held
-    wherever a servo's torque or goal is changed. ``absence`` is that of the arm, which one servo of it may cause.
+    ``connected`` is True once every servo was looked for on an open port. ``lock`` is the driver's, held while torque
+    or goal of a servo changes. ``absence`` is that of the arm; one servo alone may cause it.
     """
 
     def __init__(
@@ -61,12 +61,12 @@ class JointMonitor:
 
     @property
     def online(self) -> bool:
-        """True while the servos were looked for on a port that is open, and at least one answers."""
+        """True if all servos were looked for on an open port, and at least one answers."""
         return self.connected and self._bus.is_open and any(joint.is_answering for joint in self._joints)
 
     @property
     def hint(self) -> str:
-        """What helps against what keeps servos from being driven: the cures that are known, else where to look."""
+        """Remedy for servos that are not driven: their own hints, and general advice."""
         wrong = [joint for joint in self._joints if not joint.is_driven]
         cures = list(dict.fromkeys(joint.hint for joint in wrong if joint.hint))
         if any(not joint.hint for joint in wrong) or not wrong:
@@ -77,7 +77,7 @@ class JointMonitor:
         return "; ".join(cures)
 
     def connect(self) -> None:
-        """Open the port and look for every servo; tell in one notice all that are missing or not what they should be.
+        """Open the port and look for every servo; report all missing or different ones in one notice.
 
         Raises NotConnected.
         """
@@ -91,17 +91,17 @@ class JointMonitor:
         self._reporter.report_mismatches(self.hint)
 
     def on_port_lost(self, error: NotConnected) -> None:
-        """Take note that the port is gone."""
+        """Record that the port is gone."""
         self.connected = False
         self._reporter.report_offline(str(error), error.hint)
 
     def reset(self) -> None:
-        """Forget the connection without a word: it was closed on purpose."""
+        """Forget the connection without a report: it was closed on purpose."""
         self.connected = False
         self._reporter.reset()
 
     def read(self, joints: Sequence[Joint], after_each: Callable[[], None]) -> None:
-        """Read each of ``joints`` once; do something ``meanwhile``, after each. Raises NotConnected."""
+        """Read each of ``joints`` once; call ``after_each`` after each. Raises NotConnected."""
         self._bus.require_open()
         for joint, answered in self._group_reader.read(joints):
             if answered:
@@ -111,9 +111,10 @@ class JointMonitor:
             after_each()
 
     def run_checks(self) -> bool:
-        """Do what is due but seldom: look for one servo that is missing, and check a few that are not.
+        """Look for one missing servo, and check the slow registers of a few others.
 
-        Say if one is back after which nothing of before goes on. Raises NotConnected.
+        Return True if a servo is back after a long absence, so that older commands must be dropped. Raises
+        NotConnected.
         """
         now, returned = self._clock.now(), False
         if missing := [joint for joint in self._joints if not joint.is_driven and now >= joint.next_read_at]:
@@ -132,7 +133,7 @@ class JointMonitor:
         return returned
 
     def _find_missing(self, joint: Joint) -> bool:
-        """Look for a servo that is not driven, and tell if something about it has changed; say as ``run_checks``."""
+        """Look for a servo that is not driven, and report a changed reason; return as ``run_checks``."""
         before, seen = joint.undriven_reason, joint.reading
         with self._lock:  # nobody moves it before it is known how long it was away
             self.identify(joint)
@@ -148,7 +149,7 @@ class JointMonitor:
         return returned
 
     def identify(self, joint: Joint) -> None:
-        """Identify one servo and restore its settings; leave the reason in its ``complaint`` if that fails."""
+        """Identify a servo and restore its settings; on failure set its ``undriven_reason``."""
         corrupt = self._bus.statistics(joint.spec.id).corrupt
         with self._lock:
             try:
@@ -174,14 +175,14 @@ class JointMonitor:
                 self._reporter.report_shutdown(joint)
 
     def _check_displacement(self, joint: Joint) -> None:
-        """Tell if a joint that was away stands elsewhere than it stood. Raises NoReply, NotConnected, BadRequest."""
+        """Report a returning joint that was moved meanwhile. Raises NoReply, NotConnected, BadRequest."""
         found = joint.angle(self._bus.read(joint.address, joint.model.table["present_position"]))
         if (stood := joint.expected_position(found)) is not None:
             joint.approaches_slowly = True
             self._reporter.report_displacement(joint, stood, found)
 
     def _update_reading(self, joint: Joint) -> None:
-        """Take in what a servo felt."""
+        """Store a new reading and its faults."""
         joint.missed_reads, joint.next_read_at = 0, 0.0
         joint.reading = Reading(joint.state(), self._clock.now(), Quality.GOOD)
         told = self._bus.faults(joint.spec.id)
@@ -192,14 +193,14 @@ class JointMonitor:
             self._report_new_faults(joint)
 
     def _report_new_faults(self, joint: Joint) -> None:
-        """Tell what newly ails a servo."""
+        """Report new faults of a servo."""
         ailing = joint.active_faults
         risen, joint.faults = ailing & ~joint.faults, ailing
         if risen:
             self._reporter.report_faults(joint, risen)
 
     def _on_missed_read(self, joint: Joint) -> None:
-        """Ask again in the next round, then once more after a while; then count the servo as missing."""
+        """Schedule the next read: at once, then after a pause; then mark the servo as missing."""
         joint.missed_reads += 1
         now = self._clock.now()
         joint.next_read_at = now + MISSED_READ_PAUSE if joint.missed_reads > 1 else now
@@ -212,7 +213,7 @@ class JointMonitor:
             self._reporter.report_lost(joint, self.hint)
 
     def _check(self, joint: Joint) -> None:
-        """Look whether the servo has shut down, has lost its settings in a dip of the supply, or has missed a word."""
+        """Check the slow registers for a shutdown, settings lost in a voltage dip, or a lost command."""
         joint.checked_at = self._clock.now()
         lost = False
         try:
@@ -246,16 +247,16 @@ class JointMonitor:
             self._reporter.report_voltage_dip(joint)
 
     def _repeat_hold_or_relax(self, joint: Joint) -> None:
-        """Hold or relax a servo once more that has not confirmed it."""
+        """Repeat an unconfirmed hold or relax."""
         hold_or_relax(self._bus, [joint], stiff=bool(joint.torque_request), now=self._clock.now())
 
     def _has_lost_settings(self, joint: Joint) -> bool:
-        """Whether a servo that has not shut down is without its torque or its torque limit."""
+        """True if a servo lacks its torque or torque limit without a shutdown."""
         limp = bool(joint.torque_request) and not joint.torque
         return not joint.is_shut_down and (limp or joint.value(joint.model.table.torque_limit) != joint.torque_ticks)
 
     def next_confirmation_at(self) -> float:
-        """Return when the next servo is to be told again that has not confirmed its rest; infinity for none."""
+        """Return the time of the next repeated hold or relax; infinity if none is unconfirmed."""
         return min(
             (
                 joint.checked_at + CONFIRMATION_RETRY_INTERVAL

@@ -1,7 +1,7 @@
-"""Names of Feetech servos by their model numbers: the series in the low byte, the model in the high one.
+"""Names of Feetech servos by model number: the series in the low byte, the model in the high byte.
 
 Source: the model list of the maker's debug software, FD. A series is SCS (5), SMS with a brushless motor (8), or STS
-(9); the numbers of an SCS read the other way round where a program takes them for big-endian, as LeRobot does.
+(9). Programs that read SCS numbers as big-endian, such as LeRobot, swap their bytes.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""How often each joint is read: as often as what it does is worth knowing. Pure arithmetic."""
+"""Poll rate of each joint, by its motion and by the interest in its state. Pure arithmetic."""
 
 from collections.abc import Collection, Iterable
 from math import inf, radians
@@ -10,30 +10,32 @@ RESTING_INTERVAL = 0.2
 """Seconds between readings of a joint at rest."""
 
 OBSERVED_INTERVAL = 0.1
-"""Seconds between its readings while somebody keeps asking for the states of joints: one that is held stays there."""
+"""Seconds between readings of a resting joint with torque on, while a client keeps polling the joint states."""
 
 TORQUE_OFF_INTERVAL = 0.05
-"""The same for one without torque, which anybody may turn."""
+"""Seconds between readings of a resting joint with torque off, which a hand may turn, while a client keeps polling."""
 
 OBSERVER_TIMEOUT = 0.25
-"""Seconds in which who keeps asking asks again, as a leaf does at each tick; a record asks twice a second."""
+"""Seconds after its last request until a client counts as gone. Leaves poll at each tick, a record twice a second."""
 
 MOVING_INTERVAL = 0.04
-"""Seconds between readings of a joint that goes where it was sent: its leg lasts for seven of them."""
+"""Seconds between readings of a joint on its way to a goal: seven fit into the lookahead of a setpoint."""
 
 HAND_TURNED_INTERVAL = 0.02
-"""Seconds between readings of one that is turned by hand; a joint that leads or follows is read as often as the arm's
-rate says."""
+"""Seconds between readings of a joint that is turned by hand.
+
+Joints that lead or follow are read at the arm's own rate instead.
+"""
 
 MAX_RESTING_SPEED = radians(2)
-"""rad/s: a joint that turns no faster is at rest."""
+"""rad/s; a joint that turns no faster is at rest."""
 
 EARLY_SHARE = 1 / 4
-"""A joint is read by this share of its time earlier, along with others: one request may ask several."""
+"""Share of its interval by which a joint may be read early, so that one request reads several joints."""
 
 
 class PollSchedule:
-    """Says which joints are to be read at a time: none more often than at ``rate`` (Hz), all every ``most`` seconds."""
+    """Selects the joints to read: none more often than ``rate`` (Hz), all at least every ``max_interval`` seconds."""
 
     def __init__(self, rate: float, max_interval: float = RESTING_INTERVAL) -> None:
         self._min_interval = 1 / rate
@@ -41,7 +43,7 @@ class PollSchedule:
         self._requested_at = self._observed_since = -inf
 
     def note_request(self, now: float) -> bool:
-        """Take note of a question for the states of joints; say whether somebody has kept asking for a while."""
+        """Record a request for joint states; return True if requests have kept coming for ``OBSERVER_TIMEOUT``."""
         if now - self._requested_at > OBSERVER_TIMEOUT:
             self._observed_since = now
         self._requested_at = now
@@ -51,9 +53,9 @@ class PollSchedule:
         return self._requested_at > self._observed_since and now - self._requested_at <= OBSERVER_TIMEOUT
 
     def due_joints(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> list[Joint]:
-        """Return those of ``joints`` that are to be read now; ``coupled`` are those that lead or follow.
+        """Return the ``joints`` to read now; ``coupled`` names those that lead or follow.
 
-        What is due is due in the nearest round.
+        A joint is read in the round that is nearest to its due time.
         """
         due = {joint: joint.reading.stamp + self._interval(joint, coupled, now) for joint in joints if joint.is_driven}
         early = round_schedule.EARLY_PERIODS * self._min_interval
@@ -66,12 +68,12 @@ class PollSchedule:
         ]
 
     def next_due(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> float:
-        """Return when the first of ``joints`` is to be read."""
+        """Return the time at which the first of ``joints`` is due."""
         times = (joint.reading.stamp + self._interval(joint, coupled, now) for joint in joints if joint.is_driven)
         return min(times, default=now + self._max_interval)
 
     def _interval(self, joint: Joint, coupled: Collection[str], now: float) -> float:
-        """Return the seconds from one reading of a joint to the next."""
+        """Return the seconds between two readings of a joint."""
         if joint.name in coupled or joint.missed_reads:
             return self._min_interval
         if is_in_motion(joint):
@@ -84,7 +86,7 @@ class PollSchedule:
 
 
 def is_in_motion(joint: Joint) -> bool:
-    """Whether a joint turns, by its newest reading, or was sent farther than it has come."""
+    """True if a joint turns, by its newest reading, or has not reached its setpoint."""
     state = joint.reading.value
     if state is None or state.moving or abs(state.velocity) > MAX_RESTING_SPEED:
         return True

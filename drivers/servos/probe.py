@@ -1,8 +1,7 @@
-"""Servos are recognised by a ping and what their tables say: nothing is written, nobody moves.
+"""Probe for servos: a ping, then the identity in the control table. Nothing is written, nothing moves.
 
-In protocol 2.0 one ping calls all; in protocol 1.0 they are called one by one, of which the first thirty IDs are tried
-here. `mission servo scan` tries all. Feetech's STS have the frames of protocol 1.0, and another table, which tells the
-makes apart.
+Protocol 2.0 is probed by a broadcast ping; protocol 1.0 ID by ID, of which only the first 31 are tried here. `mission
+servo scan` tries all. Feetech's STS use the frames of protocol 1.0; their table tells the makes apart.
 """
 
 from collections.abc import Generator, Mapping, Sequence
@@ -17,31 +16,31 @@ from drivers.servos.units import Protocol
 from drivers.servos.wire import BROADCAST, HEADER, LASTING_FAULTS
 
 FACTORY_BAUD_RATES = (1_000_000, 57_600)
-"""The rates at which servos are delivered."""
+"""Factory baud rates of servos."""
 
 OTHER_BAUD_RATES = (115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 250_000, 200_000, 400_000, 19_200, 9600)
-"""The rates that are asked where nobody answers at those."""
+"""Baud rates that are tried if no servo answers at the factory rates."""
 
 PROBED_IDS = range(31)
 
 REPLY_TIMEOUT = 0.003
-"""Seconds that a servo has to answer, beyond what its bytes take: return delay and a little."""
+"""Seconds that a servo has to answer, beyond the time of its bytes: return delay and a margin."""
 
 SLOW_REPLY_FACTOR = 30
-"""How many times as long one is waited for that has made itself heard: answers may be late on a busy machine."""
+"""Factor of the timeout for a servo that has sent bytes: replies may be late on a busy machine."""
 
 LISTEN_TIME = 0.03
-"""Seconds in which a device that talks by itself is heard, as a Kobuki is."""
+"""Seconds to listen for a device that sends unrequested, such as a Kobuki."""
 
 IDENTITY_BLOCKS: Mapping[Protocol, RegisterBlock] = {
     1: RegisterBlock(0, 6),
     2: RegisterBlock(0, 8),
     "STS": RegisterBlock(0, 6),
 }
-"""Model, firmware, ID... of a servo."""
+"""Blocks with model, firmware and ID of a servo."""
 
 MODEL_AND_ID_OFFSETS: Mapping[Protocol, tuple[int, int]] = {1: (0, 3), 2: (0, 7), "STS": (3, 5)}
-"""Where its model and its ID are in there."""
+"""Offsets of model number and ID in these blocks."""
 
 DUPLICATE_ID = "damaged replies: there may be two with this ID"
 PING_ONLY = "answers a ping, and no read: its status return level is 0"
@@ -50,14 +49,14 @@ UnitProbe = Generator[ProbeRequest, bytes, list[BusDevice]]
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Ask for Dynamixel servos of both protocols."""
+    """Probe for Dynamixel servos of both protocols."""
     return (yield from probe_servos((2, 1), FACTORY_BAUD_RATES, OTHER_BAUD_RATES))
 
 
 def probe_servos(
     protocols: Sequence[Protocol], factory_rates: Sequence[int], other_rates: Sequence[int]
 ) -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Ask for servos at the rates at which they are ``delivered``; at the ``others`` where nobody answers there."""
+    """Probe for servos at ``factory_rates``; at ``other_rates`` if none answers there."""
     for rates in (factory_rates, other_rates):
         found: dict[int, list[BusDevice]] = {}
         for baud in rates:
@@ -74,7 +73,7 @@ def probe_servos(
 
 
 def _make_answer(found: dict[int, list[BusDevice]]) -> ProbeResult:
-    """Return what was found; the rate that most servos have is that of the wire."""
+    """Return the probe's answer; its baud rate is the one that most servos have."""
     baud = max(found, key=lambda rate: len(found[rate]))
     units = tuple(unit for rate in found for unit in found[rate])
     words = [f"{', '.join(f'{unit.id} {unit.model}' for unit in found[rate])} at {rate} baud" for rate in found]
@@ -95,7 +94,7 @@ def _make_answer(found: dict[int, list[BusDevice]]) -> ProbeResult:
 
 
 def _ping_all(baud: int) -> UnitProbe:
-    """Call all servos of protocol 2.0; where replies are damaged, ask one by one."""
+    """Ping all servos of protocol 2.0; if replies are damaged, ping them one by one."""
     codec = CODECS[2]
     each = (codec.overhead + 3) * 10 / baud + REPLY_TIMEOUT
     heard = yield ProbeRequest(baud, codec.frame(BROADCAST, codec.ping(BROADCAST).code, b""), 0.06 + 12 * each)
@@ -109,10 +108,10 @@ def _ping_all(baud: int) -> UnitProbe:
 
 
 def _ping_each(baud: int, protocol: Protocol, ids: Sequence[int], timeout_factor: float = 1) -> UnitProbe:
-    """Ask servos one by one; with more time for each where answers come only while another is asked.
+    """Ping servos one by one, with a longer timeout if replies arrive while another servo is pinged.
 
-    Where some answer, the others are asked once more: a bad line loses a request now and then. In protocol 1.0 a servo
-    that complains of its voltage answers with the bytes of the ping: an adapter's echo comes for most IDs.
+    If some answer, the others are pinged once more: a bad line loses a request now and then. In protocol 1.0 a servo
+    with a voltage fault answers with the bytes of the ping; an adapter's echo comes for most IDs.
     """
     codec, found, alike = CODECS[protocol], dict[int, BusDevice](), list[int]()
     for number in chain(ids, (number for number in ids if found and number not in found)):
@@ -132,7 +131,7 @@ def _ping_each(baud: int, protocol: Protocol, ids: Sequence[int], timeout_factor
 
 
 def _identify(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, bytes, BusDevice | None]:
-    """Ask one that has answered a ping, or has made a noise, who it is; None for one that is none of these."""
+    """Return the identity of a servo that has sent bytes; None if it is not of this make."""
     protocol = codec.protocol
     identity = yield from _read(codec, baud, number, IDENTITY_BLOCKS[protocol])
     if identity is None:
@@ -166,13 +165,13 @@ def _identify(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, b
 
 
 def _model_from_ping(replies: Sequence[ServoReply], protocol: Protocol) -> str:
-    """Return the model that answers to pings say, which in protocol 1.0 say nothing."""
+    """Return the model in a ping reply; in protocol 1.0 a ping has no data."""
     model = find_model(unpack_from("<H", replies[0].data)[0]) if protocol == 2 and len(replies[0].data) > 1 else None
     return model.name if model is not None else "?"
 
 
 def _answers_twice(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, bytes, bool]:
-    """Say whether a ping is answered more than once."""
+    """True if a ping is answered more than once."""
     request = codec.ping(number)
     frame = codec.frame(request.id, request.code, request.parameters)
     wait = (len(frame) + 2 * (codec.overhead + 3)) * 10 / baud + REPLY_TIMEOUT
@@ -183,7 +182,7 @@ def _answers_twice(codec: Codec, baud: int, number: int) -> Generator[ProbeReque
 def _read(
     codec: Codec, baud: int, number: int, block: RegisterBlock
 ) -> Generator[ProbeRequest, bytes, ServoReply | None]:
-    """Read a block of a table, again with more time where no sound reply comes."""
+    """Read a block of a table, again with a longer timeout if no intact reply comes."""
     for patience in (1, SLOW_REPLY_FACTOR, SLOW_REPLY_FACTOR):
         heard = yield _make_request(codec, baud, number, block, timeout_factor=patience)
         for reply in _replies(codec, heard)[0]:
@@ -215,7 +214,7 @@ def _make_request(
 
 
 def _replies(codec: Codec, heard: bytes) -> tuple[list[ServoReply], bool]:
-    """Return the replies in what was heard, and whether some of it was damaged."""
+    """Return the replies in received bytes, and whether some bytes were damaged."""
     parser = codec.parser()
     replies = [codec.reply(packet) for packet in parser.feed(heard) if packet.intact]
     parser.reset()

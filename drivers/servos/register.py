@@ -1,7 +1,7 @@
-"""The control table of a servo, as a shape: its registers, how they are coded, and the blocks read in one go.
+"""Structure of a control table: registers, their encoding, and the blocks that are read at once.
 
-A servo is a table of bytes: settings at the front, kept through a power cut (EEPROM), then goals and readings (RAM).
-Numbers are little-endian, but for Feetech's SCS. What stands in which model's table is in ``tables``.
+A control table holds settings at its front, which survive a power cut (EEPROM), then goals and readings (RAM). Numbers
+are little-endian, except in Feetech's SCS. The tables of the models are in ``tables``.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from drivers.errors import BadRequest
 
 
 class Coding(Enum):
-    """How the bytes of a register stand for a number."""
+    """Encoding of a register's bytes as a number."""
 
     UNSIGNED = "unsigned"
     SIGN_10 = "sign in bit 10"  # protocol 1.0: size in bits 0..9, bit 10 set when it points clockwise
@@ -29,10 +29,10 @@ _UNSIGNED, _TWOS, _SIGN_BIT, _SIGN_11 = Coding.UNSIGNED, Coding.TWOS_COMPLEMENT,
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """One entry of a control table.
+    """A register of a control table.
 
-    ``size`` is in bytes; ``lower`` and ``upper`` bound what may be written; ``default`` is the value as delivered or,
-    in RAM, after power-on. ``unit`` says what one step is worth, such as ``0.1 V``; empty for codes and flags.
+    ``size`` is in bytes; ``lower`` and ``upper`` bound written values; ``default`` is the factory value or, in RAM, the
+    value after power-on. ``unit`` is the value of one step, such as ``0.1 V``; empty for codes and flags.
     """
 
     name: str
@@ -49,11 +49,11 @@ class Register:
 
     @property
     def end(self) -> int:
-        """The address behind it."""
+        """The address after the register."""
         return self.address + self.size
 
     def encode(self, value: int) -> bytes:
-        """Return ``value`` as the table holds it. Raises OverflowError if it does not fit."""
+        """Return ``value`` as bytes of the table. Raises OverflowError if it does not fit."""
         if value < 0 and (sign := self._sign):
             if value <= -sign:
                 raise OverflowError(f"{self.name}: {value} does not fit: its {self.coding.value}")
@@ -61,7 +61,7 @@ class Register:
         return value.to_bytes(self.size, self.byte_order, signed=self.coding is _TWOS)
 
     def decode(self, data: bytes | bytearray, start: int = 0) -> int:
-        """Return the value from ``data``, a copy of the table that begins at address ``start``."""
+        """Return the value from ``data``, a copy of the table from address ``start`` on."""
         begin = self.address - start
         value = int.from_bytes(data[begin : begin + self.size], self.byte_order, signed=self.coding is _TWOS)
         if self.coding is _UNSIGNED or self.coding is _TWOS or not value & (sign := self._sign):
@@ -70,7 +70,7 @@ class Register:
 
     @property
     def _sign(self) -> int:
-        """The bit that is set below zero; 0 where there is none."""
+        """The sign bit; 0 if the encoding has none."""
         if self.coding is _UNSIGNED or self.coding is _TWOS:
             return 0
         return 0x400 if self.coding is _SIGN_BIT else 0x800 if self.coding is _SIGN_11 else 0x8000
@@ -85,12 +85,12 @@ class RegisterBlock(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ControlTable:
-    """A control table: its registers by name, in ascending order, and which of them play which part.
+    """A control table: registers by name, in ascending order, and the roles of some of them.
 
-    ``fast_block`` is read in every round, ``slow_blocks`` now and then, ``setup_block`` when a servo joins. The other fields name
-    registers: ``speed`` is how fast to go to the ``goal``; ``velocity`` and ``effort`` are how fast the servo turns
-    and how hard it pushes; ``torque_limit`` (RAM) is the most it may push, itself bounded by ``torque_ceiling``
-    (EEPROM); ``limit_registers`` bound the goal (EEPROM), the lower one first.
+    ``fast_block`` is read in every round, ``slow_blocks`` about once a second, ``setup_block`` when a servo joins. The
+    other fields name registers: ``speed`` is the speed towards the ``goal``; ``velocity`` and ``effort`` are readings
+    of motion and load; ``torque_limit`` (RAM) is bounded by ``torque_ceiling`` (EEPROM); ``limit_registers`` bound the
+    goal (EEPROM), the lower one first.
     """
 
     registers: Mapping[str, Register]
@@ -106,20 +106,20 @@ class ControlTable:
     limit_registers: tuple[str, str]
 
     def __getitem__(self, name: str) -> Register:
-        """Return the register called ``name``. Raises KeyError if this table has none."""
+        """Return the register ``name``. Raises KeyError if the table has none."""
         return self.registers[name]
 
     def __contains__(self, name: str) -> bool:
-        """Whether this table has a register called ``name``."""
+        """True if the table has a register ``name``."""
         return name in self.registers
 
     @property
     def size(self) -> int:
-        """The address behind the last register."""
+        """The address after the last register."""
         return max(register.end for register in self.registers.values())
 
     def find_register(self, name: str) -> Register:
-        """Return the register that somebody has asked for by ``name``. Raises BadRequest, with what may be meant."""
+        """Return the register with a name that a user typed. Raises BadRequest, with similar names."""
         if name in self.registers:
             return self.registers[name]
         near = get_close_matches(name.lower().replace(" ", "_").replace("-", "_"), self.registers, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""The twin of an arm whose servos carry a body: the rules of the driver's, the angles of physics."""
+"""Simulated arm whose servos carry a body: the driver's rules, angles from the physics engine."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal
@@ -12,25 +12,25 @@ from drivers.sim.rigid.scene import PhysicsScene
 from drivers.sim.servo import Shaft
 
 ARRIVAL_TOLERANCE = 0.02
-"""Radians from its goal within which a servo that carries something no longer moves."""
+"""Radians from its goal within which a loaded servo no longer counts as moving."""
 
 
 class RigidShaft(Shaft):
-    """A shaft that physics turn: where it is told to go, it goes as far as its torque and its burden let it."""
+    """A shaft in the physics engine: it reaches its goal as far as torque and load allow."""
 
     def __init__(self, scene: PhysicsScene, name: str) -> None:
         super().__init__(scene.angle(name), 0.0, 0.0)
         self._scene, self._name = scene, name
 
     def advance(self, now: float) -> float:
-        """Let physics go on until time ``now``, and return the position."""
+        """Advance the physics to time ``now``; return the position."""
         self._scene.advance(now)
         self.position = self._scene.angle(self._name)
         return self.position
 
 
 class RigidServo(ServoTwin):
-    """A servo of a robot in physics. It begins stiff, with the joint at 0, where the robot stands."""
+    """A servo of a robot in the physics engine. It starts with torque on and the joint at 0."""
 
     def __init__(self, name: str, spec: JointSpec, scene: PhysicsScene) -> None:
         super().__init__(name, spec)
@@ -40,34 +40,34 @@ class RigidServo(ServoTwin):
         self.joint.torque, self.joint.goal = True, 0.0
 
     def move_to(self, goal: float, speed: float, now: float) -> None:
-        """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
+        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's own, from ``now`` on."""
         super().move_to(goal, speed, now)
         self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
     def relax(self, now: float) -> None:
-        """Be limp: what it carries falls."""
+        """Switch the torque off; the load falls."""
         super().relax(now)
         self._scene.switch_torque_off(self._name)
 
     def stop_at_setpoint(self, now: float) -> None:
-        """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
+        """Stop at the last setpoint of a real servo: from ``now`` on it gets no new one."""
         super().stop_at_setpoint(now)
         if self.joint.torque:
             self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
     def replace_servo(self, angle: float, now: float) -> None:
-        """Be another servo of the same kind, limp, with the joint at ``angle`` (radians)."""
+        """Become another servo of the same kind, with torque off and the joint at ``angle`` (radians)."""
         super().replace_servo(angle, now)
         self._scene.turn_limp_joint(self._name, self._shaft.position)
 
     def turn_by_hand(self, angle: float, now: float) -> None:
-        """Turn a limp joint to ``angle`` (radians), as far as its servo turns; a stiff one stays where it is."""
+        """Turn the joint to ``angle`` (radians) within the servo's range, if its torque is off."""
         super().turn_by_hand(angle, now)
         if not self.joint.torque:
             self._scene.turn_limp_joint(self._name, self._shaft.position)
 
     def state(self, now: float) -> JointState:
-        """Return what it feels at time ``now``."""
+        """Return the measured state at time ``now``."""
         position, joint, scene = self.position(now), self.joint, self._scene
         return JointState(
             position=position,
@@ -85,7 +85,7 @@ class RigidJoints(JointsTwin):
     """A ``drivers.api.Joints`` whose servos carry the body of a ``scene``; see ``JointsTwin``."""
 
     STEP_INTERVAL = 0.01
-    """How often it is stepped: at the rate of those who walk."""
+    """Seconds between two steps: the control interval of walking."""
 
     def __init__(
         self,
@@ -106,6 +106,6 @@ class RigidJoints(JointsTwin):
         return RigidServo(name, spec, self.scene)
 
     def step(self) -> None:
-        """Let physics go on to now; lead the followers, and tell that there are new readings."""
+        """Advance the physics, update the followers, and signal new readings."""
         self.scene.advance(self._clock.now())
         super().step()

@@ -1,20 +1,23 @@
-"""When the driver of an arm goes round, and how much of its wire's time that takes."""
+"""Schedule of an arm driver's rounds, and its share of the bus time."""
 
 from math import ceil, inf
 
 STATISTICS_WINDOW = 1.0
-"""Seconds over which the figures are taken."""
+"""Seconds over which the statistics are averaged."""
 
 EARLY_PERIODS = 1 / 2
-"""Periods of the schedule by which what is due may be early: its round is the nearest one. A reading is stamped when it
-has come, a few milliseconds into its round; what was always late would be read a whole period late each time."""
+"""Periods by which a reading may be early, so that it belongs to the nearest round.
+
+A reading is stamped on arrival, a few milliseconds into its round. Without this tolerance, each next one would be a
+whole period late.
+"""
 
 
 class RoundSchedule:
-    """Keeps rounds on an absolute schedule of ``rate`` (Hz), as far as they can be; counts what came of it.
+    """Absolute schedule of rounds at ``rate`` (Hz), as far as they can be kept, with statistics.
 
-    ``rounds`` is their number, ``achieved_rate`` (Hz) their rate and ``utilisation`` that of the time that the wire was in use
-    (0..1), both over the last full window.
+    ``rounds`` counts them; ``achieved_rate`` (Hz) and ``utilisation`` of the bus (0..1) are those of the last full
+    window.
     """
 
     def __init__(self, rate: float) -> None:
@@ -26,14 +29,14 @@ class RoundSchedule:
         self._window = (0.0, 0, 0.0)  # when it began, and the rounds and the seconds of use until then
 
     def restart(self, now: float, busy: float) -> None:
-        """Begin anew, as after a pause. ``busy`` is for how long (s) the wire has been in use, in all."""
+        """Restart the schedule after a pause. ``busy`` is the total busy time (s) of the bus."""
         self._next = now
         self._window = (now, self.rounds, busy)
 
     def end_round(self, now: float, busy: float, not_before: float = -inf) -> float:
-        """End a round; return the seconds until the next: at least a little, for others want the wire too.
+        """End a round; return the seconds to the next one, at least a tenth of a period for other users of the bus.
 
-        There is nothing to be done before about ``until``: that leaves rounds of the schedule out.
+        Rounds before about ``not_before`` are skipped.
         """
         self.rounds += 1
         began, rounds, used = self._window

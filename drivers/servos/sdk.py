@@ -1,7 +1,7 @@
-"""The vendor's own packet code on our bus, as a second opinion: frames as ROBOTIS' ``dynamixel-sdk`` makes them.
+"""Packet code of ROBOTIS' ``dynamixel-sdk`` on our bus, for comparison with our own.
 
-Only bytes and packets come from it. The bus keeps its own line, timing and retries, since the vendor's port handler
-polls the line, waits at least 16 ms for a reply that is lost, and throws away what comes late.
+Only its packet code is used. The bus keeps its own line, timing and retries, since the SDK's port handler polls the
+line, waits at least 16 ms for a lost reply, and discards late ones.
 """
 
 from collections.abc import Mapping
@@ -20,11 +20,11 @@ from drivers.servos.wire import Packet
 _STUFFED = b"\xff\xff\xfd"
 
 _HANDLERS: Mapping[int, Any] = MappingProxyType({1: PacketHandler(1.0), 2: PacketHandler(2.0)})
-"""The vendor's packet code for each protocol; it keeps nothing between packets."""
+"""The SDK's packet code for each protocol; it is stateless."""
 
 
 class _BufferPort:
-    """The vendor's port handler over bytes in memory, as far as its packet code asks for one."""
+    """In-memory port handler for the SDK's packet code."""
 
     def __init__(self, waiting: bytes = b"") -> None:
         self.is_using = False
@@ -34,10 +34,10 @@ class _BufferPort:
         self._data = waiting
 
     def clearPort(self) -> None:  # noqa: N802 - the vendor's name
-        """Forget nothing: there is no earlier packet."""
+        """Do nothing: there is no earlier packet."""
 
     def writePort(self, packet: list[int]) -> int:  # noqa: N802
-        """Take a packet that is ready."""
+        """Store a complete packet."""
         self.written = bytes(packet)
         return len(packet)
 
@@ -48,13 +48,13 @@ class _BufferPort:
         return found
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
-        """Say that no more will come: asked only where a packet is not whole yet."""
+        """Report the end of the data; only called while a packet is incomplete."""
         self.is_exhausted = True
         return True
 
 
 def frame(protocol: Literal[1, 2], servo: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """Return a request as the vendor's code frames it. Raises ValueError for what it cannot frame.
+    """Return a request framed by the SDK. Raises ValueError if it cannot frame it.
 
     Version 4.1.0 loses the bytes that it stuffs into a packet of protocol 2.0 (``addStuffing`` makes a longer list, and
     its caller sends the old one): no servo understands such a packet.
@@ -74,13 +74,13 @@ def frame(protocol: Literal[1, 2], servo: int, instruction: int, parameters: byt
 
 
 class SdkPacketParser(wire.PacketParser):
-    """Finds replies in a stream by the vendor's code, which looks anew until a packet is whole.
+    """Finds replies in a stream by the SDK's code, which starts again until a packet is complete.
 
-    It takes nothing for a reply that is a request: of protocol 2.0 no echo, of 1.0 no error byte above 7F.
+    It ignores requests: in protocol 2.0 all echoes, in 1.0 error bytes above 7F.
     """
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take ``data``; return the packets that it completes, in order, those of a wrong checksum marked as such."""
+        """Add ``data``; return the packets that it completes, in order, with those of a wrong checksum marked."""
         self._buffer += data
         found = []
         while self._buffer:
@@ -99,7 +99,7 @@ class SdkPacketParser(wire.PacketParser):
         return found
 
     def _is_complete(self, frame: list[int]) -> bool:
-        """Say whether the frame is as long as a reply must be: the vendor's code takes any length for sound."""
+        """True if the frame is as long as a reply must be: the SDK accepts any length."""
         return frame[3] >= 2
 
     def _read_frame(self, port: _BufferPort) -> tuple[list[int], int]:
@@ -111,7 +111,7 @@ class SdkPacketParser(wire.PacketParser):
 
 
 class SdkPacketParser2(SdkPacketParser):
-    """The same for protocol 2.0."""
+    """The parser for protocol 2.0."""
 
     def _is_complete(self, frame: list[int]) -> bool:
         return frame[5] | frame[6] << 8 >= 4
@@ -132,4 +132,4 @@ SDK_CODECS: Mapping[Protocol, Codec] = MappingProxyType(
         "STS": replace(CODECS["STS"], frame=partial(frame, 1), parser=SdkPacketParser),
     }
 )
-"""The protocols, framed by the vendor's code; that of STS servos as protocol 1.0."""
+"""Codecs with the SDK's packet code; STS servos use that of protocol 1.0."""

@@ -1,7 +1,7 @@
-"""The half of an arm that is the same for the real one and its twin: what it is told, and what it tells.
+"""Common part of the arm driver and its simulated device: limits, progress, following, hold and relax.
 
-Goals are kept within the limits of their joints, and those that were not are told. Followers are led by their leaders
-in the driver's own loop: each goal goes out in the round that read its leader.
+Goals are clamped to the limits of their joints, with a notice. Followers are updated in the driver's own loop: each
+goal is sent in the round that read its leader.
 """
 
 from abc import ABC, abstractmethod
@@ -22,11 +22,11 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 CLAMP_REPORT_INTERVAL = 10.0
-"""Seconds without a goal beyond the limits of a joint after which the next one is worth a word again."""
+"""Seconds without a clamped goal after which the next one of a joint is reported again."""
 
 
 class GoalLimiter:
-    """The limits of ``coupled_joints`` as goals meet them. Safe between threads, but for a notice told twice."""
+    """Clamps goals to the limits of ``joints``. Thread-safe, but a notice may be reported twice."""
 
     def __init__(self, name: str, joints: Mapping[str, Joint], report: StatusCallback) -> None:
         self._name = name
@@ -35,7 +35,7 @@ class GoalLimiter:
         self._clamped_at: dict[str, float] = {}
 
     def clamp_goals(self, goals: Mapping[str, float], now: float) -> dict[str, float]:
-        """Return the nearest ``goals`` (rad) within the limits; tell, once an episode, of those that are others."""
+        """Return ``goals`` (rad) clamped to the limits; report clamped joints once per episode."""
         accepted = {}
         for name, goal in goals.items():
             joint = self._joints[name]
@@ -61,10 +61,10 @@ class GoalLimiter:
 
 
 class ServoJoints(LatchingPart, ABC):
-    """Named joints that are held and relaxed. A subclass has the bus, or the bodies, of their servos.
+    """Named joints that can be held and relaxed. Subclasses have the servo bus, or simulated servos.
 
-    ``at_rest`` says what rest means for this arm: stiff where it is, or without torque; ``away`` what of before goes on
-    when it is back. ``report`` hears what the servos tell, ``changed`` is called after every round of readings.
+    ``at_rest`` says whether the arm holds or relaxes at rest; ``away`` is its reconnect policy. ``report`` receives
+    notices; ``changed`` is called after every round of readings.
     """
 
     def __init__(
@@ -89,22 +89,25 @@ class ServoJoints(LatchingPart, ABC):
         self._reporter = ServoReporter(self.name, joints, self._report)
         self._goal_limiter = GoalLimiter(self.name, joints, self._report)
         self.monitors_progress = True
-        """False where nobody is to look whether joints get where they are sent, such as those that carry a walker."""
+        """False if the progress towards goals is not checked, as for joints that carry a walking robot."""
         for joint, described in joints.items():
             described.progress.title = f"joint {qualified_joint_name(self.name, joint)}"
 
     @property
     def joints(self) -> Mapping[str, Joint]:
-        """The joints with the servos behind them."""
+        """Joints with their servos, by name."""
         return self._joints
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
-        """The joints by name, in the order of the robot file."""
+        """Current limits by joint, in the order of the robot file."""
         return self._limits
 
     def restrict_limits(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
-        """See ``drivers.api.Limitable``: of the named joints, from the next goal of each on. What stands beyond stays."""
+        """Restrict the limits of the named joints, from their next goals on; see ``drivers.api.Limitable``.
+
+        A joint that is beyond its new limits stays there.
+        """
         found = narrow_limits(
             self.name, limits, {name: joint.configured_limits for name, joint in self._joints.items()}
         )
@@ -114,24 +117,24 @@ class ServoJoints(LatchingPart, ABC):
         return self._limits
 
     def hold(self, joints: Collection[str] | None = None) -> None:
-        """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
+        """Stop the named joints (None: all) at their current position with torque on, and end their following.
 
-        Safe from any state; does not raise when offline. Joints that do not confirm it are told, and held once they are
-        back. Raises BadRequest for an unknown joint.
+        Safe from any state; does not raise when offline. Joints without confirmation are reported, and held once they
+        are back. Raises BadRequest for an unknown joint.
         """
         self._hold_or_relax_and_report(self._joints if joints is None else joints, stiff=True)
 
     def relax(self, joints: Collection[str] | None = None) -> None:
-        """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
+        """Switch the torque of the named joints (None: all) off, and end their following. Safe as ``hold``."""
         self._hold_or_relax_and_report(self._joints if joints is None else joints, stiff=False)
 
     def _refuse_blocked(self, goals: Mapping[str, float], now: float) -> None:
-        """Raise DeviceFault for a joint that is blocked on its way there."""
+        """Raise DeviceFault for a joint that is blocked in the direction of its goal."""
         for name, goal in goals.items():
             self._joints[name].progress.permit(goal, now)
 
     def _check_progress(self, joints: Iterable[Joint]) -> list[Joint]:
-        """Compare where joints are sent with where they were read; return those that are given up, and tell of them."""
+        """Compare setpoints with readings; report faults, and return the joints that are blocked."""
         given_up = []
         for joint in joints if self.monitors_progress else ():
             state = joint.reading.value
@@ -146,20 +149,20 @@ class ServoJoints(LatchingPart, ABC):
         return given_up
 
     def _report_runaway(self, finding: str) -> None:
-        """Report a joint that runs away, and what this arm does about it."""
+        """Report a joint that runs away."""
         self._report(DeviceStatus(self.name, "fault", f"{finding}: its torque is switched off", HINT))
 
     @abstractmethod
     def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
-        """Hold or relax, and tell of the joints that did not confirm it."""
+        """Hold or relax joints, and report those without confirmation."""
 
 
 LEADER_TIMEOUT = 0.25
-"""Seconds without a reading of a leader after which it is worth a word that its follower stands still."""
+"""Seconds without a reading of a leader after which its stopped follower is reported."""
 
 
 class JointCouplings:
-    """The couplings of an arm. Whoever calls it holds the driver's lock."""
+    """Couplings of leading and following joints. The caller holds the driver's lock."""
 
     def __init__(
         self, bus: ServoBus, joints: Mapping[str, Joint], goal_limiter: GoalLimiter, reporter: ServoReporter
@@ -173,27 +176,27 @@ class JointCouplings:
 
     @property
     def coupled_joints(self) -> frozenset[str]:
-        """Those that lead or follow."""
+        """Names of the joints that lead or follow."""
         couplings = self._following.couplings
         return frozenset(name for coupling in couplings for name in (coupling.leader, coupling.follower))
 
     def replace(self, couplings: Sequence[Coupling]) -> list[str]:
-        """Replace the couplings; return the joints that follow no more."""
+        """Replace the couplings; return the joints that no longer follow."""
         freed = self._following.followers_without(couplings)
         self._following = ActiveCouplings(couplings)
         self._reported_followers.clear()
         return freed
 
     def release(self, joints: Collection[str]) -> None:
-        """Let those of ``coupled_joints`` that follow do so no more."""
+        """Stop ``joints`` from following."""
         self._following.release(joints)
 
     def pause(self) -> None:
-        """Take note that none was led for a while: the followers are brought over slowly before they go on."""
+        """Note a pause: followers approach slowly before they follow at full speed again."""
         self._following.mark_paused()
 
     def update_followers(self, *, since: float, now: float) -> None:
-        """Send every follower where it belongs whose leader was read ``since``. Raises NotConnected."""
+        """Send the followers whose leader was read after ``since`` to their goals. Raises NotConnected."""
         couplings = self._following.couplings
         if not couplings:
             return
@@ -210,7 +213,7 @@ class JointCouplings:
         self._report_silent_leaders(couplings, now)
 
     def _report_silent_leaders(self, couplings: Sequence[Coupling], now: float) -> None:
-        """Tell, once, of followers that stand still because nothing is heard of their leader."""
+        """Report, once, the followers that stand still because their leader sends no readings."""
         for coupling in couplings:
             silent = now - self._joints[coupling.leader].reading.stamp > LEADER_TIMEOUT
             if silent and coupling.follower not in self._reported_followers:

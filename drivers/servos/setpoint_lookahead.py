@@ -1,7 +1,7 @@
-"""How far a joint is sent at a time: as far as it gets in a moment, and on again before it is there.
+"""Setpoint lookahead: a joint is sent only a short way ahead, and the next setpoint before it arrives.
 
-A servo that knows its whole goal goes on to it whatever becomes of the program that sent it. One that knows a leg of
-the way comes to rest by itself where that ends, and stays stiff.
+A servo with its final goal moves on to it if the controlling program dies. With a short lookahead it comes to rest by
+itself at the last setpoint, and keeps its torque.
 """
 
 from math import inf, radians
@@ -10,25 +10,25 @@ from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED
 from drivers.servos.joint import Joint
 
 LOOKAHEAD_TIME = 0.3
-"""Seconds that a leg takes at the speed that the joint is told: so long does a joint go on when nobody is heard."""
+"""Seconds that a joint takes to its setpoint at the commanded speed; after this time without a new one it stops."""
 
 MIN_LOOKAHEAD = radians(1)
-"""A leg is no shorter than this: within a step or two of their goal, servos do not bother to move."""
+"""Shortest lookahead in radians: servos ignore goals within a step or two."""
 
 RENEWAL_SHARE = 2 / 3
-"""The share of a leg with which the next one is sent: a servo slows down for none of them."""
+"""Remaining share of the lookahead at which the next setpoint is sent, so that the servo does not slow down."""
 
 LOADED_LOOKAHEAD = radians(20)
-"""How far a joint is sent that a burden keeps back: the nearer the goal, the less force do servos use."""
+"""Lookahead (radians) of a joint that a load holds back: servos use less force near their goal."""
 
 MAX_READING_AGE = 0.25
-"""Seconds for which a reading says where a joint is: one that is not heard of is sent no farther."""
+"""Maximum age in seconds of a reading for a new setpoint; a silent joint gets none."""
 
 
 def next_setpoint(joint: Joint, now: float) -> int | None:
-    """Return the end (ticks) of the leg that the joint is to be sent now; None while it needs none.
+    """Return the next setpoint (ticks) of a moving joint; None if none is due.
 
-    It is on its way to its goal, and the leg that it was sent last is nearly over; or it takes longer than it should.
+    It is due if the joint is near its last setpoint, or takes longer than expected.
     """
     if joint.goal is None or joint.setpoint == (end := joint.ticks(joint.goal)):
         return None
@@ -44,10 +44,9 @@ def next_setpoint(joint: Joint, now: float) -> int | None:
 
 
 def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) -> float:
-    """Return the speed (rad/s) at which a joint goes to ``goal`` (radians) that is told ``speed``.
+    """Return the speed (rad/s) at which a joint moves to ``goal`` (radians), at most ``speed``.
 
-    One that was found elsewhere than it stood, or was away for long, comes over slowly, until it is near where it is
-    sent.
+    A joint that was displaced, or was away for long, moves slowly until it is near its goal.
     """
     if joint.approaches_slowly and here is not None:
         slow = joint.goal is not None and joint.speed <= MAX_APPROACH_SPEED  # it was sent on its way before
@@ -58,22 +57,22 @@ def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) 
 
 
 def hold_position(joint: Joint, here: int) -> int:
-    """Return where a joint that stands at ``here`` (ticks) is to be held: there, or on its way back to its limits."""
+    """Return the position (ticks) to hold for a joint at ``here``: there, or a lookahead back towards its limits."""
     return _limited_step(joint, joint.clamp_ticks(here), here, lookahead_distance(joint, joint.limits.speed))
 
 
 def lookahead_distance(joint: Joint, speed: float) -> float:
-    """Return how far (radians) the joint is sent at a time, at ``speed`` (rad/s)."""
+    """Return the lookahead (radians) at ``speed`` (rad/s)."""
     return max(MIN_LOOKAHEAD, LOOKAHEAD_TIME * _servo_speed(joint, speed))
 
 
 def _servo_speed(joint: Joint, speed: float) -> float:
-    """Return how fast (rad/s) the servo turns that is told ``speed``."""
+    """Return the speed (rad/s) that the servo reaches at a commanded ``speed``."""
     return min(joint.speed_ticks(speed) * joint.model.speed_unit, joint.model.free_speed)
 
 
 def _limited_step(joint: Joint, end: int, here: int, far: float) -> int:
-    """Return where the way from ``here`` to ``end`` (ticks) is over after ``far`` (radians), as the servo takes it."""
+    """Return the position at most ``far`` (radians) from ``here`` towards ``end`` (ticks), within the servo's limits."""
     most = int(far / joint.model.tick)
     place = here + min(max(end - here, -most), most)
     low, high = (joint.value(register) for register in joint.model.table.limit_registers)

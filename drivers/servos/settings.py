@@ -1,7 +1,6 @@
-"""The settings of a servo changed for good: compared first, then the torque goes off, they are written, and verified.
+"""Permanent changes of servo settings: compare, switch the torque off, write, and verify.
 
-Nothing else does so: a driver at work never writes to the EEPROM. How the servo is reached (its ID and baud rate) is
-changed last, so that all else is done while it can still be found.
+No other module writes the EEPROM. ID and baud rate are changed last, so that the servo stays reachable until then.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +17,7 @@ from drivers.servos.register import ControlTable, Register
 from drivers.servos.units import Protocol, baud_of
 
 ADDRESS_REGISTERS = ("id", "baud")
-"""The registers that decide how the servo is reached, in the order in which they are written: last."""
+"""Registers that decide how the servo is reached, in the order of writing: last."""
 
 MIN_REGISTER_VALUES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {
@@ -27,7 +26,7 @@ MIN_REGISTER_VALUES: Mapping[str, tuple[int, str]] = MappingProxyType(
         "response_level": (1, "a servo that acknowledges no writes is not driven"),
     }
 )
-"""Registers that may not go below a value, and why: afterwards nobody here could tell what the servo holds."""
+"""Registers with a minimum value, and the reason: below it, the servo could no longer be read or verified."""
 
 
 FORCE_REGISTERS = frozenset(
@@ -37,7 +36,7 @@ FORCE_REGISTERS = frozenset(
         *("protection_current", "protective_torque", "overload_torque"),
     }
 )
-"""Registers with which a servo holds its joint: with a lower size, or the other sign, it holds with less force."""
+"""Registers of the holding force: a smaller magnitude, or the other sign, weakens it."""
 
 SOFTNESS_REGISTERS = frozenset(
     {
@@ -45,12 +44,12 @@ SOFTNESS_REGISTERS = frozenset(
         *("cw_dead_zone", "ccw_dead_zone", "torque_mode"),
     }
 )
-"""Registers with which a joint yields: with a higher value it is held with less force, or with none at its place."""
+"""Registers of the compliance: a higher value weakens the hold."""
 
 
 @dataclass(frozen=True, slots=True)
 class RegisterChange:
-    """A register that holds ``before`` and is to hold ``after``."""
+    """Change of a register from ``before`` to ``after``."""
 
     register: Register
     before: int
@@ -58,7 +57,7 @@ class RegisterChange:
 
     @property
     def weakens(self) -> bool:
-        """Whether the servo holds its joint with less force afterwards."""
+        """True if the servo holds its joint with less force afterwards."""
         if self.register.name in SOFTNESS_REGISTERS:
             return self.after > self.before
         lower = abs(self.after) < abs(self.before) or self.after * self.before < 0
@@ -68,11 +67,10 @@ class RegisterChange:
 def plan_changes(
     bus: ServoBus, at: ServoAddress, table: ControlTable, values: Mapping[str, int]
 ) -> list[RegisterChange]:
-    """Return what must be changed for the servo to hold ``wanted``, by names of registers; in the order of writing.
+    """Return the changes, in the order of writing, after which the servo holds ``values`` (by register name).
 
-    Nothing is written. Raises BadRequest, with all that is wrong with ``wanted``, for a speed without a limit, or for
-    an ID that another servo has; DeviceFault unless one servo alone, with this table, has its ID; NoReply,
-    NotConnected.
+    Nothing is written. Raises BadRequest that lists all invalid values, for a speed without a limit, or for an ID that
+    another servo has; DeviceFault unless a single servo with this table has its ID; NoReply, NotConnected.
     """
     who = f"{bus.name}: servo {at.id}"
     registers = _check_registers(who, table, values)
@@ -87,14 +85,14 @@ def plan_changes(
 
 
 def apply_changes(bus: ServoBus, at: ServoAddress, table: ControlTable, changes: Sequence[RegisterChange]) -> bool:
-    """Make ``changes``, each verified before the next; return whether the servo was stiff: then it is limp now.
+    """Apply ``changes``, each verified before the next; return True if the servo had torque, which is off now.
 
-    The servo is identified anew first: it may have been replaced since ``plan_changes``, and another one with its new ID
-    may have been plugged in. When this raises, ``plan_changes`` tells what is left to do. Raises DeviceFault, before
-    anything is written, unless one servo alone, with this table, has its ID; BadRequest, before anything is written,
-    for an ID that another servo has; DeviceFault for a register that does not hold what was written to it, or an old
-    ID that still answers; BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected,
-    before anything is written if the adapter cannot follow to a new baud rate.
+    The servo is identified again first: it, or another one with its new ID, may have been plugged in since
+    ``plan_changes``. After an error, ``plan_changes`` returns the remaining changes. Raises, before anything is
+    written: DeviceFault unless a single servo with this table has its ID, BadRequest for an ID that another servo has,
+    and NotConnected if the adapter does not support the new baud rate. Later: DeviceFault for a register that does not
+    hold the written value, or an old ID that still answers; BadRequest for a refused value; NoReply if the servo is
+    lost.
     """
     if not changes:
         return False
@@ -128,7 +126,7 @@ def apply_changes(bus: ServoBus, at: ServoAddress, table: ControlTable, changes:
 
 
 def _set_eeprom_lock(bus: ServoBus, at: ServoAddress, table: ControlTable, value: int) -> None:
-    """Open (0) or close (1) the EEPROM of an STS: what is written while it is closed is lost with its power."""
+    """Open (0) or close (1) the EEPROM of an STS: values written while it is closed are lost with the power."""
     with suppress(NoReply):
         bus.write(at, table["lock"], value)
     if (held := bus.read(at, table["lock"])) != value:
@@ -136,13 +134,13 @@ def _set_eeprom_lock(bus: ServoBus, at: ServoAddress, table: ControlTable, value
 
 
 def _write_order(change: RegisterChange) -> int:
-    """When a change is made: how the servo is reached, last."""
+    """Return the sort key of a change: ID and baud rate last."""
     name = change.register.name
     return ADDRESS_REGISTERS.index(name) + 1 if name in ADDRESS_REGISTERS else 0
 
 
 def _check_registers(subject: str, table: ControlTable, values: Mapping[str, int]) -> list[Register]:
-    """Return the registers that ``wanted`` names. Raises BadRequest with all that is wrong with it."""
+    """Return the registers in ``values``. Raises BadRequest that lists all invalid ones."""
     registers, faults, hints = [], [], []
     for name, value in values.items():
         try:
@@ -171,14 +169,14 @@ def _check_registers(subject: str, table: ControlTable, values: Mapping[str, int
 
 
 def _is_in_wheel_mode(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
-    """Whether the servo turns on and on, where speed 0 is to stand still: in protocol 1.0 both its limits are 0."""
+    """True if the servo rotates endlessly and speed 0 means stop: in protocol 1.0 both its limits are 0."""
     if "mode" in table:
         return bool(bus.read(at, table["mode"]))
     return at.protocol != 2 and not any(bus.read(at, table[limit]) for limit in table.limit_registers)
 
 
 def _require_unique_servo(bus: ServoBus, at: ServoAddress, table: ControlTable) -> None:
-    """Raise DeviceFault unless one servo alone, with this table, is at ``at``; NoReply, NotConnected."""
+    """Raise DeviceFault unless a single servo with this table is at ``at``; NoReply, NotConnected."""
     number = require_unique_id(bus, at).number
     known = find_model(number)
     if known is None or known.table is not table:
@@ -188,7 +186,7 @@ def _require_unique_servo(bus: ServoBus, at: ServoAddress, table: ControlTable) 
 
 
 def _require_free_id(bus: ServoBus, at: ServoAddress, changes: Sequence[RegisterChange]) -> None:
-    """Raise BadRequest if a change gives the servo an ID at which another one answers."""
+    """Raise BadRequest if a change uses an ID at which another servo answers."""
     for change in changes:
         if change.register.name == "id" and _is_id_taken(bus, change.after):
             raise BadRequest(
@@ -198,13 +196,13 @@ def _require_free_id(bus: ServoBus, at: ServoAddress, changes: Sequence[Register
 
 
 def _is_id_taken(bus: ServoBus, servo: int) -> bool:
-    """Whether anything answers at an ID, in either protocol: two servos that have it may not be understood."""
+    """True if any servo answers at an ID, in either protocol: replies of two servos may be unreadable."""
     protocols: tuple[Protocol, ...] = (1,) if servo > wire2.LAST_ID else (1, 2)
     return any(bus.answers_ping(ServoAddress(servo, protocol)) for protocol in protocols)
 
 
 def _relax(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
-    """Switch the torque off; return whether it was on. Raises DeviceFault if it stays on."""
+    """Switch the torque off; return True if it was on. Raises DeviceFault if it stays on."""
     torque = table["torque_enable"]
     if not bus.read(at, torque):
         return False
@@ -216,7 +214,7 @@ def _relax(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
 
 
 def _verify(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> ServoAddress:
-    """Read a change back, and return where the servo is from now on. Raises DeviceFault, NoReply, NotConnected."""
+    """Read a change back; return the address of the servo afterwards. Raises DeviceFault, NoReply, NotConnected."""
     name, old = change.register.name, at
     if name == "id":
         at = at._replace(id=change.after)
@@ -234,7 +232,7 @@ def _verify(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> ServoAdd
 
 @contextmanager
 def _baud_after(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> Iterator[None]:
-    """Talk at the rate at which the servo is heard once ``change`` is made; give the bus its own back in the end."""
+    """Use the baud rate that the servo has after ``change``; restore that of the bus at the end."""
     before = bus.baud
     if change.register.name != "baud":
         yield

@@ -1,4 +1,4 @@
-"""What the driver of an arm tells of its servos: each thing once, with what may help."""
+"""Status reports of an arm driver on its servos: each once, with a hint."""
 
 from collections.abc import Iterable, Mapping
 from math import degrees, inf
@@ -28,7 +28,7 @@ SHUTDOWN_HINT = "free the joint, then `mission servo torque recover --robot FILE
 
 
 class ServoReporter:
-    """The words for what happens to ``joints``. It remembers what has been told, so that nothing is told twice."""
+    """Reports events of ``joints``. It stores the reported ones, so that none is reported twice."""
 
     def __init__(self, name: str, joints: Mapping[str, Joint], report: StatusCallback) -> None:
         self._name = name
@@ -40,62 +40,62 @@ class ServoReporter:
         self._reported_not_at_rest: list[str] = []
 
     def report_online(self, port: str) -> None:
-        """Tell, if it is new, that servos answer on ``port``."""
+        """Report, once, that servos answer on ``port``."""
         if not self._online:
             self._online = True
             answering = sum(joint.is_answering for joint in self._joints.values())
             self._send_status("online", f"{answering} of {len(self._joints)} servos answer on {port}")
 
     def report_offline(self, reason: str, hint: str) -> None:
-        """Tell, if it is new, that the arm as a whole is gone."""
+        """Report, once, that the whole arm is gone."""
         if self._online:
             self._online = False
             self._send_status("offline", reason, hint)
 
     def reset(self) -> None:
-        """Forget that it was there, without a word."""
+        """Forget the reported events, without a report."""
         self._online = False
         self._reported_not_at_rest = []
         self._reported_unconfirmed = frozenset()
 
     def report_mismatches(self, hint: str) -> None:
-        """Tell in one notice of all servos that are missing or not what the robot file says."""
+        """Report, in one notice, all servos that are missing or differ from the robot file."""
         wrong = [f"{joint.title} {joint.undriven_reason}" for joint in self._joints.values() if not joint.is_driven]
         if wrong:
             self._send_status("fault", f"{len(wrong)} of {len(self._joints)} servos: {'; '.join(wrong)}", hint)
 
     def report_driven(self, joint: Joint, hint: str) -> None:
-        """Tell of a servo that was not driven: it is now, or there is another reason."""
+        """Report that a servo is driven again, or not for another reason."""
         if joint.is_driven:
             self._send_status("online", f"{joint.title} is back")
         else:
             self._send_status("fault", f"{joint.title} {joint.undriven_reason}", hint)
 
     def report_lost(self, joint: Joint, hint: str) -> None:
-        """Tell of a servo that has fallen silent."""
+        """Report that a servo no longer answers."""
         self._send_status("fault", f"{joint.title} does not answer any more", hint)
 
     def report_shutdown(self, joint: Joint) -> None:
-        """Tell of a servo that has shut itself down."""
+        """Report that a servo has shut itself down."""
         self._send_status(
             "fault", f"{joint.title} has shut down: {SHUTDOWN_SIGNS[joint.address.protocol]}", SHUTDOWN_HINT
         )
 
     def report_faults(self, joint: Joint, new_faults: ServoFault) -> None:
-        """Tell what newly ails a servo, with what it measured."""
+        """Report new faults of a servo, with its readings."""
         state = joint.reading.value
         felt = "" if state is None else f"{state.voltage:.1f} V, {state.temperature:.0f} °C, load {state.load:+.0%}"
         hint = "; ".join(cure for fault, cure in FAULT_HINTS.items() if fault & new_faults)
         self._send_status("fault", f"{joint.title} reports {new_faults.description} ({felt})", hint)
 
     def report_voltage_dip(self, joint: Joint) -> None:
-        """Tell of a servo that had lost its settings."""
+        """Report a servo that had lost its settings."""
         how = "made stiff again where it stood" if joint.torque else "given them again"
         what = f"{joint.title} had lost its settings and was {how}"
         self._send_status("fault", what, "its supply dips: measure it at the last servo while the arm moves")
 
     def report_displacement(self, joint: Joint, expected: float, actual: float) -> None:
-        """Tell of a joint that was away and is ``report_driven`` elsewhere than it ``stood`` (radians)."""
+        """Report a joint that returned at position ``actual`` instead of ``expected`` (radians)."""
         what = f"{joint.title} stands at {degrees(actual):.1f} deg, not at {degrees(expected):.1f} deg, where it stood before"
         hint = (
             "it goes on from there, slowly; if its servo is another, or its horn has slipped, its zero may have changed"
@@ -103,13 +103,13 @@ class ServoReporter:
         self._send_status("fault", what, f"{hint}: mission servo calibrate --zero --robot FILE")
 
     def report_silent_leader(self, follower: Joint, leader: Joint) -> None:
-        """Tell of a follower that stands still because nothing is heard of its leader."""
+        """Report a follower that stands still because its leader sends no readings."""
         self._send_status(
             "fault", f"{follower.title} stays where it is: nothing is heard of {leader.title}, which leads it"
         )
 
     def report_slow_bus(self, rate: float, baud: int) -> None:
-        """Tell if the wire cannot carry ``rate`` rounds of readings a second, and what keeps it busy."""
+        """Report, with the cause, if the bus cannot carry ``rate`` rounds per second."""
         joints = [joint for joint in self._joints.values() if joint.is_driven]
         wire, waiting = round_duration(joints, baud)
         if wire + waiting <= 1 / rate:
@@ -124,7 +124,7 @@ class ServoReporter:
         self._send_status("fault", f"{what}, {detail}", f"{cure}, or set a lower rate in the robot file")
 
     def report_excluded(self) -> None:
-        """Tell of joints that moves have begun to leave out."""
+        """Report joints that moves newly leave out."""
         left_out = frozenset(joint.name for joint in self._joints.values() if joint.excluded_from_move)
         for name in sorted(left_out - self._reported_excluded):
             joint = self._joints[name]
@@ -133,7 +133,7 @@ class ServoReporter:
         self._reported_excluded = left_out
 
     def report_unconfirmed(self, since: float = inf) -> None:
-        """Tell of joints that have left it open, ``since`` then or longer, whether they were held or relaxed."""
+        """Report joints whose hold or relax has been unconfirmed since ``since`` or longer."""
         open_ = [joint for joint in self._joints.values() if joint.is_unconfirmed and joint.unconfirmed_since <= since]
         new = [joint for joint in open_ if joint.name not in self._reported_unconfirmed]
         for stiff in (True, False):
@@ -147,7 +147,7 @@ class ServoReporter:
         }
 
     def report_not_at_rest(self, joints: Iterable[Joint], *, stiff: bool, reason: str = "") -> None:
-        """Tell, if it is new, of joints that could not be brought to rest, or did not say whether they are.
+        """Report, once, joints that are not at rest, or did not confirm it.
 
         A run rests its robot, then closes it, which rests it once more.
         """
@@ -169,7 +169,10 @@ class ServoReporter:
 
 
 def _describe_not_at_rest(joints: Iterable[Joint], *, stiff: bool) -> list[str]:
-    """Say of joints that are not at rest, as far as that is known; one that is not sent on comes to rest by itself."""
+    """Return messages on joints that are not confirmed to be at rest.
+
+    A silent joint stops by itself at its last setpoint.
+    """
     silent = [joint.title for joint in joints if stiff and joint.lacks_confirmation]
     others = [joint.title for joint in joints if not (stiff and joint.lacks_confirmation)]
     found = [f"{COULD_NOT_BE} {'held' if stiff else 'relaxed'}: {', '.join(others)}"] if others else []

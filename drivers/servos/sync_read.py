@@ -13,17 +13,17 @@ from drivers.servos.register import RegisterBlock
 from drivers.servos.units import RETURN_DELAY_STEP
 
 GROUP_READ_TIMEOUT = 2.0
-"""Seconds of group reads that bring nothing from servos that do answer, after which none is tried any more."""
+"""Seconds of group reads without any reply, while the servos do answer single reads, after which they are disabled."""
 
 _REQUEST_BYTES = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
-"""Bytes of a request that each servo adds to a round: its own packet, or its part in one for all."""
+"""Bytes of a request per servo: its own packet, or its part of a common one."""
 
 
 class GroupReader:
-    """Reads the fast block of many servos. For one thread.
+    """Reads the fast block of many servos. Not thread-safe.
 
-    Servos that can be read by one request are; one that such a read missed, or that was silent before, is asked by
-    itself, so that it cannot keep the others from answering. Older firmware does not know the reads of groups.
+    Servos that support it are read by one request. A servo that missed it, or that was silent before, is read alone, so
+    that it cannot delay the others. Older firmware does not support group reads.
     """
 
     def __init__(self, bus: ServoBus, clock: Clock) -> None:
@@ -33,12 +33,12 @@ class GroupReader:
         self._failing_since: dict[ReadMode, float] = {}
 
     def reset(self) -> None:
-        """Forget what the servos can: there may be others now."""
+        """Forget which group reads failed: the servos may have been replaced."""
         self._disabled_modes.clear()
         self._failing_since.clear()
 
     def read(self, joints: Sequence[Joint]) -> Iterator[tuple[Joint, bool]]:
-        """Read each joint once, into its copy of the table; return with each whether it answered.
+        """Read each joint once, into its copy of the table; yield each joint and whether it answered.
 
         Raises NotConnected.
         """
@@ -58,7 +58,7 @@ class GroupReader:
             yield joint, self._read_single(joint)
 
     def _read_group_or_singly(self, members: Sequence[Joint], mode: ReadMode) -> Iterator[tuple[Joint, bool]]:
-        """Read a group at once, and those that it missed one by one."""
+        """Read a group at once, and each servo that did not answer alone."""
         heard = self._read_group(members, mode)
         answered = False
         for joint in members:
@@ -73,7 +73,7 @@ class GroupReader:
                 self._disabled_modes.add(mode)
 
     def _read_group(self, members: Sequence[Joint], mode: ReadMode) -> set[str]:
-        """Read a group at once; return the names of those that answered."""
+        """Read a group at once; return the names of the joints that answered."""
         wanted = {joint.address: joint.model.table.fast_block for joint in members}
         found = self._bus.read_many(wanted, mode="sync" if mode == "sync" else "bulk")
         heard = [joint for joint in members if joint.address in found]
@@ -82,7 +82,7 @@ class GroupReader:
         return {joint.name for joint in heard}
 
     def _read_single(self, joint: Joint) -> bool:
-        """Read one servo, once: a reading that was missed costs less than the time of a second try."""
+        """Read one servo, once: a missed reading costs less than the time of a second try."""
         fast: RegisterBlock = joint.model.table.fast_block
         try:
             joint.store(fast, self._bus.read_block(joint.address, fast.address, fast.size, tries=1))
@@ -92,7 +92,7 @@ class GroupReader:
 
 
 def round_duration(joints: Sequence[Joint], baud: int) -> tuple[float, float]:
-    """Return how long (s) a round is on the wire, and how long the servos wait in it before they answer."""
+    """Return the seconds that a round takes on the wire, and the seconds of return delay in it."""
     size, delay = 0, 0
     for joint in joints:
         asked = _REQUEST_BYTES[joint.model.read_mode]

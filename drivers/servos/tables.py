@@ -1,7 +1,7 @@
-"""The control tables of the Dynamixel families as data, one row a register. Source: ROBOTIS e-Manual.
+"""Control tables of the Dynamixel families as data, one row per register. Source: ROBOTIS e-Manual.
 
-Names are the same in all tables where the thing is. The constants are the rows of the AX and RX, which the other
-tables of protocol 1.0 share where they do not say otherwise. Left out are the indirect addresses of protocol 2.0.
+Equal registers have the same name in all tables. The constants are the rows of AX and RX, which the other tables of
+protocol 1.0 reuse. The indirect addresses of protocol 2.0 are omitted.
 """
 
 from collections.abc import Iterable
@@ -12,17 +12,17 @@ from drivers.servos.register import Coding, ControlTable, Register, RegisterBloc
 
 
 def eeprom(name: str, address: int, size: int, default: int, lower: int, upper: int, unit: str = "") -> Register:
-    """Return a setting, which is kept through a power cut."""
+    """Return a setting, which survives a power cut."""
     return Register(name, address, size, default, lower, upper, eeprom=True, unit=unit)
 
 
 def read_only(name: str, address: int, size: int, default: int = 0) -> Register:
-    """Return what a servo says of itself."""
+    """Return a constant of the servo."""
     return Register(name, address, size, default, 0, 0, writable=False, eeprom=True)
 
 
 def ram(name: str, address: int, size: int, default: int, lower: int, upper: int, unit: str = "") -> Register:
-    """Return what a servo is told, and forgets with its power."""
+    """Return a writable register that is lost with the power."""
     return Register(name, address, size, default, lower, upper, unit=unit)
 
 
@@ -32,7 +32,7 @@ def present(name: str, address: int, size: int, unit: str = "", coding: Coding =
 
 
 def as_signed(register: Register, coding: Coding = Coding.TWOS_COMPLEMENT) -> Register:
-    """Return a register that may be below zero."""
+    """Return the register with signed values."""
     return replace(register, coding=coding)
 
 
@@ -231,7 +231,7 @@ TABLE_X = ControlTable(
     torque_ceiling="pwm_limit",
     limit_registers=("min_position", "max_position"),
 )
-"""XL430: it infers its load from the drive."""
+"""XL430, which estimates its load from the drive."""
 
 
 def with_current(table: ControlTable, unit: str, limit: int) -> ControlTable:
@@ -254,7 +254,7 @@ TABLE_X_CURRENT = with_current(TABLE_X, "2.69 mA", 1193)
 """XM430."""
 
 TABLE_X540 = with_current(TABLE_X, "2.69 mA", 2047)
-"""XM540, and its like."""
+"""XM540 and similar models."""
 
 TABLE_MX2 = replace(TABLE_X, registers=rows(TABLE_X.registers.values(), _ACCELERATION_LIMIT))
 """MX-28 with the firmware of protocol 2.0."""

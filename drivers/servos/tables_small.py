@@ -1,4 +1,4 @@
-"""The control tables of the small X servos, XL330 and XC330, and of the XL-320, as data. Source: ROBOTIS e-Manual."""
+"""Control tables of the small X servos, XL330 and XC330, and of the XL-320, as data. Source: ROBOTIS e-Manual."""
 
 from dataclasses import replace
 
@@ -116,4 +116,4 @@ TABLE_XL320 = ControlTable(
     torque_ceiling=MAX_TORQUE.name,
     limit_registers=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
 )
-"""XL-320: the frames of protocol 2.0, and a table much like that of an AX."""
+"""XL-320: frames of protocol 2.0, and a table similar to that of an AX."""

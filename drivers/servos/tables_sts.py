@@ -1,7 +1,7 @@
-"""The control tables of Feetech's STS, SMS and SCS servos as data. Source: the maker's memory tables of the series.
+"""Control tables of Feetech's STS, SMS and SCS servos as data. Source: the maker's memory tables of the series.
 
-Names are those of the Dynamixels' tables where the thing is the same. Signed numbers are a size and a sign bit: bit 10
-of the load, bit 11 of the offset, bit 15 of all others.
+Equal registers have the names of the Dynamixel tables. Signed numbers are a magnitude and a sign bit: bit 10 of the
+load, bit 11 of the offset, bit 15 of all others.
 """
 
 from dataclasses import replace
@@ -77,7 +77,7 @@ TABLE_STS = ControlTable(
     torque_ceiling="max_torque",
     limit_registers=("min_position", "max_position"),
 )
-"""STS3215, and its like."""
+"""STS3215 and similar models."""
 
 # SCS -------------------------------------------------------------------------------------------------------------
 
@@ -123,4 +123,4 @@ TABLE_SCS = ControlTable(
     torque_ceiling="max_torque",
     limit_registers=("min_position", "max_position"),
 )
-"""SCS0009, and its like: big-endian, without an offset and without a limit of the torque in RAM."""
+"""SCS0009 and similar models: big-endian, without an offset and without a torque limit in RAM."""

@@ -1,7 +1,7 @@
-"""Stiff and limp: the torque of servos switched so that none of them jumps, and joints sent on their way.
+"""Torque of servos switched without a jump, and setpoints of moving joints.
 
-Whenever torque is switched on, the goal is first set to where the servo stands, with a finite speed: an old goal would
-be taken up at once. On its way a joint is sent a short leg at a time: see ``legs``.
+Before the torque is switched on, the goal is set to the current position, with a finite speed: an old goal would be
+approached at once. Moving joints get short setpoints: see ``setpoint_lookahead``.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -17,22 +17,22 @@ from drivers.servos.setpoint_lookahead import approach_speed, hold_position, nex
 from drivers.servos.units import Protocol
 
 MAX_MOVING_READING_AGE = 0.06
-"""Seconds for which a reading still says where a joint is that may move."""
+"""Maximum age in seconds of a usable position of a joint that may move."""
 
 MAX_RESTING_READING_AGE = 0.15
-"""The same for one that is stiff and at rest: nobody turns it, and it is read ten times a second."""
+"""Maximum age in seconds of a usable position of a joint at rest with torque, which is read ten times a second."""
 
 RELEASE_TIMEOUT, MAX_RELEASE_ATTEMPTS = 1.0, 10
-"""Seconds for which, and how often, joints are told to rest that have not confirmed that they do."""
+"""Seconds and attempts for joints to confirm that they are at rest."""
 
 REBOOT_TIME = 0.5
-"""Seconds that a servo of protocol 2.0 is given to start again."""
+"""Seconds that a servo of protocol 2.0 needs to reboot."""
 
 
 def write_together(bus: ServoBus, writes: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
-    """Write each servo some bytes from an address on: in one packet for all, or one for each kind of control table.
+    """Write bytes to each servo, in one packet per protocol and address, without acknowledgement.
 
-    None acknowledges it. Raises NotConnected.
+    Raises NotConnected.
     """
     bus.require_open()
     packets: dict[tuple[Protocol, int], list[tuple[Joint, bytes]]] = {}
@@ -43,14 +43,14 @@ def write_together(bus: ServoBus, writes: Iterable[tuple[Joint, tuple[int, bytes
 
 
 def has_recent_reading(joint: Joint, now: float) -> bool:
-    """Whether the newest reading of a joint says where it is."""
+    """True if the newest reading of a joint still gives its position."""
     return now - joint.reading.stamp <= (
         MAX_RESTING_READING_AGE if joint.torque and not is_in_motion(joint) else MAX_MOVING_READING_AGE
     )
 
 
 def switch_torque(bus: ServoBus, joints: Iterable[Joint], *, on: bool) -> None:
-    """Switch the torque of many servos, which none acknowledges. Raises NotConnected."""
+    """Switch the torque of many servos, without acknowledgement. Raises NotConnected."""
     orders = []
     for joint in joints:
         enable = joint.model.table["torque_enable"]
@@ -59,26 +59,29 @@ def switch_torque(bus: ServoBus, joints: Iterable[Joint], *, on: bool) -> None:
 
 
 def stiffen(bus: ServoBus, joint: Joint, *, now: float) -> None:
-    """Make one joint stiff where it stands, every step acknowledged. Raises NoReply, NotConnected, BadRequest."""
+    """Switch the torque of a joint on at its current position, acknowledged. Raises NoReply, NotConnected, BadRequest."""
     here = bus.read(joint.address, joint.model.table["present_position"])
     _stiffen_at(bus, joint, hold_position(joint, here), now=now)
 
 
 def _stiffen_at(bus: ServoBus, joint: Joint, position: int, *, now: float) -> None:
-    """Make one joint stiff at ``place`` (ticks), which it has confirmed before its torque comes on. Raises as above."""
+    """Switch the torque of a joint on at ``position`` (ticks), which it confirms first. Raises as ``stiffen``."""
     _write_confirmed(bus, joint, *joint.goal_write(position, joint.limits.speed))
     set_torque(bus, joint, on=True)
     _note_held_position(joint, position, now=now)
 
 
 def set_torque(bus: ServoBus, joint: Joint, *, on: bool) -> None:
-    """Switch the torque of one joint, which it has confirmed then. Raises NoReply, NotConnected, BadRequest."""
+    """Switch the torque of a joint, with confirmation. Raises NoReply, NotConnected, BadRequest."""
     register = joint.model.table["torque_enable"]
     _write_confirmed(bus, joint, register.address, register.encode(int(on)))
 
 
 def _write_confirmed(bus: ServoBus, joint: Joint, address: int, data: bytes) -> None:
-    """Write ``data``, and see it there: a reply that is late on a busy machine says no more than that. Raises so."""
+    """Write ``data`` and confirm it by the reply, or by reading it back: a reply may be late on a busy machine.
+
+    Raises NoReply, NotConnected, BadRequest.
+    """
     joint.lacks_confirmation = True
     try:
         bus.write_block(joint.address, address, data)
@@ -90,13 +93,13 @@ def _write_confirmed(bus: ServoBus, joint: Joint, address: int, data: bytes) -> 
 
 
 def _note_held_position(joint: Joint, position: int, *, now: float) -> None:
-    """Take note that a joint was made stiff at ``place`` (ticks)."""
+    """Record that a joint holds ``position`` (ticks)."""
     joint.goal, joint.speed, joint.torque = joint.angle(joint.clamp_ticks(position)), joint.limits.speed, True
     joint.setpoint, joint.setpoint_sent_at = position, now
 
 
 def stop_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> dict[Joint, int]:
-    """Tell joints to go where they are by now, in one packet that none acknowledges; return these places (ticks).
+    """Set the goals of joints to their estimated positions, in one unacknowledged packet; return these (ticks).
 
     Raises NotConnected.
     """
@@ -107,9 +110,9 @@ def stop_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> dict
 
 
 def stiffen_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> None:
-    """Make joints stiff where they are by now, in two packets that none acknowledges. Raises NotConnected.
+    """Switch the torque of joints on at their estimated positions, in two unacknowledged packets. Raises NotConnected.
 
-    For joints that are sent elsewhere in the next moment: should the first packet be lost, they go to an old goal.
+    For joints that get a new goal at once: if the first packet is lost, they start towards an old goal.
     """
     places = stop_together(bus, joints, now=now)
     switch_torque(bus, places, on=True)
@@ -120,9 +123,9 @@ def stiffen_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> N
 def start_motion(
     bus: ServoBus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Mapping[str, float], now: float
 ) -> None:
-    """Let joints set out for goals (rad, within the limits) at their speeds (rad/s) or, without one, at their limit's.
+    """Start joints towards ``goals`` (rad, within the limits) at ``speeds`` (rad/s; default: their limits).
 
-    Limp ones become stiff first. Those that cannot go are marked as left out. Raises NotConnected.
+    Switches their torque on first. Joints that cannot move are marked as excluded. Raises NotConnected.
     """
     going = make_ready(bus, joints, now=now)
     for joint in joints:
@@ -140,7 +143,7 @@ def start_motion(
 
 
 def send_setpoints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> None:
-    """Send joints that need it farther on their way, in one packet that none acknowledges. Raises NotConnected."""
+    """Send the next setpoints of moving joints that need one, in one unacknowledged packet. Raises NotConnected."""
     able = [joint for joint in joints if joint.torque and joint.is_driven and not joint.is_shut_down]
     legs = {joint: place for joint in able if (place := next_setpoint(joint, now)) is not None}
     if legs:
@@ -150,11 +153,10 @@ def send_setpoints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> Non
 
 
 def make_ready(bus: ServoBus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
-    """Make those joints stiff that are limp; return all that may be sent a goal. Raises NotConnected.
+    """Switch the torque of joints on where it is off; return all that may get a goal. Raises NotConnected.
 
-    Those become stiff together, in two packets, that were seen a moment ago, or say where they stand when they are
-    asked; any other is asked once more, and left out if it does not say, as are servos that are not driven or have shut
-    down.
+    Joints with a recent reading, or that answer a read, are switched together in two packets. Others are tried once
+    more alone, and left out if they do not answer, as are servos that are not driven or have shut down.
     """
     able = [joint for joint in joints if joint.is_driven and not joint.is_shut_down]
     limp = [joint for joint in able if not joint.torque]
@@ -169,7 +171,7 @@ def make_ready(bus: ServoBus, joints: Sequence[Joint], *, now: float) -> list[Jo
 
 
 def _read_once(bus: ServoBus, joint: Joint, now: float) -> bool:
-    """Read a joint, once; say whether it has answered. Raises NotConnected."""
+    """Read a joint, once; return True if it answered. Raises NotConnected."""
     fast = joint.model.table.fast_block
     try:
         joint.store(fast, bus.read_block(joint.address, fast.address, fast.size, tries=1))
@@ -182,8 +184,8 @@ def _read_once(bus: ServoBus, joint: Joint, now: float) -> bool:
 def hold_or_relax(bus: ServoBus, joints: Iterable[Joint], *, stiff: bool, now: float) -> list[Joint]:
     """Hold or relax joints, first together, then each until it acknowledges; return those that did not.
 
-    Never raises. Left alone are servos that this driver never touched or (when holding) that have shut themselves
-    down. What is not what it should be any more is relaxed like the others, but cannot be held.
+    Never raises. Skips servos that this driver never gave torque, and, when holding, those that have shut down. A servo
+    that is not driven any more can be relaxed, but not held.
     """
     joints = tuple(joints)
     ours = [joint for joint in joints if joint.may_have_torque and not (stiff and joint.is_shut_down)]
@@ -206,7 +208,7 @@ def hold_or_relax(bus: ServoBus, joints: Iterable[Joint], *, stiff: bool, now: f
 
 
 def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, stiff: bool, now: float) -> bool:
-    """Settle one joint, at ``place`` (ticks) or where it says that it stands; try again after a miss."""
+    """Hold or relax a joint at ``position`` (ticks) or at its current position; try again after a miss."""
     joint.lacks_confirmation = not joint.is_answering
     if stiff and not joint.is_driven:
         return False  # nobody knows where it is, or where it would go: stiffening it could make it jump
@@ -233,7 +235,7 @@ def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, sti
 
 
 def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
-    """Count out the tries in which those that have ``failed`` to confirm their rest yet may, as long as some can."""
+    """Yield once per attempt in which the ``failed`` joints may still confirm their rest, while that is possible."""
     until = clock.now() + RELEASE_TIMEOUT
     for _ in range(MAX_RELEASE_ATTEMPTS):
         able = any(joint.is_driven or not joint.is_answering for joint in failed)
@@ -243,10 +245,9 @@ def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> 
 
 
 def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
-    """Give joints that have shut down their torque back, where they stand; return those that take it.
+    """Switch the torque of joints that have shut down on again, in place; return those that accept it.
 
-    A servo of protocol 2.0 has to start anew for it: whoever looks for servos that are not driven finds it again.
-    Raises NotConnected.
+    A servo of protocol 2.0 reboots for that, and the monitor finds it again. Raises NotConnected.
     """
     recovered = []
     bus.require_open()
@@ -269,7 +270,7 @@ def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> lis
 
 
 def _rearm(bus: ServoBus, joint: Joint, *, now: float) -> None:
-    """Give a servo that needs no restart its force back. Raises NoReply, NotConnected, BadRequest."""
+    """Restore the force of a servo that needs no reboot. Raises NoReply, NotConnected, BadRequest."""
     table = joint.model.table
     if joint.address.protocol == "STS":
         set_torque(bus, joint, on=False)  # else it stays in its overload

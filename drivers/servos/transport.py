@@ -1,4 +1,4 @@
-"""The line of a bus and who is on it: opened for one owner, one exchange at a time, with an account of every servo."""
+"""Serial transport of a servo bus: one request and its replies at a time, with statistics of each servo."""
 
 from collections import defaultdict, deque
 from collections.abc import Mapping
@@ -14,20 +14,19 @@ from drivers.transport.adapter import BusTransport, TransportOpener, open_transp
 from drivers.transport.history import DelayStatistics
 
 MAX_RETURN_DELAY = 254 * RETURN_DELAY_STEP
-"""Seconds: the longest delay that a servo can be set to before it replies."""
+"""Longest return delay that a servo can be set to, in seconds."""
 
 SECOND_REPLY_DELAY = 0.004
-"""Seconds beyond the longest return delay that a second servo with the same ID is listened for."""
+"""Seconds beyond the longest return delay during which a second servo with the same ID may reply."""
 
 
 @dataclass(slots=True)
 class ServoStatistics:
-    """What became of the requests to one servo.
+    """Counts of requests to one servo and of its replies.
 
-    ``tries`` counts all that it was to answer, ``misses`` those without a reply, ``corrupt`` those with a damaged one,
-    ``late`` replies that came after all, ``refused`` what it would not do. ``duplicates`` counts intact replies beyond the
-    one that was requested: a second servo has the same ID. ``slowest`` is the longest exchange, in seconds, to which it
-    replied.
+    ``tries`` counts requests that need a reply, ``misses`` those without one, ``corrupt`` those with a damaged one,
+    ``late`` replies that arrived after the timeout, ``refused`` refused requests. ``duplicates`` counts surplus intact
+    replies: a second servo has the same ID. ``slowest`` is the longest successful exchange, in seconds.
     """
 
     tries: int = 0
@@ -40,11 +39,11 @@ class ServoStatistics:
 
 
 class ServoTransport:
-    """Owns the line of a chain of servos. Safe between threads: a second one waits for the first.
+    """Owner of the serial line of a servo bus. Thread-safe: requests of other threads wait.
 
-    ``patience`` (seconds) is what a reply may take beyond its bytes and the longest return delay; the timer of a slow
-    USB adapter is added to it. A transport error closes the port; ``open`` may be called again. ``dial`` opens the
-    line; ``framing`` says whose code makes packets and finds them.
+    ``reply_timeout`` (seconds) is added to the time of a reply's bytes, the longest return delay and the latency of the
+    USB adapter. A transport error closes the port; call ``open`` again. ``dial`` opens the line; ``framing`` selects
+    our packet code or that of ROBOTIS.
     """
 
     def __init__(
@@ -77,10 +76,10 @@ class ServoTransport:
         self._busy_time = 0.0
         self._busy_until = 0.0
         self.exchanges = DelayStatistics()
-        """From a request to the last of its replies, where all came, since the bus was made."""
+        """Times from a request to the last of its replies, for complete exchanges since the bus was created."""
 
     def open(self) -> None:
-        """Take the port for this process alone. Raises NotConnected, with what to try; does nothing if it is open."""
+        """Open the port exclusively. Does nothing if it is open. Raises NotConnected, with a hint."""
         with self._lock:
             if self._line is not None:
                 return
@@ -99,7 +98,7 @@ class ServoTransport:
 
     @property
     def is_open(self) -> bool:
-        """True while the port is held."""
+        """True while the port is open."""
         return self._line is not None
 
     def require_open(self) -> None:
@@ -108,7 +107,10 @@ class ServoTransport:
 
     @property
     def baud(self) -> int:
-        """The rate of the line. Setting it keeps the port; raises NotConnected where the adapter cannot follow."""
+        """Baud rate of the line. Setting it keeps the port open.
+
+        The setter raises NotConnected if the adapter does not support the rate.
+        """
         return self._baud
 
     @baud.setter
@@ -124,30 +126,30 @@ class ServoTransport:
                     raise
 
     def now(self) -> float:
-        """Return the time of its clock, in seconds."""
+        """Return the time of the bus clock, in seconds."""
         return self._clock.now()
 
     def busy_time(self) -> float:
-        """Return for how many seconds the line was in use, by requests, replies and the wait for them, since open."""
+        """Return for how many seconds since ``open`` the line was busy with requests, replies or waiting for them."""
         return self._busy_time
 
     def noise_bytes(self) -> int:
-        """Return how many bytes have come that were part of no sound packet, since the bus was made."""
+        """Return the number of received bytes outside of intact packets since the bus was created."""
         return sum(parser.skipped_bytes for parser in self._parsers.values())
 
     def faults(self, servo: int) -> ServoFault:
-        """Return what the newest reply of ``servo`` complained of, apart from the request; nothing before the first."""
+        """Return the faults in the newest reply of ``servo``, without request errors; no faults before the first reply."""
         return self._faults.get(servo, ServoFault(0))
 
     def statistics(self, servo: int) -> ServoStatistics:
-        """Return the figures of ``servo`` since the bus was made."""
+        """Return the statistics of ``servo`` since the bus was created."""
         return self._statistics[servo]
 
     def listen_for_duplicate(self, protocol: Protocol, size: int, extra_time: float = SECOND_REPLY_DELAY) -> None:
-        """Wait for as long as a second servo with the same ID may take for a reply of ``size`` bytes of data.
+        """Wait for a second servo with the same ID to send a reply with ``size`` bytes of data.
 
-        That is the longest return delay and ``extra`` seconds. Its reply counts in ``ServoStatistics.doubles``. Raises
-        NotConnected.
+        Waits for the longest return delay and ``extra_time`` seconds. The reply counts in
+        ``ServoStatistics.duplicates``. Raises NotConnected.
         """
         codec = self._codecs[protocol]
         with self._lock:
@@ -166,10 +168,10 @@ class ServoTransport:
     def _transact(
         self, codec: Codec, request: Packet, expected: Mapping[int, ExpectedReply], *, extra_time: float = 0.0
     ) -> dict[int, ServoReply]:
-        """Send a request once and return the replies of those who are ``wanted``, by ID; missing ones are missing.
+        """Send a request once; return the replies of the ``expected`` servos by ID, without those that did not answer.
 
-        ``wait`` (seconds) is what the replies may take beyond the usual. Raises NotConnected, and BadRequest for what
-        no packet can hold.
+        ``extra_time`` (seconds) extends the reply timeout. Raises NotConnected, and BadRequest for a request that does
+        not fit a packet.
         """
         try:
             frame = codec.frame(request.id, request.code, request.parameters)
@@ -196,7 +198,10 @@ class ServoTransport:
             return exchange.replies
 
     def _receive_replies(self, line: BusTransport, exchange: Exchange, begin: float) -> None:
-        """Take what comes until all have answered, or the next reply should have come: the first from ``begin`` on."""
+        """Receive packets until all servos have answered, or the next reply is overdue.
+
+        The first reply is due from time ``begin`` on.
+        """
         parser = self._parsers[exchange.codec.protocol]
         deadline, over = begin + self._reply_time(exchange), False
         while exchange.missing:
@@ -212,12 +217,12 @@ class ServoTransport:
                 over = self._clock.now() >= deadline
 
     def _reply_time(self, exchange: Exchange) -> float:
-        """Return the seconds that the next reply may take: ten bits a byte, the servo's delay, and our patience."""
+        """Return the seconds that the next reply may take: ten bits a byte, return delay, timeout and latency."""
         size = exchange.codec.overhead + next(iter(exchange.missing.values())).size
         return size * 10 / self._baud + MAX_RETURN_DELAY + self._reply_timeout + self.latency
 
     def _drain(self, line: BusTransport, codec: Codec, expected: Mapping[int, ExpectedReply]) -> None:
-        """Take what has come since without being waited for; wait for what could be mistaken for what is ``wanted``."""
+        """Discard received bytes, and wait for late replies that could be mistaken for an ``expected`` one."""
         self._receive_unrequested(line, codec, 0.0)
         for servo, want in expected.items():
             while (until := self._late_replies.blocked_until(servo, want)) > self._clock.now():
@@ -225,20 +230,20 @@ class ServoTransport:
         self._parsers[codec.protocol].reset()
 
     def _receive_unrequested(self, line: BusTransport, codec: Codec, until: float) -> None:
-        """Take what comes by ``until`` although nobody is asked."""
+        """Receive packets until ``until`` while no request is pending."""
         if heard := line.receive(until):
             for packet in self._parsers[codec.protocol].feed(heard):
                 if packet.intact and (reply := codec.reply(packet)) is not None and packet not in self._recent_requests:
                     self._statistics[reply.id].duplicates += not self._on_stray_reply(reply)
 
     def _on_stray_reply(self, reply: ServoReply) -> bool:
-        """Take note of a reply that nobody waits for; return whether it is one that was overdue."""
+        """Record a reply that no request expects; return True if it is a late one."""
         if overdue := self._late_replies.pop(reply.id, len(reply.data)):
             self._statistics[reply.id].late += 1
         return overdue
 
     def _count(self, exchange: Exchange, expected: Mapping[int, ExpectedReply], sent: float, now: float) -> None:
-        """Enter what has become of a request into the figures of those who were to answer it."""
+        """Update the statistics of the ``expected`` servos after an exchange."""
         self._add_busy_time(sent, now)
         for servo in exchange.duplicates:
             self._statistics[servo].duplicates += 1
@@ -259,7 +264,7 @@ class ServoTransport:
             self._late_replies.add(servo, want, now)  # what came damaged was perhaps not the reply
 
     def _add_busy_time(self, begin: float, end: float) -> None:
-        """Count the line as used from ``begin`` to ``end``; what overlaps counts once."""
+        """Add ``begin`` to ``end`` to the busy time, without counting an overlap twice."""
         self._busy_time += max(0.0, end - max(begin, self._busy_until))
         self._busy_until = max(self._busy_until, end)
 

@@ -1,4 +1,4 @@
-"""The twin of an arm of Dynamixel servos: the real driver's joints and rules, in one thread and without a bus."""
+"""Simulated arm of servos: the joints and rules of the real driver, in one thread and without a bus."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -37,22 +37,22 @@ from drivers.sim.servo import FRICTION_TORQUE, Shaft
 # One simulated servo of an arm: a shaft that turns, stiff, limp or shut down, in the angles of its joint.
 
 VOLTAGE = 12.0
-"""Volts that it measures."""
+"""Measured voltage."""
 
 TEMPERATURE = 35.0
-"""Degrees Celsius that it measures."""
+"""Measured temperature in degrees Celsius."""
 
 STALL_LOAD = 0.9
-"""Share of the stall torque with which it pushes in vain."""
+"""Load of a blocked servo as a share of the stall torque."""
 
 TWIN_FAULTS = ("blocked", "frozen", "reversed", "silent", "pushed")
-"""It does not turn; it reports an old angle; it turns the wrong way; it does not report; somebody holds it."""
+"""Faults: does not turn; reports an old angle; turns the wrong way; sends no readings; is held by a hand."""
 
 
 class ServoTwin:
-    """A servo and its ``joint``, whose torque, goal and shutdown it keeps. It starts limp, with the joint at 0.
+    """A simulated servo with the state of its ``joint``. It starts with torque off and the joint at 0.
 
-    ``fault`` is one of ``TWIN_FAULTS`` while it has one.
+    ``fault`` is one of ``TWIN_FAULTS``, or empty.
     """
 
     def __init__(self, name: str, spec: JointSpec) -> None:
@@ -63,7 +63,7 @@ class ServoTwin:
         self._frozen_position: float | None = None  # where a frozen sensor says that it is
 
     def move_to(self, goal: float, speed: float, now: float) -> None:
-        """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
+        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's own, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
         if joint.torque and goal == joint.goal and speed == joint.speed:
             return  # it is on its way already
@@ -74,13 +74,13 @@ class ServoTwin:
         shaft.speed = min(wanted, joint.model.free_speed)
 
     def hold(self, now: float) -> None:
-        """Be stiff where it stands; a servo that has shut down stays limp."""
+        """Hold the current position; a servo that has shut down stays without torque."""
         if not self.joint.is_shut_down:
             here = self.joint.angle(self.joint.clamp_ticks(self.joint.ticks(self.position(now))))
             self.move_to(here, self.joint.limits.speed, now)
 
     def fail(self, fault: str, now: float) -> None:
-        """Have a fault from ``now`` on; none where it is empty."""
+        """Set a fault from ``now`` on; an empty one ends it."""
         shaft = self._shaft
         self._frozen_position = self.position(now) if fault == "frozen" else None
         shaft.motion_factor = {"blocked": 0.0, "pushed": 0.0, "reversed": -1.0}.get(fault, 1.0)
@@ -88,54 +88,54 @@ class ServoTwin:
         self.joint.undriven_reason = "does not answer" if fault == "silent" else ""
 
     def push(self, angle: float, now: float) -> None:
-        """Let somebody hold the joint at ``angle`` (radians), stiff or not, until the fault ends."""
+        """Hold the joint at ``angle`` (radians) by an external force, with or without torque, until the fault ends."""
         self.fail("pushed", now)
         self._shaft.position = self.joint.angle(self.joint.ticks(angle))
 
     def replace_servo(self, angle: float, now: float) -> None:
-        """Be another servo of the same kind, limp, with the joint at ``angle`` (radians)."""
+        """Become another servo of the same kind, with torque off and the joint at ``angle`` (radians)."""
         self._shaft.advance(now)
         self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
         self._resting_state = None
 
     def stop_at_setpoint(self, now: float) -> None:
-        """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
+        """Stop at the last setpoint of a real servo: from ``now`` on it gets no new one."""
         here, far = self._shaft.advance(now), lookahead_distance(self.joint, self.joint.speed)
         goal = min(max(self._shaft.goal, here - far), here + far)
         self.joint.setpoint = self.joint.ticks(goal)
         self._shaft.goal = self.joint.angle(self.joint.setpoint) if self.joint.torque else goal
 
     def relax(self, now: float) -> None:
-        """Be limp."""
+        """Switch the torque off."""
         self._shaft.goal = self._shaft.advance(now)
         self.joint.torque, self.joint.goal, self._resting_state = False, None, None
 
     def turn_by_hand(self, angle: float, now: float) -> None:
-        """Turn a limp joint to ``angle`` (radians), as far as its servo turns; a stiff one stays where it is."""
+        """Turn the joint to ``angle`` (radians) within the servo's range, if its torque is off."""
         if not self.joint.torque:
             self._shaft.advance(now)
             self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
             self._resting_state = None
 
     def shut_down(self, now: float) -> None:
-        """Give up its torque for good, as at an overload; it still knows its goal."""
+        """Switch the torque off until ``recover``, as after an overload; the goal is kept."""
         goal = self.joint.goal
         self.relax(now)
         self.joint.goal, self.joint.is_shut_down = goal, True
 
     def angle(self, now: float) -> float:
-        """Return where the joint really is at time ``now``, in radians."""
+        """Return the true angle of the joint at time ``now``, in radians."""
         return self._shaft.advance(now)
 
     def position(self, now: float) -> float:
-        """Return where it feels that it is at time ``now``, in radians: in the steps of its sensor."""
+        """Return the measured angle at time ``now``, in radians, in steps of the sensor."""
         if self._frozen_position is not None:
             self._shaft.advance(now)
             return self._frozen_position
         return self.joint.angle(self.joint.ticks(self._shaft.advance(now)))
 
     def state(self, now: float) -> JointState:
-        """Return what it feels at time ``now``."""
+        """Return the measured state at time ``now``."""
         joint, shaft = self.joint, self._shaft
         if self._resting_state is not None and self._resting_state.blocked == joint.progress.blocked:
             return self._resting_state
@@ -158,19 +158,18 @@ class ServoTwin:
 
 
 class JointsTwin(ServoJoints):
-    """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``STEP_INTERVAL``; for one thread.
+    """A simulated ``drivers.api.Joints``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
 
-    ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves
-    or holds them. Unplugged, the servos end the leg of their way that they were sent; plugged in again, those that are
-    meant to be stiff hold where they are. With every ``step`` followers are led, and ``changed`` is called.
-    Raises BadRequest for joints that cannot be, all faults in one message.
+    ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints start at 0 with torque off. When
+    unplugged, the servos stop at their last setpoint; plugged in again, those that should have torque hold their
+    position. Each ``step`` updates followers and calls ``changed``. Raises BadRequest that lists all invalid joints.
     """
 
     STEP_INTERVAL = 0.025
-    """Longer than a round of the real driver's, which costs nothing: readings are of the moment when they are asked."""
+    """Seconds between two steps; longer than a real driver's round, as readings are computed on request."""
 
     always_stiff: ClassVar[bool] = False
-    """True for joints that cannot be made limp."""
+    """True for joints whose torque cannot be switched off."""
 
     def __init__(
         self,
@@ -195,10 +194,10 @@ class JointsTwin(ServoJoints):
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
-        """Start moving the named joints to ``goals`` (radians); return the goals after clamping.
+        """Start moving the named joints to ``goals`` (radians); return the clamped goals.
 
-        Joints that followed others do so no more, and those whose servo has shut down are left out, with a notice.
-        Raises BadRequest for an unknown joint or a value that is not finite, NotConnected when the arm is unplugged.
+        Ends the following of these joints; those that have shut down are left out, with a notice. Raises BadRequest for
+        an unknown joint or a value that is not finite, NotConnected if the arm is unplugged.
         """
         speeds = speeds or {}
         check_move(self.name, goals, speeds, self._servos)
@@ -211,11 +210,11 @@ class JointsTwin(ServoJoints):
         return accepted
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Let joints follow others with every ``step`` from now on, until told otherwise; () ends it.
+        """Couple followers to leaders at every ``step``, until the next call; () ends all couplings.
 
-        Joints that follow no more stand where they are. A follower that is far from where it is led is brought over
-        slowly; plugged in again, all go on to follow, and are brought over anew. Raises BadRequest for couplings that
-        cannot be, and NotConnected, but not in order to end them.
+        Joints that no longer follow hold their position. A distant follower approaches slowly; after replugging,
+        following continues, slowly at first. Raises BadRequest for invalid couplings, and NotConnected, but not to end
+        them.
         """
         check_couplings(self.name, couplings, self._servos)
         if couplings:
@@ -225,7 +224,7 @@ class JointsTwin(ServoJoints):
         self._hold_or_relax_and_report(freed, stiff=True)
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """The state of each joint now; as last seen, and soon stale, while the arm is unplugged."""
+        """The current state of each joint; the last one, soon stale, while the arm is unplugged."""
         now = self._clock.now()
         if self.plug.online:
             if self._read_at != now:
@@ -237,9 +236,9 @@ class JointsTwin(ServoJoints):
         return {name: replace(reading, quality=quality) for name, reading in self._readings.items()}
 
     def recover(self) -> tuple[str, ...]:
-        """Make servos that have shut down stiff again where they stand; return the names of the joints.
+        """Switch the torque of servos that have shut down on again, in place; return the names of the joints.
 
-        It enables the arm as well. Raises NotConnected.
+        It also enables the arm. Raises NotConnected.
         """
         self.plug.check_online()
         self._reconnect.enable()
@@ -253,18 +252,18 @@ class JointsTwin(ServoJoints):
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
+        """Connect at once, unless it is unplugged."""
         self._reconnect.restart()
         self.plug.open()
 
     def rest(self) -> None:
-        """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
+        """Hold or relax, as configured; report servos that did not confirm it. Never raises."""
         self._reporter.report_not_at_rest(
             self._hold_or_relax(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest
         )
 
     def close(self) -> None:
-        """Bring the arm to rest, and let it go. Safe from any state, more than once."""
+        """Bring the arm to rest and disconnect. Safe from any state, more than once."""
         self.rest()
         self.plug.close()
         self._reporter.reset()
@@ -272,7 +271,7 @@ class JointsTwin(ServoJoints):
             servo.joint.is_unconfirmed = False
 
     def health(self) -> Health:
-        """Say whether the arm is there, and which servos have shut down."""
+        """Return whether the arm is connected, and which servos have shut down."""
         health = replace(self.plug.health({}), reconnected_at=self._reconnect.reconnected_at)
         shut = [servo.joint.title for servo in self._servos.values() if servo.joint.is_shut_down]
         if not health.online or not shut:
@@ -280,7 +279,7 @@ class JointsTwin(ServoJoints):
         return replace(health, detail=f"{self.name}: {', '.join(shut)} has shut down", hint=SHUTDOWN_HINT)
 
     def step(self) -> None:
-        """Lead the followers, and tell that there are new readings; these are worked out when somebody asks."""
+        """Update the followers, and signal new readings, which are computed on request."""
         if self.plug.online:
             self._reconnect.on_report(self._clock.now())
             if self._following:
@@ -291,11 +290,11 @@ class JointsTwin(ServoJoints):
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
     def true_angle(self, joint: str, now: float) -> float:
-        """Where ``joint`` really is at time ``now``, in radians."""
+        """Return the true angle of ``joint`` at time ``now``, in radians."""
         return self._servos[joint].angle(now)
 
     def overload(self, joint: str) -> None:
-        """Let the servo of ``joint`` shut itself down for an overload. Raises BadRequest for an unknown joint."""
+        """Shut the servo of ``joint`` down by an overload. Raises BadRequest for an unknown joint."""
         check_names(self.name, {joint}, self._servos)
         servo, now = self._servos[joint], self._clock.now()
         if servo.joint.is_shut_down:
@@ -308,24 +307,27 @@ class JointsTwin(ServoJoints):
             self._reporter.report_shutdown(servo.joint)
 
     def fail(self, joint: str, fault: str = "") -> None:
-        """Give the servo of ``joint`` one of ``TWIN_FAULTS``, or none. Raises BadRequest for an unknown joint."""
+        """Set a fault of ``TWIN_FAULTS`` for the servo of ``joint``; empty ends it.
+
+        Raises BadRequest for an unknown joint.
+        """
         check_names(self.name, {joint}, self._servos)
         self._servos[joint].fail(fault, self._clock.now())
         self._read_at = -inf
 
     def push(self, joint: str, angle: float) -> None:
-        """Hold a ``joint`` at ``angle`` (radians), stiff or not, until ``fail`` ends that."""
+        """Hold ``joint`` at ``angle`` (radians) by an external force, with or without torque, until ``fail`` ends it."""
         check_move(self.name, {joint: angle}, {}, self._servos)
         self._servos[joint].push(angle, self._clock.now())
         self._read_at = -inf
 
     def replace_servo(self, joint: str, angle: float) -> None:
-        """Put another servo in the place of that of ``joint``, which stands at ``angle`` (radians), while unplugged."""
+        """Replace the servo of ``joint`` by one at ``angle`` (radians), while unplugged."""
         check_move(self.name, {joint: angle}, {}, self._servos)
         self._servos[joint].replace_servo(angle, self._clock.now())
 
     def turn_by_hand(self, joint: str, angle: float) -> None:
-        """Turn a limp ``joint`` to ``angle`` (radians); a stiff one stays. Raises BadRequest for an unknown joint."""
+        """Turn ``joint`` to ``angle`` (radians) if its torque is off. Raises BadRequest for an unknown joint."""
         check_move(self.name, {joint: angle}, {}, self._servos)
         self._servos[joint].turn_by_hand(angle, self._clock.now())
         self._read_at = -inf
@@ -333,11 +335,11 @@ class JointsTwin(ServoJoints):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _make_servo(self, name: str, spec: JointSpec) -> ServoTwin:
-        """Return the twin of one servo."""
+        """Return a simulated servo."""
         return ServoTwin(name, spec)
 
     def _on_plugged_in(self) -> None:
-        """Give every servo the torque that was last asked for, where it stands; as found if nobody asked."""
+        """Restore the requested torque of every servo, in place; keep it as found without a request."""
         now = self._clock.now()
         for servo in self._servos.values():
             self._check_displacement(servo.joint, servo.position(now))
@@ -355,7 +357,7 @@ class JointsTwin(ServoJoints):
         self._read(now)
 
     def _check_displacement(self, joint: Joint, position: float) -> None:
-        """Tell if a joint stands elsewhere than it stood when the arm was unplugged."""
+        """Report a joint that was moved while the arm was unplugged."""
         if joint.name in self._readings:
             joint.reading = self._readings[joint.name]
             if (stood := joint.expected_position(position)) is not None:
@@ -363,12 +365,12 @@ class JointsTwin(ServoJoints):
                 self._reporter.report_displacement(joint, stood, position)
 
     def _require_ready(self) -> None:
-        """Raise NotConnected while it is unplugged, DeviceFault while it is latched."""
+        """Raise NotConnected while unplugged, DeviceFault while latched."""
         self.plug.check_online()
         self._reconnect.require_unlatched(self.name)
 
     def _on_unplugged(self) -> None:
-        """Keep what is seen last; nobody sends the servos any farther."""
+        """Keep the last readings, and stop all servos at their setpoints."""
         now = self._clock.now()
         self._read(now)
         for servo in self._servos.values():
@@ -379,7 +381,7 @@ class JointsTwin(ServoJoints):
         self._read_at = now
 
     def _reading(self, servo: ServoTwin, now: float) -> Reading[JointState]:
-        """Return the newest reading of a servo: of one that does not answer, an old one."""
+        """Return the newest reading of a servo; an old one if it does not answer."""
         if servo.fault != "silent":
             return Reading(servo.state(now), now, Quality.GOOD)
         before = self._readings.get(servo.joint.name)
@@ -388,7 +390,7 @@ class JointsTwin(ServoJoints):
         return replace(before, quality=Quality.GOOD if now - before.stamp <= STALE_AFTER else Quality.STALE)
 
     def _move_joints(self, goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
-        """Send joints to goals within their limits, but those that have shut down."""
+        """Move joints to goals within their limits, except those that have shut down."""
         for name, goal in goals.items():
             servo = self._servos[name]
             joint = servo.joint
@@ -405,7 +407,7 @@ class JointsTwin(ServoJoints):
         self._read_at = -inf
 
     def _stop_blocked_joints(self, now: float) -> None:
-        """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
+        """Hold joints that are blocked; relax joints that run away."""
         watched = [servo for servo in self._servos.values() if servo.joint.progress.active or servo.fault]
         for servo in watched:
             servo.joint.reading = self._reading(servo, now)
@@ -419,7 +421,7 @@ class JointsTwin(ServoJoints):
             self._read_at = -inf
 
     def _update_followers(self, now: float) -> None:
-        """Send every follower where it belongs now."""
+        """Move every follower to its current goal."""
         pairs = ((coupling.leader, coupling.follower) for coupling in self._following.couplings)
         positions = {name: self._servos[name].position(now) for pair in pairs for name in pair}
         goals = self._goal_limiter.clamp_goals(self._following.goals(positions), now)
@@ -427,12 +429,12 @@ class JointsTwin(ServoJoints):
         self._following.mark_paused([name for name in goals if self._servos[name].joint.excluded_from_move])
 
     def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
-        """Hold or relax; tell of the joints that did not hear it."""
+        """Hold or relax joints; report those without confirmation."""
         self._hold_or_relax(names, stiff=stiff)
         self._reporter.report_unconfirmed()
 
     def _hold_or_relax(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
-        """Hold or relax; return the joints that did not hear it. What was never there was never moved."""
+        """Hold or relax joints; return those that did not receive it, except joints that were never connected."""
         check_names(self.name, set(names), self._servos)
         now = self._clock.now()
         self._following.release(names)
@@ -454,7 +456,7 @@ class JointsTwin(ServoJoints):
 
 
 class NeckTwin(JointsHead[JointsTwin]):
-    """A ``JointsHead`` over an arm's twin, with which it shares the plug. ``step`` is to be called every ``STEP_INTERVAL``."""
+    """A ``JointsHead`` on an arm's twin, with which it shares the plug. Call ``step`` every ``STEP_INTERVAL``."""
 
     @property
     def plug(self) -> SimulatedPlug:
@@ -462,18 +464,18 @@ class NeckTwin(JointsHead[JointsTwin]):
         return self._joints.plug
 
     def fail(self, fault: str = "") -> None:
-        """Give both joints a fault of ``drivers.servos.twin.TWIN_FAULTS``, or none."""
+        """Set a fault of ``drivers.servos.twin.TWIN_FAULTS`` for both joints; empty ends it."""
         for axis in self._untrimmed_axes:
             self._joints.fail(axis.joint, fault)
 
     def true_pose(self, now: float) -> HeadPose:
-        """Where the joints really are at time ``now``; what it is trimmed to later turns it in truth."""
+        """Return the true pose at time ``now``; the trim from construction counts, so a later trim turns it in truth."""
         pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._untrimmed_axes)
         return HeadPose(pan, tilt)
 
 
 def make(keys: DynamixelKeys, stage: SimContext) -> JointsTwin:
-    """Return the twin of an arm, whose servos carry the robot's body where there are physics."""
+    """Return the simulated arm; in a scene with physics, its servos carry the robot's body."""
     if stage.scene is not None and stage.part_name == "arm":  # of which the body is made
         from drivers.servos.rigid_twin import RigidJoints  # noqa: PLC0415 - it extends ``JointsTwin``, and is rare
 
@@ -486,7 +488,7 @@ def make(keys: DynamixelKeys, stage: SimContext) -> JointsTwin:
 
 
 def make_neck(keys: NeckKeys, stage: SimContext) -> NeckTwin:
-    """Return the twin of a head that is two joints of the arm's twin."""
+    """Return the simulated head on two joints of the arm's twin."""
     return NeckTwin(
         stage.parts["arm"],
         stage.clock,

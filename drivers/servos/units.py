@@ -1,4 +1,4 @@
-"""What the codes and steps of a control table are worth: turning speeds, delays and baud rates."""
+"""Units of a control table: speeds, delays and baud rate codes."""
 
 from collections.abc import Mapping
 from math import pi
@@ -8,20 +8,22 @@ from typing import Literal
 from drivers.errors import BadRequest
 
 RPM = 2 * pi / 60
-"""One turn a minute in rad/s."""
+"""One turn per minute in rad/s."""
 
 RETURN_DELAY_STEP = 2e-6
-"""Seconds that one step of a servo's return delay is worth."""
+"""Seconds per step of the return delay."""
 
 Protocol = Literal[1, 2, "STS"]
-"""How a servo is spoken to: ROBOTIS' protocols by number, or that of Feetech's STS and SMS servos: frames of protocol
-1.0, another control table, and readings of many at once."""
+"""Servo protocol: ROBOTIS' 1.0 or 2.0, or "STS" for Feetech's STS and SMS.
+
+STS uses frames of protocol 1.0, another control table, and sync reads.
+"""
 
 Framing = Literal["own", "sdk"]
-"""Whose code makes packets of bytes: this project's, or that of ROBOTIS' ``dynamixel-sdk``."""
+"""Packet code: our own, or that of ROBOTIS' ``dynamixel-sdk``."""
 
 _RATE_TOLERANCE = 0.03
-"""How far, as a share, two rates may be apart and still understand each other."""
+"""Relative difference of two baud rates that still communicate."""
 
 # Protocol 1.0: 2 000 000 / (code + 1), called by the usual rate where one is meant; beyond 2 M for the MX alone.
 _NOMINAL_RATES = {16: 115_200, 34: 57_600, 103: 19_200, 207: 9600}
@@ -36,17 +38,17 @@ _RATES: Mapping[Protocol, Mapping[int, int]] = MappingProxyType(
 
 
 def protocol_label(protocol: Protocol) -> str:
-    """Return a protocol in a table: ``1.0``, or ``STS``."""
+    """Return a short name for tables: ``1.0`` or ``STS``."""
     return protocol if protocol == "STS" else f"{protocol}.0"
 
 
 def protocol_name(protocol: Protocol) -> str:
-    """Return what people call a protocol: ``protocol 1.0``, or ``the STS protocol``."""
+    """Return the name for messages: ``protocol 1.0`` or ``the STS protocol``."""
     return "the STS protocol" if protocol == "STS" else f"protocol {protocol_label(protocol)}"
 
 
 def baud_of(code: int, protocol: Protocol) -> int:
-    """Return the rate that the ``baud`` register means by ``code``. Raises BadRequest if it means none."""
+    """Return the baud rate of a code in register ``baud``. Raises BadRequest for an unknown code."""
     if code not in _RATES[protocol]:
         raise BadRequest(
             f"baud code {code} stands for no rate in {protocol_name(protocol)}", hint=_rates_hint(protocol)
@@ -63,7 +65,7 @@ def baud_code(baud: int, protocol: Protocol) -> int:
 
 
 def _rates_hint(protocol: Protocol) -> str:
-    """The rates that are worth naming."""
+    """Return a hint that lists the usual rates."""
     usual = (9600, 19_200, 38_400, 57_600, 76_800, 115_200, 128_000, 200_000, 250_000, 400_000, 500_000)
     rates = sorted(rate for rate in _RATES[protocol].values() if rate in usual or rate >= 1_000_000)
     return f"rates are {', '.join(str(rate) for rate in rates)}"

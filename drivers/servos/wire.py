@@ -1,12 +1,12 @@
-"""Dynamixel protocol 1.0 as bytes: packets built and found again, in both directions.
+"""Dynamixel protocol 1.0 as bytes: packets encoded and parsed, in both directions.
 
 Request: ``FF FF ID LEN INST P1..PN CHK``; reply (status): ``FF FF ID LEN ERR P1..PN CHK``, with LEN = N + 2 and CHK the
-inverted low byte of the sum of everything between header and checksum. Source: ROBOTIS e-Manual, protocol 1.0.
-``wire2`` is protocol 2.0 in the same terms; what both have in common is here.
+inverted low byte of the sum of all bytes between header and checksum. Source: ROBOTIS e-Manual, protocol 1.0. ``wire2``
+is protocol 2.0 with the same interface; the common parts are here.
 
-Feetech's STS and SMS servos share the frames of protocol 1.0. They answer a request that they understand, whatever they
-think of it: no error byte refuses one. A request that came damaged they do not answer. Broadcast pings collide. Source:
-the maker's protocol manual and memory table.
+Feetech's STS and SMS servos share the frames of protocol 1.0. They acknowledge every intact request: no error byte
+refuses one. They do not answer a damaged request. Broadcast pings collide. Source: the maker's protocol manual and
+memory table.
 """
 
 from enum import IntEnum, IntFlag
@@ -17,22 +17,22 @@ from drivers.api.fast_dataclass import dataclass
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE
-"""The ID that every servo obeys and none answers."""
+"""ID that every servo obeys and no servo acknowledges."""
 
 LAST_ID = 0xFD
 
 PACKET_TIMEOUT = 0.1
-"""Seconds of silence inside a packet after which a servo forgets what it has heard of it."""
+"""Seconds of silence inside a packet after which a servo discards its beginning."""
 
 MAX_PARAMETERS = 0xFF - 2
-"""Parameters that one packet can hold, in bytes."""
+"""Maximum parameters of a packet, in bytes."""
 
 MAX_PACKET_BYTES = 143
-"""Bytes of a whole packet that every servo has room for. Source: e-Manual, sync write of the RX-64."""
+"""Packet size that every servo can buffer. Source: e-Manual, sync write of the RX-64."""
 
 
 class Protocol1Instruction(IntEnum):
-    """What a request asks for."""
+    """Instructions of requests in protocol 1.0."""
 
     PING = 0x01
     READ = 0x02
@@ -45,7 +45,7 @@ class Protocol1Instruction(IntEnum):
 
 
 class ServoFault(IntFlag):
-    """What a reply can complain about. The bits up to INSTRUCTION are the error byte of protocol 1.0."""
+    """Faults that a reply can report. The bits up to INSTRUCTION are the error byte of protocol 1.0."""
 
     VOLTAGE = 1
     ANGLE_LIMIT = 2
@@ -67,12 +67,12 @@ class ServoFault(IntFlag):
 
     @property
     def description(self) -> str:
-        """The bits as words: ``overheating, overload``; empty when none is set."""
+        """The faults as text: ``overheating, overload``; empty if there are none."""
         return ", ".join((bit.name or hex(bit)).lower().replace("_", " ") for bit in self)
 
 
 ERROR_BYTE = 0x7F
-"""The bits of ``ServoFault`` that protocol 1.0 knows."""
+"""Bits of ``ServoFault`` that protocol 1.0 has."""
 
 LASTING_FAULTS = (
     ServoFault.VOLTAGE
@@ -82,7 +82,7 @@ LASTING_FAULTS = (
     | ServoFault.SHOCK
     | ServoFault.CURRENT
 )
-"""Bits that describe the state of the servo, repeated in every reply (protocol 1.0, STS) while it lasts."""
+"""Faults of the servo itself, repeated in every reply (protocol 1.0, STS) while they last."""
 
 REFUSAL_FAULTS = (
     ServoFault.ANGLE_LIMIT
@@ -93,15 +93,15 @@ REFUSAL_FAULTS = (
     | ServoFault.LENGTH
     | ServoFault.LIMIT
 )
-"""Bits that refuse the request itself."""
+"""Faults of the request, which was refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """One frame: ``code`` is the instruction of a request, or the error bits of a status.
+    """A packet: ``code`` is the instruction of a request, or the error bits of a status.
 
-    (In protocol 2.0 a status has an instruction too, and its error is the first of the parameters.)
-    ``intact`` is False when the checksum was wrong: then no field can be relied on.
+    (In protocol 2.0 a status also has an instruction, and its error is the first parameter.) ``intact`` is False if the
+    checksum was wrong: then no field is reliable.
     """
 
     id: int
@@ -111,18 +111,18 @@ class Packet:
 
 
 def checksum(body: bytes) -> int:
-    """Return the checksum of ``body``, everything from the ID to the last parameter."""
+    """Return the checksum of ``body``, the bytes from the ID to the last parameter."""
     return ~sum(body) & 0xFF
 
 
 @lru_cache(maxsize=512)  # an arm asks the same in every round
 def request(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """Return a request to ``servo`` (0..253, or BROADCAST). Raises ValueError for what no packet can hold."""
+    """Return a request to ``servo`` (0..253, or BROADCAST). Raises ValueError if it does not fit a packet."""
     return _frame(servo, instruction, parameters)
 
 
 def status(servo: int, error: int = 0, parameters: bytes = b"") -> bytes:
-    """Return the reply of ``servo`` with its error bits. Raises ValueError for what no packet can hold."""
+    """Return the reply of ``servo`` with its error bits. Raises ValueError if it does not fit a packet."""
     return _frame(servo, int(error) & ERROR_BYTE, parameters)
 
 
@@ -136,9 +136,9 @@ def _frame(servo: int, code: int, parameters: bytes) -> bytes:
 
 
 class PacketParser:
-    """Finds packets in a stream cut anywhere, and finds its way back after noise.
+    """Finds packets in a stream of chunks, and resynchronises after noise.
 
-    ``skipped_bytes`` counts bytes that belong to no intact packet, ``damaged_packets`` frames whose checksum was wrong.
+    ``skipped_bytes`` counts bytes outside of intact packets, ``damaged_packets`` frames with a wrong checksum.
     """
 
     header: ClassVar[bytes] = HEADER
@@ -151,10 +151,10 @@ class PacketParser:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take ``data``; return the packets that it completes, in order, broken ones marked as such.
+        """Add ``data``; return the packets that it completes, in order, with damaged ones marked.
 
-        After a broken one the search goes on right behind its header: what looked like a frame may have been noise
-        with a real one inside.
+        After a damaged packet the search continues right behind its header: noise may look like a frame with a real one
+        inside.
         """
         self._buffer += data
         found = []
@@ -169,12 +169,12 @@ class PacketParser:
         return found
 
     def reset(self) -> None:
-        """Forget a packet that was never finished."""
+        """Discard an incomplete packet."""
         if self._buffer:
             self._skip(len(self._buffer))
 
     def _align(self) -> int | None:
-        """Bring a possible packet to the front; return its size, or None while that cannot be told."""
+        """Move a possible packet to the front of the buffer; return its size, or None while it is unknown."""
         while (start := self._buffer.find(self.header)) >= 0:
             if start:
                 self._skip(start)
@@ -188,12 +188,12 @@ class PacketParser:
         return None
 
     def _size(self) -> int | None:
-        """Return the size of the packet that may be at the front; None when no packet begins so."""
+        """Return the size of the packet at the front; None if no packet begins like this."""
         servo, length = self._buffer[2], self._buffer[3]
         return length + 4 if servo <= BROADCAST and length >= 2 else None
 
     def _packet(self, frame: bytes) -> Packet:
-        """Return what a frame of the right size says."""
+        """Decode a frame of the right size."""
         return Packet(frame[2], frame[4], frame[5:-1], checksum(frame[2:-1]) == frame[-1])
 
     def _skip(self, count: int) -> None:
@@ -211,7 +211,7 @@ _STS_BITS: Final = {
 
 
 def decode_sts_faults(status: int) -> ServoFault:
-    """Return what an error byte says, or register 65, ``status``."""
+    """Return the faults of an STS error byte, or of register 65, ``status``."""
     found = ServoFault(0)
     for bit, fault in _STS_BITS.items():
         if status >> bit & 1:
@@ -220,5 +220,5 @@ def decode_sts_faults(status: int) -> ServoFault:
 
 
 def encode_sts_faults(faults: ServoFault) -> int:
-    """Return the error byte that says ``faults``."""
+    """Return the error byte for ``faults``."""
     return sum(1 << bit for bit, fault in _STS_BITS.items() if faults & fault)

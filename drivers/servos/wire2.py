@@ -1,7 +1,7 @@
-"""Dynamixel protocol 2.0 as bytes: packets built and found again, in both directions.
+"""Dynamixel protocol 2.0 as bytes: packets encoded and parsed, in both directions.
 
 Request: ``FF FF FD 00 ID LENL LENH INST P1..PN CRCL CRCH``; reply (status): the same with INST = 55 and an error byte
-as first parameter. LEN = N + 3 counts what is on the wire, after stuffing: inside INST..PN each ``FF FF FD`` is sent
+as first parameter. LEN = N + 3 counts the bytes on the wire, after stuffing: inside INST..PN each ``FF FF FD`` is sent
 as ``FF FF FD FD``, so that no header can begin there. Source: ROBOTIS e-Manual, protocol 2.0.
 """
 
@@ -16,13 +16,13 @@ HEADER = b"\xff\xff\xfd\x00"
 LAST_ID = 0xFC
 
 STATUS = 0x55
-"""The instruction of a reply."""
+"""Instruction of a reply."""
 
 ALERT = 0x80
-"""The bit of the error byte that says: the hardware has a fault, read register 70."""
+"""Bit of the error byte for a hardware fault: read register 70."""
 
 MAX_PARAMETERS = 1000
-"""Parameters that we put into one packet, in bytes before stuffing: no control table is longer."""
+"""Maximum parameters of our packets, in bytes before stuffing: no control table is longer."""
 
 _OVERHEAD = len(HEADER) + 3  # the bytes that LEN does not count
 _MAX_LEN = (MAX_PARAMETERS + 2) * 4 // 3 + 3  # the largest LEN, when as much as can be is stuffed
@@ -31,7 +31,7 @@ _FORBIDDEN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
 
 class Protocol2Instruction(IntEnum):
-    """What a request asks for. Addresses and sizes are two bytes."""
+    """Instructions of requests in protocol 2.0. Addresses and sizes are two bytes."""
 
     PING = 0x01
     READ = 0x02
@@ -48,7 +48,7 @@ class Protocol2Instruction(IntEnum):
 
 
 class Protocol2Error(IntEnum):
-    """Why a request was refused: the low seven bits of the error byte."""
+    """Reason of a refusal: the low seven bits of the error byte."""
 
     NONE = 0
     FAILED = 1
@@ -72,7 +72,7 @@ _FAULTS: Final = {
 
 
 def decode_error(error: int) -> ServoFault:
-    """Return what the error byte of a status says; a number without a name is a failure all the same."""
+    """Return the faults of a status error byte; unknown numbers count as FAILED."""
     fault = _FAULTS.get(
         Protocol2Error(error & 7) if error & 0x7F <= Protocol2Error.ACCESS else Protocol2Error.FAILED, ServoFault.FAILED
     )
@@ -80,7 +80,7 @@ def decode_error(error: int) -> ServoFault:
 
 
 def decode_hardware_error(value: int) -> ServoFault:
-    """Return what register 70, hardware_error_status, says."""
+    """Return the faults of register 70, hardware_error_status."""
     bits = {
         0: ServoFault.VOLTAGE,
         2: ServoFault.OVERHEATING,
@@ -106,7 +106,7 @@ _TABLE: Final = tuple(_row(index) for index in range(256))
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16 of ``data``: polynomial 8005, from 0, highest bit first, nothing reflected or inverted."""
+    """Return the CRC-16 of ``data``: polynomial 8005, initial value 0, highest bit first, not reflected or inverted."""
     value = 0
     for byte in data:
         value = (value << 8 & 0xFF00) ^ _TABLE[value >> 8 ^ byte]
@@ -114,23 +114,23 @@ def crc(data: bytes) -> int:
 
 
 def stuff(body: bytes) -> bytes:
-    """Return ``body`` (INST to the last parameter) as it goes over the wire."""
+    """Return ``body`` (INST to the last parameter) with stuffing."""
     return body.replace(_FORBIDDEN, _STUFFED)
 
 
 def unstuff(body: bytes) -> bytes:
-    """Return what was stuffed into ``body``."""
+    """Return ``body`` without stuffing."""
     return body.replace(_STUFFED, _FORBIDDEN)
 
 
 @lru_cache(maxsize=512)  # an arm asks the same in every round
 def request(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """Return a request to ``servo`` (0..252, or BROADCAST). Raises ValueError for what no packet can hold."""
+    """Return a request to ``servo`` (0..252, or BROADCAST). Raises ValueError if it does not fit a packet."""
     return _frame(servo, instruction, parameters)
 
 
 def status(servo: int, error: int = 0, parameters: bytes = b"") -> bytes:
-    """Return the reply of ``servo`` with its error byte. Raises ValueError for what no packet can hold."""
+    """Return the reply of ``servo`` with its error byte. Raises ValueError if it does not fit a packet."""
     return _frame(servo, STATUS, bytes((error,)) + parameters)
 
 
@@ -145,7 +145,7 @@ def _frame(servo: int, instruction: int, parameters: bytes) -> bytes:
 
 
 class PacketParser2(wire.PacketParser):
-    """Finds packets of protocol 2.0 in a stream cut anywhere, and finds its way back after noise."""
+    """Finds packets of protocol 2.0 in a stream of chunks, and resynchronises after noise."""
 
     header: ClassVar[bytes] = HEADER
     preamble: ClassVar[int] = _OVERHEAD

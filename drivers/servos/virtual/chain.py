@@ -1,8 +1,8 @@
-"""A virtual chain of Dynamixel and Feetech servos on one wire, of all protocols: bytes and the time in, bytes out.
+"""Virtual servo bus: Dynamixel and Feetech servos of all protocols on one wire. Bytes and time in, bytes out.
 
-Unless it is ``paced`` replies leave at once. Two servos with one ID answer on top of each other, or one after the other
-where their delays differ by more than a reply; a servo at another rate than the computer's is deaf, and so is one of
-the other protocol.
+Unless it is ``paced``, replies leave at once. Replies of two servos with one ID overlap, or follow each other if their
+return delays differ enough. A servo at another baud rate than the host does not receive, nor does one of another
+protocol.
 """
 
 from collections import Counter
@@ -26,27 +26,27 @@ from drivers.virtual.terminal import baud_rates_match
 PacketHandler = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
 
 BITS_PER_BYTE = 10
-"""Bits on the wire for a byte: a start bit, eight, and a stop bit."""
+"""Bits on the wire per byte: start bit, eight data bits, stop bit."""
 
 
 class FaultInjection(Protocol):
-    """What goes wrong with bytes between a virtual chain and its host."""
+    """Faults injected into the bytes between a virtual bus and its host."""
 
     def disturb(self, reply: bytes) -> list[tuple[float, bytes]]:
-        """Return what becomes of ``reply``: pieces, each with the seconds by which it is late. Empty if it is lost."""
+        """Return the pieces of ``reply`` that arrive, each with its delay in seconds; empty if it is lost."""
         ...
 
     def echoes(self) -> bool:
-        """Say whether the adapter hands the next request back to the computer."""
+        """True if the adapter echoes the next request to the host."""
         ...
 
 
 class VirtualServoBus:
-    """The chain as its wire shows it: a ``WireDevice`` that is ``TimedDevice`` and ``MultiRateDevice``.
+    """A virtual servo bus: a ``WireDevice``, ``TimedDevice`` and ``MultiRateDevice``.
 
-    ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``injection`` may be
-    replaced at any time, and so may ``contention``: it picks those replies of a slot that drive the wire, where the
-    stronger of two drivers wins; without it all do.
+    ``paced`` simulates the time of bytes on the wire and the return delay of each servo. ``injection`` may be replaced
+    at any time, and so may ``contention``: it selects the replies of a slot that drive the wire, where the stronger
+    driver wins; without it all do.
     """
 
     def __init__(
@@ -86,27 +86,27 @@ class VirtualServoBus:
 
     @property
     def baud(self) -> int:
-        """The rate on the wire: the computer's where it is known, else the one that most servos are set to."""
+        """Rate on the wire: the host's if known, else that of most servos."""
         if self._host_baud is not None:
             return self._host_baud
         ((baud, _),) = Counter(self._rates.values()).most_common(1) or [(self._first_baud, 0)]
         return baud
 
     def set_baud(self, baud: int) -> None:
-        """Hear that the computer runs at ``baud`` (0: it has hung up); servos set to another rate are deaf to it."""
+        """Set the baud rate of the host (0: disconnected); servos at another rate do not receive."""
         if self._host_baud != (baud or None):
             self._host_baud = baud or None
             self._tuned_stacks = None
 
     def servo(self, number: int) -> VirtualServo:
-        """Return the first servo whose ID is ``number``. Raises KeyError if there is none."""
+        """Return the first servo with ID ``number``. Raises KeyError if there is none."""
         for servo in self.servos:
             if servo.number == number:
                 return servo
         raise KeyError(f"no servo has the ID {number}")
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take requests, cut anywhere; return what is due by now."""
+        """Receive a chunk of requests; return the bytes that are due now."""
         self._change_rates(now)
         if now - self._received_at > PACKET_TIMEOUT:
             for parser, _, _ in self._stacks:
@@ -123,7 +123,10 @@ class VirtualServoBus:
         return self._take_due(now)
 
     def poll(self, now: float) -> bytes:
-        """Let time pass; return the replies that are due. A new rate holds once the reply to its write has left."""
+        """Advance the time; return the bytes that are due.
+
+        A new baud rate applies once the reply to its write was sent.
+        """
         if not self._pending:  # else it would hold up what is due
             for servo in self.servos:
                 servo.catch_up(now)
@@ -131,11 +134,11 @@ class VirtualServoBus:
         return self._take_due(now)
 
     def next_poll_time(self) -> float | None:
-        """Return when the next bytes are due; None while none are under way."""
+        """Return the time of the next bytes; None if none are pending."""
         return self._pending[0][0] if self._pending else None
 
     def _stacks_in_tune(self) -> list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]]:
-        """The ears, each with those of its servos that are set to the rate on the wire."""
+        """The protocol stacks, each with its servos at the current baud rate."""
         if self._tuned_stacks is None:
             baud = self.baud
             self._tuned_stacks = [
@@ -145,11 +148,11 @@ class VirtualServoBus:
         return self._tuned_stacks
 
     def _baud_codes(self) -> list[int]:
-        """The baud codes that the servos are set to."""
+        """The baud codes in the tables of the servos."""
         return [table[address] for table, address in self._baud_registers]
 
     def _change_rates(self, now: float) -> None:
-        """Let new baud codes hold, once the replies to what set them have left."""
+        """Apply new baud codes once the replies to their writes were sent."""
         codes = self._baud_codes()
         if codes == self._active_codes:
             self._codes_changed_at = None
@@ -160,11 +163,11 @@ class VirtualServoBus:
             self._rates, self._tuned_stacks = self._servo_rates(), None
 
     def _servo_rates(self) -> dict[VirtualServo, int]:
-        """The rates that the servos are set to."""
+        """The baud rates of the servos."""
         return {servo: servo.settings.baud for servo in self.servos}
 
     def _occupy(self, size: int, now: float, delay: float = 0.0) -> float:
-        """Let ``size`` bytes pass over the wire once it is free; return when they have."""
+        """Reserve the wire for ``size`` bytes once it is free; return the end of the transmission."""
         if not self.paced:
             return now
         self._free_at = max(self._free_at, now) + delay + size * BITS_PER_BYTE / self.baud
@@ -195,7 +198,7 @@ class VirtualServoBus:
 
 
 def make(keys: DynamixelKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
-    """Return a virtual bus of servos, each as its calibration says; its state are their angles in radians, by joint."""
+    """Return a virtual bus of servos with their calibration; its state is the joint angles in radians."""
     offsets = keys.offsets
     chain = []
     for name, joint in keys.servos.items():
@@ -215,7 +218,7 @@ def make(keys: DynamixelKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG0
 
 
 def make_neck(keys: NeckKeys, stage: SimContext) -> VirtualDevice:
-    """Return a head that is two joints of the arm, and sits on its wire."""
+    """Return the virtual head on two joints of the arm, on the arm's bus."""
     arm: DynamixelKeys = stage.part_keys["arm"]
     bus: VirtualServoBus = stage.parts["arm"].device
 
@@ -226,7 +229,7 @@ def make_neck(keys: NeckKeys, stage: SimContext) -> VirtualDevice:
 
 
 def true_angle(bus: VirtualServoBus, arm: DynamixelKeys, name: str) -> float:
-    """Return where a joint truly is, in its own angle."""
+    """Return the true angle of a joint, in its own scale."""
     joint = arm.servos[name]
     turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(name, 0) * joint.servo_model.tick
     return -turned if joint.reverse else turned

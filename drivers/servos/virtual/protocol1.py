@@ -1,8 +1,8 @@
-"""What virtual servos do when they hear a request of protocol 1.0, modelled after the e-Manual.
+"""Virtual servos of protocol 1.0: execution of requests, modelled after the e-Manual.
 
-Where that is silent: a write to a read-only or locked register is refused with the range bit. A sync write, which
-nobody answers, brings a goal beyond the angle limits back to them. A factory reset, which the e-Manual has for all of
-protocol 1.0, is obeyed by an AX too, though one user tells of an AX-12 that refused it.
+Where the e-Manual is silent: a write to a read-only or locked register is refused with the range bit. A sync write,
+which is not acknowledged, clamps the goal to the angle limits. An AX also executes a factory reset, which the e-Manual
+lists for all of protocol 1.0, though a user reports an AX-12 that refused it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,11 +17,11 @@ _MIN_RETURN_LEVELS: dict[int, int] = {
     Protocol1Instruction.READ: 1,
     Protocol1Instruction.BULK_READ: 1,
 }
-"""The status return level from which an instruction is answered; the others from 2."""
+"""Lowest status return level at which an instruction is answered; 2 for all others."""
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
-    """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
+    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies, one slot after the other."""
     if packet.id == BROADCAST and packet.intact and packet.code == Protocol1Instruction.SYNC_WRITE:
         sync_write(packet.parameters, servos, now)
         return []
@@ -39,7 +39,7 @@ def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) ->
 
 
 def _execute(servo: VirtualServo, packet: Packet) -> tuple[ServoFault, bytes]:
-    """Do what one servo is told; return the error bits of this request, and the data that answer it."""
+    """Execute a request on one servo; return its error bits and the reply data."""
     if not packet.intact:
         return ServoFault.CHECKSUM, b""
     match packet.code:
@@ -60,7 +60,7 @@ def _execute(servo: VirtualServo, packet: Packet) -> tuple[ServoFault, bytes]:
 
 
 def _status(servo: VirtualServo, number: int, error: ServoFault, data: bytes) -> bytes:
-    """Return the answer of one servo to a request, with what ails it."""
+    """Return the reply of one servo, with its own faults."""
     return status(number, int(error) | int(servo.faults), data)
 
 
@@ -70,7 +70,7 @@ def _read(servo: VirtualServo, parameters: bytes) -> tuple[ServoFault, bytes]:
 
 
 def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> list[Slot]:
-    """Let the servos that know bulk reads answer in turn; behind a silent one all are silent, for they wait for it."""
+    """Answer a bulk read in turn. Each servo waits for the one before it, so all after a silent one are silent."""
     slots: list[Slot] = []
     for start in range(1, len(parameters) - 2, 3):
         count, number, address = parameters[start : start + 3]
@@ -87,7 +87,7 @@ def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) ->
 
 
 def sync_write(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> None:
-    """Carry out a sync write, which nobody answers."""
+    """Execute a sync write, which is not acknowledged."""
     if len(parameters) < 2:
         return
     (address, size), blocks = parameters[:2], parameters[2:]
@@ -99,5 +99,5 @@ def sync_write(parameters: bytes, servos: Iterable[VirtualServo], now: float) ->
 
 
 def _may_answer(servo: VirtualServo, packet: Packet) -> bool:
-    """Whether the status return level lets it answer; a ping it always answers."""
+    """True if the status return level allows a reply; a ping is always answered."""
     return servo.get("status_return_level") >= (_MIN_RETURN_LEVELS.get(packet.code, 2) if packet.intact else 2)

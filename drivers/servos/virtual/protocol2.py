@@ -1,7 +1,7 @@
-"""What virtual servos do when they hear a request of protocol 2.0, modelled after the e-Manual.
+"""Virtual servos of protocol 2.0: execution of requests, modelled after the e-Manual.
 
-Servos that are read together answer in the order of the request, each after the one before it: behind a servo that is
-not there, all are silent.
+Servos that are read together answer in the order of the request, each after the one before it: all after a missing
+servo are silent.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,13 +14,13 @@ from drivers.servos.wire import BROADCAST, Packet, ServoFault
 from drivers.servos.wire2 import ALERT, HEADER, STATUS, Protocol2Error, Protocol2Instruction, crc, status
 
 FAST_SYNC_READ, FAST_BULK_READ = 0x8A, 0x9A
-"""Readings that all servos answer in one packet, each with its part."""
+"""Instructions that all servos answer in one common packet."""
 
 CLEAR_TURNS = bytes.fromhex("01 44 58 4C 22")
-"""The parameters of CLEAR: part of the position, and a password."""
+"""Parameters of CLEAR: the position to clear, and a password."""
 
 KEPT_REGISTERS: Mapping[int, tuple[str, ...]] = MappingProxyType({0xFF: (), 0x01: ("id",), 0x02: ("id", "baud")})
-"""What survives a factory reset, by its parameter."""
+"""Registers that survive a factory reset, by its parameter."""
 
 _ERRORS: Mapping[ServoFault, Protocol2Error] = MappingProxyType(
     {
@@ -32,14 +32,14 @@ _ERRORS: Mapping[ServoFault, Protocol2Error] = MappingProxyType(
     }
 )
 _MIN_RETURN_LEVELS: dict[int, int] = {Protocol2Instruction.PING: 0, Protocol2Instruction.READ: 1}
-"""The status return level from which an instruction is answered; the others from 2."""
+"""Lowest status return level at which an instruction is answered; 2 for all others."""
 
 ReadTarget = tuple[int, int, int]
-"""What to read of one servo: its ID, an address, and a size."""
+"""Part of a read request for one servo: ID, address, and size."""
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
-    """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
+    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies, one slot after the other."""
     meant = [servo for servo in servos if packet.id in (servo.number, BROADCAST)]
     for servo in meant:
         servo.on_bus_activity(now)
@@ -67,7 +67,7 @@ def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) ->
 
 
 def _execute(servo: VirtualServo, packet: Packet) -> tuple[Protocol2Error, bytes]:
-    """Do what one servo is told; return the error of this request, and the data that answer it."""
+    """Execute a request on one servo; return its error and the reply data."""
     if not packet.intact:
         return Protocol2Error.CRC, b""
     address, rest = int.from_bytes(packet.parameters[:2], "little"), packet.parameters[2:]
@@ -88,7 +88,7 @@ def _execute(servo: VirtualServo, packet: Packet) -> tuple[Protocol2Error, bytes
 
 
 def _restart(servo: VirtualServo, packet: Packet) -> Protocol2Error:
-    """Start, set or count anew."""
+    """Execute REBOOT, FACTORY_RESET or CLEAR."""
     match packet.code, packet.parameters:
         case Protocol2Instruction.REBOOT, _:
             servo.brown_out()
@@ -104,12 +104,12 @@ def _restart(servo: VirtualServo, packet: Packet) -> Protocol2Error:
 
 
 def _identity(servo: VirtualServo) -> bytes:
-    """What a ping answers: the model number and the firmware."""
+    """Return the data of a ping reply: model number and firmware."""
     return bytes(servo.table[0:2]) + bytes((servo.get("firmware"),))
 
 
 def _ping(servos: Iterable[VirtualServo], number: int) -> Slot:
-    """Return what those with the ID ``number`` answer to a ping to all."""
+    """Return the replies of the servos with ID ``number`` to a broadcast ping."""
     return [(s, status(number, _alert(s), _identity(s))) for s in servos if s.number == number]
 
 
@@ -123,7 +123,7 @@ def _read(servo: VirtualServo, address: int, count: int) -> tuple[Protocol2Error
 
 
 def _parse_read_targets(packet: Packet) -> list[ReadTarget]:
-    """Return whom a reading of several servos names, in its order, and what it asks them for."""
+    """Return the targets of a sync or bulk read, in order."""
     data = packet.parameters
     if packet.code in (Protocol2Instruction.SYNC_READ, FAST_SYNC_READ):
         return [(number, _word(data, 0), _word(data, 2)) for number in data[4:]]
@@ -139,7 +139,7 @@ def _readers(servos: Iterable[VirtualServo], number: int) -> list[VirtualServo]:
 
 
 def _answer_in_turn(targets: Iterable[ReadTarget], servos: Sequence[VirtualServo]) -> list[Slot]:
-    """Answer one after the other."""
+    """Return one slot of replies after the other."""
     slots: list[Slot] = []
     for number, address, count in targets:
         slot: Slot = []
@@ -153,9 +153,9 @@ def _answer_in_turn(targets: Iterable[ReadTarget], servos: Sequence[VirtualServo
 
 
 def _answer_in_one_packet(targets: Sequence[ReadTarget], servos: Sequence[VirtualServo]) -> list[Slot]:
-    """Answer in one packet: for each its error, ID, data, and a CRC over all that was sent so far. Nothing is stuffed.
+    """Return a common packet: error, ID and data of each servo, and a CRC of the bytes so far. Nothing is stuffed.
 
-    Where a servo is missing the packet stops short.
+    The packet ends early if a servo is missing.
     """
     length = 1 + sum(count + 4 for _, _, count in targets)
     frame = HEADER + bytes((BROADCAST, *length.to_bytes(2, "little"), STATUS))
@@ -175,7 +175,7 @@ def _answer_in_one_packet(targets: Sequence[ReadTarget], servos: Sequence[Virtua
 
 
 def _write_many(packet: Packet, servos: Sequence[VirtualServo]) -> None:
-    """Carry out a sync write or a bulk write, which nobody answers."""
+    """Execute a sync write or a bulk write, which are not acknowledged."""
     data = packet.parameters
     for number, address, block in (
         _sync_blocks(data) if packet.code == Protocol2Instruction.SYNC_WRITE else _bulk_blocks(data)
@@ -186,7 +186,7 @@ def _write_many(packet: Packet, servos: Sequence[VirtualServo]) -> None:
 
 
 WriteTarget = tuple[int, int, bytes]
-"""What to write to one servo: its ID, an address, and the bytes."""
+"""Part of a write request for one servo: ID, address, and bytes."""
 
 
 def _sync_blocks(data: bytes) -> Iterator[WriteTarget]:
@@ -203,5 +203,5 @@ def _bulk_blocks(data: bytes) -> Iterator[WriteTarget]:
 
 
 def _may_answer(servo: VirtualServo, packet: Packet) -> bool:
-    """Whether the status return level lets it answer; a ping it always answers."""
+    """True if the status return level allows a reply; a ping is always answered."""
     return servo.get("status_return_level") >= (_MIN_RETURN_LEVELS.get(packet.code, 2) if packet.intact else 2)

@@ -1,8 +1,8 @@
-"""A virtual Dynamixel or Feetech of any model as a machine: its control table, its motor, and how it protects itself.
+"""Virtual Dynamixel or Feetech servo of any model: control table, motor, and protection.
 
-A stall of a second is an overload. In protocol 1.0 a servo that shuts down sets its torque limit to 0, and recovers
-when that is set anew; in protocol 2.0 it keeps the fault in its table, and recovers by a reboot. An STS has no force
-while a fault lasts, and an overload lasts until its torque is switched off.
+A stall of one second is an overload. In protocol 1.0 a shutdown sets the torque limit to 0, and writing a new limit
+ends it. In protocol 2.0 the fault stays in the table until a reboot. An STS has no force while a fault lasts, and an
+overload lasts until its torque is switched off.
 """
 
 from math import floor, pi
@@ -18,17 +18,17 @@ from drivers.sim.servo import FRICTION_TORQUE, Shaft
 # Gains, compliance and acceleration are stored as in the real one, but do not shape the movement.
 
 BLOCKED_LOAD = 2.0
-"""Share of the stall torque that a blocked shaft would need: more than there is."""
+"""Load of a blocked shaft as a share of the stall torque: more than the motor has."""
 
 STEPS_PER_TURN = 4096
-"""Steps of an STS in a turn, after which its position begins anew."""
+"""Steps per turn of an STS, after which its position wraps."""
 
 
 class VirtualMotor:
-    """Turns ``shaft``, in radians from the middle of the range, positive anticlockwise seen facing the horn.
+    """Motor that turns ``shaft``, in radians from the middle of its range, positive anticlockwise seen facing the horn.
 
-    ``turning`` is how fast it does in rad/s; ``stalled_since`` the time since when it pushes in vain. While it is
-    ``is_disabled`` it has no force, whatever the table says. ``frozen_position`` is the position (ticks) that a broken sensor reports.
+    ``velocity`` is in rad/s; ``stalled_since`` is the time since which it is stalled. While it ``is_disabled`` it has
+    no force, whatever the table says. ``frozen_position`` (ticks) is the reading of a broken sensor.
     """
 
     def __init__(self, memory: VirtualTable, angle: float) -> None:
@@ -49,13 +49,13 @@ class VirtualMotor:
 
     @property
     def has_torque(self) -> bool:
-        """Whether it is given any force."""
+        """True if torque is enabled with a limit above 0."""
         return not self.is_disabled and bool(
             self._table.get(self._enable_register) and self._table.get(self._limit_register)
         )
 
     def advance(self, now: float, load: float) -> None:
-        """Let time pass until ``now`` under ``load``, a share of the stall torque."""
+        """Advance to time ``now`` under ``load``, a share of the stall torque."""
         able = self.has_torque
         burdened = bool(load) and abs(load) > self._max_effort()
         if able and (burdened or self._blocked):
@@ -71,7 +71,7 @@ class VirtualMotor:
             self._spin(self._endless_speed(mode) if able else 0.0, now)
 
     def effort(self, load: float) -> float:
-        """How hard a stiff one pushes as a share of the stall torque, positive where the ticks rise."""
+        """Return its effort with torque on, as a share of the stall torque, positive in the direction of rising ticks."""
         way = self.shaft.goal - self.shaft.position if self._blocked else self.velocity
         push = load + (BLOCKED_LOAD if self._blocked else FRICTION_TORQUE) * ((way > 0) - (way < 0))
         if not push:
@@ -80,7 +80,7 @@ class VirtualMotor:
         return self.direction * max(-strength, min(push, strength))
 
     def ticks(self) -> int:
-        """The position as its sensor sees it; in protocol 1.0 it stops at the ends, unless turns are counted."""
+        """Return the position of its sensor; in protocol 1.0 it stops at the ends, unless turns are counted."""
         if self.frozen_position is not None:
             return self.frozen_position
         settings = self._table.settings
@@ -92,21 +92,21 @@ class VirtualMotor:
         return self._model.ticks(angle)
 
     def clear_turns(self) -> None:
-        """Count the turns from 0 again: the position wraps at half a turn from the middle."""
+        """Clear the counted turns: the position wraps at half a turn from the middle."""
         self.shaft.position = self.shaft.goal = (self.shaft.position + pi) % (2 * pi) - pi
 
     @property
     def direction(self) -> int:
-        """1, or -1 where the servo is set to count the other way round."""
+        """1, or -1 if the servo is configured to count the other way round."""
         return self._table.settings.direction
 
     @property
     def _blocked(self) -> bool:
-        """Whether it pushes against a shaft that does not turn."""
+        """True if it pushes against a blocked shaft."""
         return not self.shaft.motion_factor and abs(self.shaft.goal - self.shaft.position) > self._model.tick
 
     def _max_effort(self) -> float:
-        """The most that it may push, as a share of its stall torque."""
+        """Return the torque limit as a share of the stall torque."""
         return abs(self._table.get(self._limit_register)) / self._model.full_torque
 
     def _approach(self, speed: float, now: float) -> None:
@@ -133,12 +133,12 @@ class VirtualMotor:
             self.clear_turns()
 
     def _speed(self) -> float:
-        """How fast it is to turn to a goal, in rad/s; a setting of 0 is as fast as it can."""
+        """Return the speed towards a goal, in rad/s; a setting of 0 means full speed."""
         wanted = abs(self._table.get(self._speed_register)) * self._model.speed_unit
         return min(wanted or self._model.free_speed, self._model.free_speed)
 
     def _endless_speed(self, mode: ServoMode) -> float:
-        """How fast it is to turn without a goal, in rad/s where the ticks rise."""
+        """Return the speed of endless rotation, in rad/s, positive in the direction of rising ticks."""
         get = self._table.get
         if mode is ServoMode.SPEED:
             speed = "goal_velocity" if self._model.protocol == 2 else self._model.table.speed
@@ -153,13 +153,14 @@ class VirtualMotor:
 
 
 SET_MIDDLE = 128
-"""What ``torque_enable`` takes to make where the servo stands its middle."""
+"""Value of ``torque_enable`` that makes the current position the middle."""
 
 
 def apply_write_rules(memory: VirtualTable, address: int, data: bytes) -> bytes:
-    """Return what ``memory`` holds at ``address`` once ``data`` was written there; the maker is silent on the rest.
+    """Return the content of ``table`` at ``address`` after an STS has accepted a write of ``data``.
 
-    Read-only registers stay, values come within their bounds, and a place that was made the middle moves the offset.
+    Read-only registers keep their value, others are clamped to their bounds, and ``SET_MIDDLE`` changes the offset. The
+    maker does not document the rest.
     """
     end = address + len(data)
     held = bytearray(memory.table[address:end].ljust(len(data), b"\0"))
@@ -180,23 +181,23 @@ STALL_TIME = 1.0
 """Seconds of stalling after which a servo reports an overload."""
 
 REBOOT_TIME = 0.2
-"""Seconds for which a servo that starts anew is silent."""
+"""Seconds for which a rebooting servo is silent."""
 
 WATCHDOG_STEP = 0.02
-"""Seconds that one step of the bus watchdog is worth."""
+"""Seconds per step of the bus watchdog."""
 
 MAX_LAG = 0.005
-"""Seconds that a shaft may lag behind while nobody looks."""
+"""Seconds by which the simulation of a shaft may lag between writes."""
 
 
 class VirtualServo(VirtualTable):
-    """One servo, with attributes that a test or a world may set at any time.
+    """A virtual servo, with attributes that a test or a simulated world may set at any time.
 
-    ``present``: False while it has no cable; ``voltage`` in volts; ``temperature`` in degrees Celsius; ``load``, the
-    torque that it must hold against, as a share of its stall torque, positive when it must push anticlockwise;
-    ``damage``, faults of its hardware (ENCODER, SHOCK) that protocol 2.0 can tell. ``registered_write`` is a registered write.
-    ``reply_skew``, the seconds by which it replies later than its return delay says; ``booted_at``, when its clock was 0.
-    ``shaft.grip`` is 0 while the shaft is blocked, and -1 while it turns the wrong way.
+    ``present``: False without a cable; ``voltage`` in volts; ``temperature`` in degrees Celsius; ``load``, the torque
+    against which it must hold as a share of its stall torque, positive if it must push anticlockwise; ``damage``,
+    hardware faults (ENCODER, SHOCK) of protocol 2.0; ``registered_write``, a write that waits for ACTION;
+    ``reply_skew``, seconds added to its return delay; ``booted_at``, the time at which its clock was 0. ``shaft.grip``
+    is 0 while the shaft is blocked, -1 while it turns the wrong way.
     """
 
     def __init__(self, servo: int = 1, *, model: str = "AX-12A", angle: float = 0.0) -> None:
@@ -226,12 +227,12 @@ class VirtualServo(VirtualTable):
 
     @property
     def angle(self) -> float:
-        """Where the shaft is, in radians."""
+        """Angle of the shaft in radians."""
         return self._motor.shaft.position
 
     @property
     def is_moving(self) -> bool:
-        """Whether the shaft moves."""
+        """True while the shaft moves."""
         return self._motor.velocity != 0
 
     @property
@@ -241,34 +242,34 @@ class VirtualServo(VirtualTable):
 
     @property
     def is_awake(self) -> bool:
-        """False while its supply is too low to run at all, or it starts anew."""
+        """False while it reboots, or its supply is too low to run."""
         return self._starts_at is None
 
     @property
     def is_listening(self) -> bool:
-        """Whether it can hear the bus, at the right rate."""
+        """True if it is connected and awake."""
         return self.present and self._starts_at is None
 
     def turn_by_hand(self, angle: float) -> None:
-        """Turn the shaft to ``angle``; a stiff one stays where it is."""
+        """Turn the shaft to ``angle`` (radians) if the torque is off."""
         if self.limp:
             self.shaft.position = self.shaft.goal = angle
 
     def freeze(self, *, on: bool = True) -> None:
-        """Let its sensor report where it is now, wherever it turns."""
+        """Freeze the sensor at its current position, or release it."""
         self._motor.frozen_position = None
         self._motor.frozen_position = self._motor.ticks() if on else None
 
     def overload(self) -> None:
-        """Make it report an overload, until it is cured: by a new torque limit, a reboot (2.0), torque off (STS)."""
+        """Set an overload until it is reset: by a new torque limit (1.0), a reboot (2.0), or torque off (STS)."""
         self._is_overloaded = True
 
     def brown_out(self, seconds: float = REBOOT_TIME) -> None:
-        """Let the supply dip: it is limp and silent for so long, then starts anew. A reboot is the same to it."""
+        """Dip the supply: no torque and no replies for ``seconds``, then a restart. A reboot is the same."""
         self._starts_at = self.shaft.stamp + seconds
 
     def power_cycle(self) -> None:
-        """Cut the power and give it back: what is not in the EEPROM starts from its default."""
+        """Switch the power off and on: the RAM starts from its defaults."""
         self._starts_at = self.registered_write = None
         self._is_overloaded = False
         self.restore_eeprom()
@@ -281,18 +282,18 @@ class VirtualServo(VirtualTable):
         self.set(self.model.table.goal, self._motor.ticks())
 
     def factory_reset(self, *keep: str) -> None:
-        """Take every setting back to what it was as delivered but those named, and start anew."""
+        """Reset all settings except registers ``keep`` to factory defaults, and restart."""
         for register in self.model.table.registers.values():
             if register.name not in keep:
                 self.set(register, self.model.default(register))
         self.power_cycle()
 
     def clear_turns(self) -> None:
-        """Count the turns from 0 again."""
+        """Clear the counted turns."""
         self._motor.clear_turns()
 
     def write(self, address: int, data: bytes, *, clamp: bool = False) -> ServoFault:
-        """Take a write from the bus; return why it was refused. ``clamp`` brings a goal within the limits instead."""
+        """Execute a write; return the fault of a refused one. ``clamp`` limits a goal instead of refusing it."""
         fitting = self.clamp_goal(address, data) if clamp else data
         if self.model.protocol == "STS":
             fitting = apply_write_rules(self, address, data)
@@ -310,12 +311,12 @@ class VirtualServo(VirtualTable):
         return NO_FAULT
 
     def _clear_overload(self) -> None:
-        """End an overload; one whose cause remains comes back."""
+        """End an overload; it returns if its cause remains."""
         self._is_overloaded = False
         self._motor.stalled_since = None
 
     def read(self, address: int, size: int) -> bytes:
-        """Return what the bus reads of the table, as it is by the time that was let pass; nothing beyond its end."""
+        """Return bytes of the table, with readings at the current simulated time; empty beyond its end."""
         if not size or address + size > len(self.table):
             return b""
         if address + size > self._volatile:
@@ -325,7 +326,7 @@ class VirtualServo(VirtualTable):
         return bytes(self.table[address : address + size])
 
     def register_write(self, address: int, data: bytes) -> ServoFault:
-        """Take a write that is to be carried out later; return why it was refused."""
+        """Register a write for ACTION; return the fault of a refused one."""
         reason = self.refusal(address, data)
         if not reason:
             self.registered_write = (address, data)
@@ -333,17 +334,17 @@ class VirtualServo(VirtualTable):
         return reason
 
     def run_registered_write(self) -> ServoFault:
-        """Carry out what is held; return why that was refused after all."""
+        """Execute the registered write; return the fault of a refused one."""
         held, self.registered_write = self.registered_write, None
         self.set("registered", 0)
         return self.write(*held) if held else NO_FAULT
 
     def on_bus_activity(self, now: float) -> None:
-        """Take note that the bus is alive."""
+        """Record bus activity, for the bus watchdog."""
         self._bus_active_at = now
 
     def advance(self, now: float) -> None:
-        """Let time pass until ``now``."""
+        """Advance the simulation to time ``now``."""
         self._now = now
         if self._starts_at is not None:
             self.shaft.stamp = max(self.shaft.stamp, now)
@@ -359,19 +360,19 @@ class VirtualServo(VirtualTable):
         self._protect()
 
     def catch_up(self, now: float) -> None:
-        """Let time pass if enough has to matter to a goal; cheaper than ``advance`` where many are written at once."""
+        """Advance if the lag exceeds ``MAX_LAG``; cheaper than ``advance`` when many servos are written at once."""
         if now - self.shaft.stamp >= MAX_LAG:
             self.advance(now)
 
     def _watch_bus(self, now: float) -> None:
-        """Stop if the bus has been silent for longer than the bus watchdog allows."""
+        """Stop if the bus watchdog has expired."""
         if 0 < self.get("bus_watchdog") * WATCHDOG_STEP < now - self._bus_active_at:
             self.set("bus_watchdog", -1)
             self.set("goal_velocity", 0)
             self.set("goal_position", self._motor.ticks())
 
     def _protect(self) -> None:
-        """Find the faults, and switch the motor off for those that the shutdown mask names."""
+        """Update the faults, and switch the motor off for those in the shutdown mask."""
         settings = self.settings
         found = ServoFault.OVERLOAD if self._is_overloaded else NO_FAULT
         if not settings.voltage_limits[0] <= round(self.voltage * 10) <= settings.voltage_limits[1]:
@@ -394,7 +395,7 @@ class VirtualServo(VirtualTable):
             self._motor.velocity = 0.0
 
     def _latch(self, faults: ServoFault) -> bool:
-        """Keep the faults that shut it down until it is rebooted, while the others pass; return whether it is shut."""
+        """Latch the faults of a shutdown until a reboot, clear the others; return True if shut down."""
         mask = self.settings.shutdown
         error = self.get("hardware_error")
         if not (error or faults):
@@ -419,5 +420,5 @@ class VirtualServo(VirtualTable):
 
 
 def _encode_hardware_error(faults: ServoFault) -> int:
-    """Return what register ``hardware_error`` says of ``faults``."""
+    """Return the value of register ``hardware_error`` for ``faults``."""
     return sum(1 << bit for bit in range(6) if faults & decode_hardware_error(1 << bit)) if faults else 0

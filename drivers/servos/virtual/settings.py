@@ -1,4 +1,4 @@
-"""What the EEPROM of a virtual servo sets it to, decoded for what uses it all the time."""
+"""Control table of a virtual servo: decoded settings, simulated readings, and write rules."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from drivers.servos.wire import ServoFault
 # The registers in which a servo tells its state, filled from what a virtual one feels.
 
 _NO_CURRENT: Mapping[int, int] = MappingProxyType({56: 512, 68: 2048})
-"""What the current sensors of protocol 1.0 read without current, by their address."""
+"""Current readings of protocol 1.0 without current, by address."""
 
 STALL_CURRENT_STEPS = 370
-"""What an STS reads at its stall torque: 2.4 A."""
+"""Current reading of an STS at its stall torque: 2.4 A."""
 
 
 class SensorValues(NamedTuple):
-    """The state of a servo as its sensors feel it, positive where its ticks rise.
+    """Sensor values of a servo, positive in the direction of rising ticks.
 
     ``position`` in ticks, ``velocity`` in rad/s, ``drive`` as a share of the stall torque, ``voltage`` in volts,
     ``temperature`` in degrees Celsius, ``now`` in seconds.
@@ -37,11 +37,11 @@ class SensorValues(NamedTuple):
 
 
 RegisterReading = Callable[[SensorValues], int]
-"""What a register says of a feeling."""
+"""Function from sensor values to the value of a register."""
 
 
 class StateRegisters:
-    """The registers of one model that tell its state."""
+    """Registers of one model that hold its readings."""
 
     def __init__(self, model: ServoModel) -> None:
         told = _register_readings(model)
@@ -50,13 +50,13 @@ class StateRegisters:
         ]
 
     def update(self, table: bytearray, values: SensorValues) -> None:
-        """Bring a control table up to date."""
+        """Update the readings in a control table."""
         for row, least, most, told in self._rows:
             table[row.address : row.end] = row.encode(min(max(told(values), least), most))
 
 
 def _register_readings(model: ServoModel) -> dict[str, RegisterReading]:
-    """What the registers say, by their names."""
+    """Return the reading functions by register name."""
 
     def velocity(feeling: SensorValues) -> int:
         return round(feeling.velocity / model.speed_unit)
@@ -83,7 +83,7 @@ def _register_readings(model: ServoModel) -> dict[str, RegisterReading]:
 
 
 def _value_range(register: Register) -> tuple[int, int]:
-    """Return the least and the most that the bytes of ``register`` can say."""
+    """Return the lowest and highest value that the bytes of ``register`` can hold."""
     if register.coding is Coding.SIGN_10:
         return -1023, 1023
     if register.coding is Coding.SIGN_15:
@@ -95,7 +95,7 @@ def _value_range(register: Register) -> tuple[int, int]:
 
 
 class ServoMode(Enum):
-    """What a goal is to a servo."""
+    """Meaning of a goal."""
 
     JOINT = "a position within the limits"
     MULTI_TURN = "a position over several turns"
@@ -113,17 +113,17 @@ MODES: Mapping[int, ServoMode] = MappingProxyType(
         16: ServoMode.POWER,
     }
 )
-"""Register ``operating_mode`` of protocol 2.0."""
+"""Modes by register ``operating_mode`` of protocol 2.0."""
 
 _REVERSED, _TORQUE_BY_GOAL = 1, 8  # bits of the drive mode
 
 
 class EepromSettings(NamedTuple):
-    """The settings of one servo.
+    """Decoded settings of one servo.
 
-    ``limits`` are the goals (ticks) that it takes as a joint, ``direction`` is -1 where it counts the other way round,
-    ``offset`` is what it adds to the ticks that its sensor reads. ``voltage_limits`` bound its supply (0.1 V), ``max_temperature`` is
-    what its motor may reach (degrees Celsius). ``goal_enables_torque`` says whether a goal switches its torque on.
+    ``limits`` are the allowed goals (ticks) of a joint; ``direction`` is -1 if it counts the other way round;
+    ``offset`` is added to the sensor's ticks. ``voltage_limits`` are in 0.1 V, ``max_temperature`` in degrees Celsius.
+    ``goal_enables_torque`` says whether a goal switches the torque on.
     """
 
     baud: int
@@ -143,7 +143,7 @@ def decode_settings(model: ServoModel, table: bytearray) -> EepromSettings:
     registers = model.table.registers
 
     def value(name: str) -> int:
-        """What a register holds; 0 for one that the model has not."""
+        """Return the value of a register; 0 if the model lacks it."""
         return registers[name].decode(table) if name in registers else 0
 
     lower, upper = model.table.limit_registers
@@ -169,14 +169,14 @@ def decode_settings(model: ServoModel, table: bytearray) -> EepromSettings:
 
 
 def _sts_mode(mode: int, limits: tuple[int, int]) -> ServoMode:
-    """What register ``mode`` of an STS makes of a goal."""
+    """Return the mode of an STS from register ``mode`` and its limits."""
     if mode == 0:
         return ServoMode.MULTI_TURN if limits == (0, 0) else ServoMode.JOINT
     return {1: ServoMode.SPEED, 2: ServoMode.POWER}.get(mode, ServoMode.MULTI_TURN)
 
 
 def _protocol1_mode(model: ServoModel, limits: tuple[int, int]) -> ServoMode:
-    """What limits of protocol 1.0 make of a goal."""
+    """Return the mode of protocol 1.0 from its limits."""
     if limits == (0, 0):
         return (
             ServoMode.SPEED if "position_p_gain" in model.table else ServoMode.POWER
@@ -199,17 +199,17 @@ _CEILINGS: Mapping[str, str] = MappingProxyType(
 
 
 NO_FAULT = ServoFault(0)
-"""No fault, made ready: flags are slow to make."""
+"""No fault, created once because flags are slow to create."""
 
 _CURRENT_MODES = (0, 5)
-"""Operating modes of servos that measure their current."""
+"""Operating modes that need a current sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableSpan:
-    """What a stretch of a table holds: ``rows`` share a byte with it, ``is_mapped`` ones fill it, ``is_aligned`` ones fit in.
+    """Registers in a span of a table: ``rows`` overlap it.
 
-    ``names`` are those of the rows.
+    ``is_mapped``: registers cover all of its bytes; ``is_aligned``: it contains all of its registers completely.
     """
 
     rows: tuple[Register, ...]
@@ -219,7 +219,7 @@ class TableSpan:
 
 
 class VirtualTable:
-    """The registers of one servo of ``model``. Names are those of its table."""
+    """Control table of one servo of ``model``, by register name."""
 
     def __init__(self, model: str) -> None:
         self.model = MODELS[model]
@@ -234,44 +234,44 @@ class VirtualTable:
             self.set(register, self.model.default(register))
 
     def get(self, register: str | Register) -> int:
-        """Return what the table holds."""
+        """Return the value of a register."""
         return self._row(register).decode(self.table)
 
     def set(self, register: str | Register, value: int) -> None:
-        """Change the table from inside: no access rule holds."""
+        """Set a register from inside, without access rules."""
         row = self._row(register)
         self.table[row.address : row.end] = row.encode(value)
         if row.eeprom:
             self._saved_eeprom[row.address : row.end] = row.encode(value)
 
     def has(self, name: str) -> bool:
-        """Whether this model has a register called ``name``."""
+        """True if this model has a register ``name``."""
         return name in self._rows
 
     @property
     def number(self) -> int:
-        """Its ID."""
+        """The servo's ID."""
         return self.table[self._id_at]
 
     @property
     def settings(self) -> EepromSettings:
-        """What its EEPROM sets it to; decoded anew when that has changed."""
+        """Decoded EEPROM settings; cached until the EEPROM changes."""
         eeprom = bytes(self.table[: self._volatile])
         if self._decoded is None or self._decoded[0] != eeprom:
             self._decoded = eeprom, decode_settings(self.model, self.table)
         return self._decoded[1]
 
     def save_eeprom(self) -> None:
-        """Let the settings as they are survive a power cut, unless an STS was locked before."""
+        """Save the current settings for the next power cycle, unless the EEPROM of an STS is locked."""
         if self.model.protocol != "STS" or not self.get("lock"):
             self._saved_eeprom[:] = self.table[: self._volatile]
 
     def restore_eeprom(self) -> None:
-        """Take the settings back that survive a power cut."""
+        """Restore the settings that survive a power cut."""
         self.table[: self._volatile] = self._saved_eeprom
 
     def span(self, address: int, size: int) -> TableSpan:
-        """Return what ``size`` bytes from ``address`` on hold."""
+        """Return the registers in ``size`` bytes from ``address`` on."""
         found = self._spans.get((address, size))
         if found is None:
             end = address + size
@@ -287,7 +287,7 @@ class VirtualTable:
         return found
 
     def clamp_goal(self, address: int, data: bytes) -> bytes:
-        """Return ``data`` with the goal in it, if a joint's goal is in it, brought within the limits."""
+        """Return ``data`` with the goal of a joint, if it contains one, clamped to the limits."""
         goal = self.model.table[self.model.table.goal]
         if self.settings.mode is not ServoMode.JOINT or goal.address < address or goal.end > address + len(data):
             return data
@@ -297,7 +297,7 @@ class VirtualTable:
         return data[:start] + goal.encode(within) + data[start + goal.size :]
 
     def refusal(self, address: int, data: bytes) -> ServoFault:
-        """Return why it would not take ``data`` at ``address``; no bit when it would."""
+        """Return the fault for which a write is refused; no fault if it is accepted."""
         old, span = self.model.protocol == 1, self.span(address, len(data))
         if not data or not (old or span.is_aligned):
             return ServoFault.RANGE if old else ServoFault.LENGTH
@@ -313,11 +313,11 @@ class VirtualTable:
         return NO_FAULT
 
     def _is_unlocked(self, row: Register) -> bool:
-        """Whether the EEPROM is open, if ``row`` lies there: not while locked, or under torque (protocol 2.0)."""
+        """True if ``row`` may be written: the EEPROM is locked by ``lock``, or by torque in protocol 2.0."""
         return not row.eeprom or not self.get("lock" if self.has("lock") else "torque_enable")
 
     def _value_fault(self, row: Register, value: int) -> ServoFault:
-        """Return why ``row`` would not take ``value``."""
+        """Return the fault for which ``row`` refuses ``value``."""
         if not row.lower <= value <= row.upper or (row.name == "operating_mode" and not self._supports_mode(value)):
             return ServoFault.RANGE
         if row.name.startswith("goal_") and self.has("bus_watchdog") and self.get("bus_watchdog") < 0:

@@ -1,31 +1,31 @@
-"""Replies of virtual servos as they meet on the one wire: in turn, or on top of each other."""
+"""Replies of virtual servos on the shared wire: one after the other, or colliding."""
 
 from collections.abc import Sequence
 
 from drivers.servos.virtual.servo import VirtualServo
 
 Slot = list[tuple[VirtualServo, bytes]]
-"""Replies to one request: that of one servo, or those of several that share an ID."""
+"""Replies to one request: of one servo, or of several that share an ID."""
 
 SAMPLES_PER_BIT = 8
-"""Samples that a receiver takes of each bit."""
+"""Samples per bit of the simulated receiver."""
 
 BITS_PER_BYTE = 10
-"""Bits of a byte on the wire: a start bit (low), eight, the lowest first, and a stop bit (high)."""
+"""Bits of a byte on the wire: start bit (low), eight data bits (lowest first), stop bit (high)."""
 
 Burst = tuple[float, bytes]
-"""Bytes without a pause between them, and when they begin: in bits after the request."""
+"""Bytes without a pause, and their start in bits after the request."""
 
 
 def overlay(replies: Sequence[bytes]) -> bytes:
-    """Return what is read when ``replies`` are sent at the same moment: any sender pulls the wire low."""
+    """Return the bytes that are received if ``replies`` are sent at the same moment: any sender pulls the wire low."""
     return b"".join(data for _, data in merge_replies([(0.0, reply) for reply in replies]))
 
 
 def merge_replies(replies: Sequence[Burst]) -> list[Burst]:
-    """Return what a receiver makes of replies that may overlap: the idle wire is high, any sender pulls it low.
+    """Return the bytes that are received from possibly overlapping replies: any sender pulls the idle-high wire low.
 
-    A byte whose stop bit is low is read as 0, as Linux does. What does not overlap stays apart.
+    A byte with a low stop bit is received as 0, as on Linux. Separate replies stay separate.
     """
     if len(replies) == 1:
         return list(replies)
@@ -52,7 +52,7 @@ def merge_replies(replies: Sequence[Burst]) -> list[Burst]:
 
 
 def _levels(replies: Sequence[Burst]) -> list[int]:
-    """Return the level of the wire, 1 for high, at each sample."""
+    """Return the level of the wire at each sample, 1 for high."""
     length = max(round((begin + len(data) * BITS_PER_BYTE) * SAMPLES_PER_BIT) for begin, data in replies)
     wire = [1] * (length + BITS_PER_BYTE * SAMPLES_PER_BIT)
     for begin, data in replies:

@@ -1,7 +1,7 @@
-"""What virtual STS servos do when they hear a request, modelled after the maker's protocol manual and memory table.
+"""Virtual STS servos: execution of requests, modelled after the maker's protocol manual and memory table.
 
-Where those are silent: a damaged or unknown request is not answered, and behind a servo that is missing from a reading
-of many all are silent, as with Dynamixels.
+Where those are silent: a damaged or unknown request is not answered. In a sync read, all after a missing servo are
+silent, as with Dynamixels.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,11 +13,11 @@ from drivers.servos.wire import BROADCAST, Packet, encode_sts_faults, status
 from drivers.servos.wire2 import Protocol2Instruction
 
 _ALWAYS_ANSWERED = (Protocol2Instruction.PING, Protocol2Instruction.READ)
-"""What is answered at any response level."""
+"""Instructions that are answered at any response level."""
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
-    """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
+    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies, one slot after the other."""
     if not packet.intact:
         return []
     if packet.id == BROADCAST and packet.code == Protocol2Instruction.SYNC_WRITE:
@@ -38,7 +38,7 @@ def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) ->
 
 
 def _execute(servo: VirtualServo, packet: Packet) -> bytes | None:
-    """Do what one servo is told; return the data that answer it, None for what it does not know."""
+    """Execute a request on one servo; return the reply data, None for an unknown instruction."""
     parameters = packet.parameters
     match packet.code:
         case Protocol2Instruction.PING:
@@ -64,7 +64,7 @@ def _status(servo: VirtualServo, number: int, data: bytes) -> bytes:
 
 
 def _answer_in_turn(parameters: bytes, servos: Sequence[VirtualServo], now: float) -> Iterator[Slot]:
-    """Let the servos that a reading of many names answer one after the other."""
+    """Yield the replies to a sync read, one slot after the other."""
     for number in parameters[2:]:
         slot: Slot = []
         for servo in servos:

@@ -1,1 +1,1 @@
-"""Gaits on the command line: look at them, check them, make new ones."""
+"""Gaits on the command line: show, check and create them."""

@@ -1,4 +1,4 @@
-"""``mission gait``: gaits of a robot with legs: looked at, checked, and made of others."""
+"""``mission gait``: check gaits of a robot with legs, and create new ones from them."""
 
 import csv
 import json
@@ -35,16 +35,16 @@ from missions.plugins.pictures.png import PLOTS_MISSING
 # Gaits out of files and into files: gait files, and spreadsheets of the angles of both legs in radians.
 
 MAX_SOLE_TILT = 0.01
-"""Radians by which a sole of a spreadsheet may tilt: gaits have level ones."""
+"""Maximum tilt of a sole in a spreadsheet, in radians: gaits have level soles."""
 
 FLOOR_CONTACT_HEIGHT = 0.0005
-"""Metres above the lower sole within which the other one of a spreadsheet is on the floor too."""
+"""Metres above the lower sole within which the other sole of a spreadsheet is also on the floor."""
 
 TIME_COLUMN = "time"
 
 
 class LeggedRobot:
-    """A robot with legs, as gaits see it. Raises BadRequest for a robot without."""
+    """A robot with legs, for gaits. Raises BadRequest for a robot without."""
 
     def __init__(self, robot: RobotConfig) -> None:
         keys, arm = robot.keys(LegsKeys), robot.arm
@@ -58,17 +58,17 @@ class LeggedRobot:
         self.torques = {name: servo.servo_model.stall_torque * servo.torque for name, servo in servos.items()}
 
     def gait_errors(self, gait: Gait) -> list[str]:
-        """Return what this robot cannot do of a gait."""
+        """Return the reasons why the robot cannot play a gait."""
         return [f"{gait.name}: {each}" for each in gait_errors(self.body, gait, self.limits, self.torques)]
 
     def load(self, path: Path) -> Gait:
-        """Read a gait. Raises InvalidFileError for mistakes in a file, BadRequest for what is no gait of the robot."""
+        """Load a gait. Raises InvalidFileError for an invalid file, BadRequest for a gait that does not fit the robot."""
         if path.suffix.lower() in SHEET_SUFFIXES:
             return self._load_sheet(path)
         return gait_from_keys(load_gait(path), self.body, self.stride)
 
     def _load_sheet(self, path: Path) -> Gait:
-        """Take a spreadsheet for one cycle, whose last row is the first one again."""
+        """Load a spreadsheet as one cycle, whose last row repeats the first one."""
         move = load_move(path)
         known = set(self.arm.limits)
         if strange := sorted({joint for frame in move.keyframes for joint in frame.positions} - known):
@@ -105,7 +105,7 @@ class LeggedRobot:
 
 
 def format_gait(gait: Gait, name: str) -> str:
-    """Return a gait file of points."""
+    """Return the text of a gait file of points."""
     lines = [f"gait: {json.dumps(name)}", f"period: {gait.period:.6g} s", "points:"]
     for place in range(len(gait.feet)):
         left, right = (_vector(gait.feet[place, number].tolist()) for number in (0, 1))
@@ -122,12 +122,12 @@ def _vector(place: Sequence[float]) -> str:
 
 
 DEFAULT_ROBOT = "humanoid"
-"""The robot whose gaits they are where none is named."""
+"""Robot for gaits without ``--robot``."""
 
 SHEET_SUFFIX = ".csv"
 
 MAX_CYCLES = 1000
-"""Cycles in one spreadsheet, at most: a quarter of an hour."""
+"""Maximum cycles in one spreadsheet: a quarter of an hour."""
 
 robot_option = shared_option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Whose gait it is: a robot "
                             "with legs (a name or a file).")  # fmt: skip
@@ -143,10 +143,10 @@ output_option = click.option(
 
 @click.group("gait", cls=LazyGroup, epilog="Example: mission gait check stroll")
 def command() -> None:
-    """Check gaits, and make new ones of stored ones; `mission show GAIT` describes and draws one.
+    """Check gaits, and create new ones from them; `mission show GAIT` describes and draws one.
 
-    A gait is one that ships, by its name, a gait file, or a spreadsheet of the legs' angles (.csv, .xlsx, .xls, .ods)
-    whose last row is the first one again. What the robot cannot do is refused, with the joint and the time, and
+    A gait is the name of a shipped one, a gait file, or a spreadsheet of the legs' angles (.csv, .xlsx, .xls, .ods)
+    whose last row repeats the first one. A gait that the robot cannot play is refused, with the joint and the time, and
     nothing is written.
     """
 
@@ -155,7 +155,7 @@ def command() -> None:
 @click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
 @robot_option
 def check(files: tuple[str, ...], robot: str) -> None:
-    """Check gaits: reach, limits, speeds, torques at rest, collisions, and whether it presses within its soles."""
+    """Check gaits: reach, limits, speeds, static torques, collisions, and support within the soles."""
     walker = _load_robot(robot)
     wrong = [each for path in files for each in walker.gait_errors(_load(walker, path))]
     if wrong:
@@ -165,10 +165,10 @@ def check(files: tuple[str, ...], robot: str) -> None:
 
 
 def show_gait(file: str, output: Path | None, robot: str | None) -> None:
-    """Print the joints' angles and speeds in a cycle, with their limits, and how well the robot is supported.
+    """Print the joints' angles and speeds in a cycle, with their limits, and the support margin.
 
-    A picture has soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
-    lines from its right and from the front.
+    A picture shows soles, pelvis and centre of mass over the cycle, and the joints over time. A film shows two cycles
+    as a stick figure, from its right and from the front.
     """
     walker = _load_robot(robot or DEFAULT_ROBOT)
     gait = _load(walker, file)
@@ -190,7 +190,7 @@ def show_gait(file: str, output: Path | None, robot: str | None) -> None:
 @output_option
 @robot_option
 def make(file: str, cycles: int, output: Path, robot: str) -> None:
-    """Make a gait file of points, or a spreadsheet, of a gait."""
+    """Convert a gait to a gait file of points, or to a spreadsheet."""
     walker = _load_robot(robot)
     _write(walker, _load(walker, file), output, cycles)
 
@@ -202,7 +202,7 @@ def make(file: str, cycles: int, output: Path, robot: str) -> None:
 @output_option
 @robot_option
 def blend(one: str, other: str, share: float, output: Path, robot: str) -> None:
-    """Make a gait between two."""
+    """Create a gait between two gaits."""
     walker = _load_robot(robot)
     _write(walker, blend_gaits(_load(walker, one), _load(walker, other), share), output)
 
@@ -212,7 +212,7 @@ def blend(one: str, other: str, share: float, output: Path, robot: str) -> None:
 @output_option
 @robot_option
 def mirror(file: str, output: Path, robot: str) -> None:
-    """Make the mirror image of a gait: what the left leg does, the right one does."""
+    """Create the mirror image of a gait, with left and right leg swapped."""
     walker = _load_robot(robot)
     _write(walker, mirror_gait(_load(walker, file)), output)
 
@@ -225,7 +225,7 @@ def mirror(file: str, output: Path, robot: str) -> None:
 @output_option
 @robot_option
 def scale(file: str, length: float, rise: float, time: float, output: Path, robot: str) -> None:
-    """Make a gait with longer steps, higher feet or another period."""
+    """Create a gait with longer steps, higher feet or another period."""
     walker = _load_robot(robot)
     _write(walker, scale_gait(_load(walker, file), length=length, rise=rise, time=time), output)
 
@@ -238,7 +238,7 @@ def scale(file: str, length: float, rise: float, time: float, output: Path, robo
 @output_option
 @robot_option
 def sequence_(files: tuple[str, ...], cycles: int, output: Path, robot: str) -> None:
-    """Make one spreadsheet of gaits one after another; each is checked by itself."""
+    """Join gaits into one spreadsheet; each is checked by itself."""
     if output.suffix != SHEET_SUFFIX:
         raise click.BadParameter(f"{output}: a sequence is a spreadsheet: end its name in .csv", param_hint="-o")
     walker = _load_robot(robot)
@@ -256,7 +256,7 @@ def _load(walker: LeggedRobot, gait: str) -> Gait:
 
 
 def _require_feasible(walker: LeggedRobot, *gaits: Gait) -> None:
-    """Raise click.ClickException for gaits that the robot cannot do."""
+    """Raise click.ClickException for gaits that the robot cannot play."""
     if wrong := [each for gait in gaits for each in walker.gait_errors(gait)]:
         raise click.ClickException("\n".join([*wrong, "nothing is written"]))
 
@@ -272,7 +272,7 @@ def _write(walker: LeggedRobot, gait: Gait, output: Path, cycles: int = 1) -> No
 
 
 def _draw(walker: LeggedRobot, gait: Gait, output: Path) -> None:
-    """Draw a gait. Raises click.ClickException for one out of reach, and without Matplotlib."""
+    """Draw a gait. Raises click.ClickException for an unreachable one, and click.UsageError without Matplotlib."""
     try:
         from missions.plugins.legs.gait_plot import draw_gait  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:
@@ -288,7 +288,7 @@ def _draw(walker: LeggedRobot, gait: Gait, output: Path) -> None:
 
 
 def _film(walker: LeggedRobot, gait: Gait, output: Path) -> None:
-    """Film a gait. Raises click.ClickException for one out of reach, and for a place where no film can be."""
+    """Film a gait. Raises click.ClickException for an unreachable one, and for an unusable output path."""
     from missions.plugins.legs.gait_plot import FRAME_RATE, gait_pictures  # noqa: PLC0415 - as for pictures
 
     check_output(output, "-o")
@@ -313,7 +313,7 @@ def _save(output: Path, text: str) -> None:
 
 
 def _describe(walker: LeggedRobot, gait: Gait) -> Iterator[str]:
-    """Yield what is told of a gait."""
+    """Yield the description of a gait, line by line."""
     yield f"{gait.name}: a cycle of {gait.period:.2f} s"
     angles, reason = gait.angles(walker.body)
     if not reason.any():

@@ -1,4 +1,4 @@
-"""Pictures of gaits: soles, pelvis and centre of mass over a cycle, and each joint with its limits. Needs ``plots``."""
+"""Plots and films of gaits: soles, pelvis and centre of mass over a cycle, joints with limits. Needs ``plots``."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ from missions.plugins.pictures.moves_plot import FORMATS, GOAL_COLOUR, LIMIT_COL
 # A gait as pictures of a figure of lines, from its right and from the front, over two cycles on a treadmill.
 
 FRAME_RATE = 25.0
-"""Pictures a second."""
+"""Frames per second."""
 
 FILM_CYCLES = 2
 
@@ -31,7 +31,7 @@ LINE_HALF_WIDTH = 0.004
 
 
 def gait_pictures(gait: Gait, body: LeggedBody) -> Iterator[Image]:
-    """Yield the pictures of a gait that the body reaches."""
+    """Yield the frames of a reachable gait."""
     angles, _ = gait.angles(body)
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     lowest = gait.feet[..., 2].min()
@@ -47,7 +47,7 @@ def gait_pictures(gait: Gait, body: LeggedBody) -> Iterator[Image]:
 
 
 def _travelled(gait: Gait) -> Floats:
-    """Return how far the body has gone by each time of a cycle, and by its end: as the feet on the floor go back."""
+    """Return the distance of the body at each time of a cycle, and at its end, from the feet on the floor."""
     back = gait.feet[:, :, 0] - np.roll(gait.feet[:, :, 0], -1, axis=0)
     held = gait.on_floor & np.roll(gait.on_floor, -1, axis=0)
     steps = np.where(held, back, 0.0).sum(axis=1) / np.maximum(held.sum(axis=1), 1)
@@ -71,7 +71,7 @@ COLOURS = {"left": GOAL_COLOUR, "right": MEASURED_COLOUR}
 
 
 def draw_gait(path: Path, gait: Gait, body: LeggedBody, limits: Mapping[str, JointLimits]) -> None:
-    """Draw a gait that the body reaches. Raises ValueError for another format, OSError where it cannot be written."""
+    """Draw a reachable gait. Raises ValueError for an unknown format, OSError if the file cannot be written."""
     if path.suffix not in FORMATS:
         raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")
     angles, _ = gait.angles(body)
@@ -103,7 +103,7 @@ def draw_gait(path: Path, gait: Gait, body: LeggedBody, limits: Mapping[str, Joi
 
 
 def _plot_joint(axes: Axes, times: Floats, angles: Floats, colour: str, limits: JointLimits) -> None:
-    """Draw a joint, and its limits where it comes near to them."""
+    """Plot a joint, and its limits if it comes near them."""
     axes.plot(times, np.degrees(angles), color=colour)
     low, high = float(np.degrees(angles.min())) - 10.0, float(np.degrees(angles.max())) + 10.0
     for end in np.degrees([limits.lower, limits.upper]):

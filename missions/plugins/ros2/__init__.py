@@ -1,1 +1,1 @@
-"""ROS 2 on the command line: nodes, places, and what a run announces there."""
+"""ROS 2 on the command line: nodes, places, and publishing of runs."""

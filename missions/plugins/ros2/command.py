@@ -1,4 +1,4 @@
-"""``mission ros2``: what nodes of ROS 2 there are, what they say, and a capture of it for tests."""
+"""``mission ros2``: list nodes and topics of ROS 2, print messages, and capture them for tests."""
 
 import base64
 import json
@@ -25,7 +25,7 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 
 DISCOVERY_TIME = 1.0
-"""Seconds in which nodes make themselves known."""
+"""Seconds in which nodes announce themselves."""
 
 
 @click.group(
@@ -34,11 +34,11 @@ DISCOVERY_TIME = 1.0
     epilog="Example: mission ros2 topics --router tcp/192.168.1.20:7447",
 )
 def command() -> None:
-    """Look round among the nodes of ROS 2, over Zenoh, without ROS."""
+    """Inspect the nodes and topics of ROS 2 over Zenoh, without ROS."""
 
 
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options that say where to look."""
+    """Add the options of robot, router and domain to a command."""
     for option in (
         shared_option("--domain", type=WholeNumber(0, 232), help="The domain; else as the robot file says."),
         shared_option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's."),
@@ -50,7 +50,7 @@ def options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def open_node(robot: str, router: str | None, domain: int | None) -> Iterator[Any]:
-    """Open a session, and close it; yield the node, once others have made themselves known. Raises NotConnected."""
+    """Open a session, yield the node once others are discovered, and close it. Raises NotConnected."""
     from drivers.ros2.make import ros_domain  # noqa: PLC0415 - an extra
     from drivers.ros2.node import Ros2Node  # noqa: PLC0415
     from drivers.ros2.session import open_session, zenoh_access  # noqa: PLC0415
@@ -72,7 +72,7 @@ def open_node(robot: str, router: str | None, domain: int | None) -> Iterator[An
 
 
 def _print_line(text: str) -> None:
-    """Print a line with names of others, which must not make several of it; all else is cleaned as it is printed."""
+    """Print a line with foreign names, whose line breaks are escaped; the console escapes all else."""
     click.echo(text.replace("\r", "\\r").replace("\n", "\\n"))
 
 
@@ -84,7 +84,7 @@ def _wait(seconds: float) -> None:
 @options
 @click.option("--all", "every", is_flag=True, help="Also services and actions.")
 def topics(robot: str, router: str | None, domain: int | None, every: bool) -> int:
-    """List the topics, with their types, and how many send and listen."""
+    """List the topics with their types, and the numbers of publishers and subscribers."""
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
 
     with open_node(robot, router, domain) as node:
@@ -104,7 +104,7 @@ def topics(robot: str, router: str | None, domain: int | None, every: bool) -> i
 @command.command(epilog="Example: mission ros2 graph")
 @options
 def graph(robot: str, router: str | None, domain: int | None) -> int:
-    """List the nodes, each with what it sends, hears, offers and asks."""
+    """List the nodes with their topics, services and actions."""
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
 
     with open_node(robot, router, domain) as node:
@@ -125,7 +125,7 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
 @options
 @click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
 def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
-    """Print the messages of a topic, each as a line of JSON."""
+    """Print the messages of a topic, one line of JSON each."""
     from drivers.ros2.types import MalformedMessage, types  # noqa: PLC0415 - an extra
 
     heard: list[tuple[str, bytes]] = []
@@ -154,9 +154,9 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
 @options
 @click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
 def capture(file: Path, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
-    """Write what a robot says to a file: its tokens, and its messages as they came. No pictures, no names of sessions.
+    """Capture the tokens and messages of a robot to a file, without pictures and session names.
 
-    One JSON object a line. Send it to us, and it becomes a test of your robot.
+    Each line is a JSON object. Send the file to us, and it becomes a test of your robot.
     """
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
     from drivers.ros2.types import types  # noqa: PLC0415
@@ -192,9 +192,9 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
 @click.option("--simulate", type=click.Choice(["fast", "wire"]), help="Run its missions on a simulated robot.")
 @click.option("--world", type=WORLD, help="The world around that.")
 def serve(robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None) -> int:
-    """Offer the action /run_mission, by which nodes of ROS 2 start missions. Ctrl-C ends it, and what runs.
+    """Serve the action /run_mission, by which ROS 2 nodes start missions, until Ctrl-C.
 
-    Its type is missiontree_msgs/action/RunMission: docs/ros2.md says how ROS gets to know it.
+    Its type is missiontree_msgs/action/RunMission; docs/ros2.md explains how to define it in ROS.
     """
     from missions.plugins.ros2.mission_server import MissionServer  # noqa: PLC0415
 
@@ -216,14 +216,14 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
 def run_arguments(
     robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None
 ) -> list[str]:
-    """Return the options of the runs that nodes of ROS 2 start: where they are told, and which nodes are theirs."""
+    """Return the arguments of runs that ROS 2 nodes start: robot, router, domain, simulation and reporting."""
     chosen = [("--robot", robot), ("--simulate", simulate), ("--world", world), ("--ros2-router", router)]
     chosen.append(("--ros2-domain", None if domain is None else str(domain)))
     return [word for option, value in chosen if value is not None for word in (option, value)] + ["--ros2"]
 
 
 def _require_secure_router(robot: str, router: str | None) -> None:
-    """Refuse to have missions run by who comes over a network without keys. Raises click.UsageError."""
+    """Raise click.UsageError if missions could be started over a network without authentication."""
     from drivers.ros2.session import zenoh_access  # noqa: PLC0415 - an extra
 
     config = load_robot(find_file("robots", robot))

@@ -1,4 +1,4 @@
-"""``mission ros2 serve``: an action server by which nodes of ROS 2 start missions, watch them and cancel them."""
+"""``mission ros2 serve``: action server by which ROS 2 nodes start, monitor and cancel missions."""
 
 import json
 import os
@@ -21,11 +21,11 @@ ACTION_NAME = "/run_mission"
 
 
 class MissionServer:
-    """Offers ``/run_mission``: each goal is a `mission run` of its own, with ``options``, one at a time.
+    """Server of ``/run_mission``: each goal is a `mission run` of its own, with ``options``, one at a time.
 
-    Feedback is what the run says, line by line; a goal that is cancelled is stopped as by Ctrl-C. ``knows`` says which
-    names are accepted: those of the library, and no path. A run has a leash, as those of `mission task serve`: it stops
-    when this process ends, however that comes about.
+    Feedback is the output of the run, line by line; a cancelled goal is stopped as by Ctrl-C. ``is_known`` returns True
+    for accepted names: those of the library, no paths. A run has a leash, as those of `mission task serve`: it stops
+    when this process ends for any reason.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class MissionServer:
         ActionServer(node, ACTION_NAME, RUN_MISSION, self._begin, self._cancel)
 
     def close(self) -> None:
-        """Stop what runs, and wait for its end."""
+        """Stop the current run, and wait for its end."""
         with self._lock:
             self._closing, running = True, self._running
         _stop(running)
@@ -48,7 +48,7 @@ class MissionServer:
             thread.join()
 
     def _begin(self, goal: ActionGoal) -> bool:
-        """Start a mission; refuse it while another runs, for a name of none, and for params that are none."""
+        """Start a mission; reject the goal during another run, and for an unknown name or invalid params."""
         name, words = str(goal.values.mission), _parse_params(str(goal.values.parameters))
         if words is None or not self._is_known(name):
             return False
@@ -66,7 +66,7 @@ class MissionServer:
         return True
 
     def _start(self, name: str, words: Sequence[str]) -> tuple["subprocess.Popen[str]", int]:
-        """Start a run; return it, and the end of its leash that is ours. Raises OSError, ValueError."""
+        """Start a run; return it, and our end of its leash. Raises OSError, ValueError."""
         reading, writing = os.pipe()
         params = [f"--param={word}" for word in words]
         run = [sys.executable, "-m", "missions", "run", "--json", f"--leash={reading}", *params, *self._options]
@@ -110,7 +110,7 @@ class MissionServer:
 
 
 def _parse_params(given: str) -> list[str] | None:
-    """Return the params of a JSON object, each as NAME=VALUE; None where it is none, or is not to be printed."""
+    """Return the params of a JSON object as NAME=VALUE; None if it is invalid or not printable."""
     try:
         told = json.loads(given or "{}").items()
         words = [f"{key}={value if isinstance(value, str) else json.dumps(value)}" for key, value in told]
@@ -120,7 +120,7 @@ def _parse_params(given: str) -> list[str] | None:
 
 
 def _relay_output(goal: ActionGoal, running: "subprocess.Popen[str]") -> tuple[str, str]:
-    """Tell a goal what its run says, to its end; return what it wrote to stdout, and the last that it said."""
+    """Send the output of a run as feedback, until its end; return its stdout, and its last line of stderr."""
     last = ""
     for line in running.stderr or ():
         if line.strip():
@@ -135,7 +135,7 @@ def _stop(running: "subprocess.Popen[str] | None") -> None:
 
 
 def _parse_result(out: str, last: str) -> tuple[str, str]:
-    """Return how a run ended, and why, by its line of JSON."""
+    """Return the result of a run and its reason, from its line of JSON."""
     try:
         told = json.loads(out.strip().splitlines()[-1])
         return str(told.get("result", "failure")), str(told.get("reason", "") or "")

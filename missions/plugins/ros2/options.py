@@ -1,4 +1,4 @@
-"""Options of `mission run` for the topics of ROS 2 that report it."""
+"""Options of `mission run` for publishing a run to ROS 2."""
 
 from drivers.api.fast_dataclass import dataclass
 from missions.options import ROS2, option
@@ -7,7 +7,7 @@ from missions.request import RunOptions
 
 @dataclass(frozen=True, kw_only=True)
 class Ros2Options(RunOptions):
-    """Whether a run is reported to ROS 2, and by which router."""
+    """Options for publishing a run to ROS 2."""
 
     ros2: bool = option(
         "Report the run to ROS 2: topics /mission/tree, variables, detections, events.", default=False, group=ROS2

@@ -1,4 +1,4 @@
-"""``mission ros2 place``: the places of a robot's map, by name."""
+"""``mission ros2 place``: named places on a robot's map."""
 
 from math import cos, degrees, isfinite, sin
 from threading import Event
@@ -19,17 +19,17 @@ from missions.library.drivers import load_robot
 from missions.library.folders import places_file, places_of
 
 POSE_TIMEOUT = 5.0
-"""Seconds in which the robot says where it is."""
+"""Seconds to wait for the robot's pose."""
 
 BODY_FRAMES = ("base_link", "base_footprint")
-"""What the robot itself is called among its frames."""
+"""Names of the robot's own frame."""
 
 FramePose = tuple[float, float, float]
 
 
 @click.group("ros2 place", cls=LazyGroup, epilog="Example: mission ros2 place add kitchen --robot turtlebot4")
 def place() -> None:
-    """Name places of a robot's map, for `navigate`."""
+    """Name places on a robot's map, for `navigate`."""
 
 
 def _load_robot(name: str) -> RobotConfig:
@@ -45,7 +45,7 @@ robot_option = shared_option("--robot", type=ROBOT, default="turtlebot4", show_d
 @click.option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's.")
 @click.option("--at", metavar="'X, Y, HEADING'", help="There, instead of where the robot stands now.")
 def add(name: str, robot: str, router: str | None, at: str | None) -> int:
-    """Name the place where the robot stands now, by what it says of its map (/tf)."""
+    """Name the current position of the robot on its map (from /tf)."""
     config = _load_robot(robot)
     if "ros2" not in config.sections:
         raise click.UsageError(f"{config.name} is no robot of ROS 2, and knows no map: --robot turtlebot4")
@@ -76,7 +76,7 @@ def list_places(robot: str) -> int:
 @click.argument("name")
 @robot_option
 def remove(name: str, robot: str) -> int:
-    """Forget a place."""
+    """Remove a place."""
     config = _load_robot(robot)
     places = dict(places_of(config))
     if name not in places:
@@ -106,7 +106,7 @@ def _parse_pose(text: str) -> FramePose:
 
 
 def _current_pose(config: RobotConfig, robot: str, router: str | None) -> FramePose:
-    """Return where the robot stands on its map. Raises NotConnected."""
+    """Return the pose of the robot on its map. Raises NotConnected."""
     from drivers.ros2.graph import TF  # noqa: PLC0415 - an extra
     from drivers.ros2.types import MalformedMessage, types  # noqa: PLC0415
     from missions.plugins.ros2.command import open_node  # noqa: PLC0415
@@ -136,16 +136,16 @@ def _current_pose(config: RobotConfig, robot: str, router: str | None) -> FrameP
 
 
 class FrameTree:
-    """The frames of a robot by what /tf says of them; those of its ``namespace`` go without it."""
+    """Frames of a robot from /tf; the prefix ``namespace`` is removed."""
 
     def __init__(self, namespace: str) -> None:
         self._namespace = f"{namespace.strip('/')}/"
         self._above: dict[str, tuple[str, FramePose]] = {}
         self.fault = ""
-        """The fault of the newest message that could not be used."""
+        """Fault of the newest unusable message."""
 
     def add_transform(self, frame: str, child: str, told: Any) -> None:
-        """Take where ``child`` is in ``frame``, as a Transform; one that was never set is none."""
+        """Store the pose of ``child`` in ``frame``, a Transform; one that was never set is a fault."""
         from drivers.ros2.base import MAX_PLAUSIBLE_VALUE, yaw  # noqa: PLC0415 - an extra
 
         above, below = (each.lstrip("/").removeprefix(self._namespace) for each in (frame, child))
@@ -158,12 +158,12 @@ class FrameTree:
             self.fault = f"{below} in {above}: {error}"
 
     def body_pose(self) -> FramePose | None:
-        """Return where the robot is on its map; None while no frames lead there."""
+        """Return the pose of the robot on its map; None if no frames lead there."""
         return next((found for each in BODY_FRAMES if (found := self._pose_on_map(each)) is not None), None)
 
     @property
     def missing_frame(self) -> str:
-        """Which frame does not lead to the map."""
+        """Description of the transform that is missing."""
         return "odom to base_link" if self._pose_on_map("odom") is not None else "map to odom (is it localised?)"
 
     def _pose_on_map(self, frame: str) -> FramePose | None:
@@ -175,7 +175,7 @@ class FrameTree:
 
 
 def compose(outer: FramePose, inner: FramePose) -> FramePose:
-    """Return where ``inner`` is, in what ``outer`` is in."""
+    """Return the pose ``inner`` of the frame ``outer``, in the parent of ``outer``."""
     x, y, turn = outer
     return (
         x + inner[0] * cos(turn) - inner[1] * sin(turn),

@@ -1,4 +1,4 @@
-"""``mission run --ros2``: tells ROS 2 how a run goes, as topics for RViz, rqt and nodes of one's own."""
+"""``mission run --ros2``: publishes a run on ROS 2 topics, for RViz, rqt and other nodes."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -31,26 +31,26 @@ EVENTS_TOPIC, TREE_TOPIC, VARIABLES_TOPIC, DETECTIONS_TOPIC = (
     "/mission/variables",
     "/mission/detections",
 )
-"""The topics on which a run is told."""
+"""Topics on which a run is published."""
 
 CAMERA_FRAME = "camera_optical_frame"
-"""The frame of what is seen, as REP 103 has those of cameras: x right, y down, z ahead."""
+"""Camera frame as in REP 103: x right, y down, z ahead."""
 
 STATE_INTERVAL = 1.0
-"""Seconds after which the whole tree and the variables are told again: who has come later has missed them."""
+"""Seconds after which the whole tree and the variables are published again, for late subscribers."""
 
 CONNECT_TIMEOUT = 1.0
 """Seconds for which the first event waits for the router."""
 
 MAX_QUEUED_EVENTS = 10_000
-"""Events that wait to be told at most."""
+"""Maximum number of queued events."""
 
 
 class RunPublisher:
-    """A listener that tells a run on topics of ROS 2, from a thread of its own; a router that is away is looked for.
+    """Listener that publishes a run on ROS 2 topics, on its own thread, with reconnects to the router.
 
-    ``/mission/events`` has each event as JSON, ``/mission/tree`` the status of each node, ``/mission/variables`` those
-    of the mission, and ``/mission/detections`` the faces and things that are seen.
+    ``/mission/events`` has each event as JSON, ``/mission/tree`` the status of each node, ``/mission/variables`` the
+    variables of the mission, and ``/mission/detections`` the detected faces and things.
     """
 
     def __init__(self, access: "ZenohAccess", domain: int) -> None:
@@ -82,13 +82,13 @@ class RunPublisher:
         self.close()
 
     def close(self) -> None:
-        """Tell the last, and end the thread: it has two seconds for that."""
+        """Publish the final state, and end the thread, within two seconds."""
         self._end_requested = True
         self._queue.put(None)
         self._thread.join(2.0)
 
     def __call__(self, event: Event) -> None:
-        """Take an event; returns at once."""
+        """Queue an event; returns at once."""
         if self._queue.qsize() < MAX_QUEUED_EVENTS:
             self._queue.put((event, unix_time_ns()))
 
@@ -103,7 +103,7 @@ class RunPublisher:
         self._graph.close()
 
     def _node(self) -> "Ros2Node | None":
-        """Return the node to tell by; None while the router is away."""
+        """Return the node; None while the router is away."""
         try:
             node = self._graph.node()
             for name in (EVENTS_TOPIC, TREE_TOPIC, VARIABLES_TOPIC):
@@ -114,7 +114,7 @@ class RunPublisher:
         return node
 
     def _publish_next(self, node: "Ros2Node | None") -> None:
-        """Take an event, if one comes, and tell it; and now and then how all stands."""
+        """Publish the next event, if one comes, and the state at intervals."""
         event, heard = None, 0
         with suppress(Empty):
             event, heard = self._queue.get(timeout=STATE_INTERVAL) or (None, 0)
@@ -136,7 +136,7 @@ class RunPublisher:
         _publish_json(node, VARIABLES_TOPIC, self._variables)
 
     def _update_state(self, event: Event) -> None:
-        """Take into the whole what an event says."""
+        """Update the published state by an event."""
         self._changed = self._changed or isinstance(event, NodeChanged | VariableSet | Ended | Started)
         match event:
             case Started():
@@ -163,7 +163,7 @@ def _publish(node: "Ros2Node", topic: str, kind: str, values: Mapping[str, objec
 
 
 def detections(event: PerceptSeen, received_at: int) -> dict[str, object]:
-    """Return what a picture shows as vision_msgs has it; ``heard`` is when the event was told, in ns since 1970."""
+    """Return the detections of a picture as vision_msgs; ``received_at`` is the time of the event, in ns since 1970."""
 
     def header(stamp: float) -> Mapping[str, object]:
         taken = received_at - round(1e9 * (event.t - stamp))
@@ -175,7 +175,7 @@ def detections(event: PerceptSeen, received_at: int) -> dict[str, object]:
 
 
 def _detection(kind: str, percept: Any) -> Mapping[str, object]:
-    """Return a percept: its class, its box in pixels, and where it is, which is not a number where that is unknown."""
+    """Return a detection: class, box in pixels, and position, which is NaN if the distance is unknown."""
     named = percept.get("name") or percept.get("colour") or percept.get("number", "")
     x, y, width, height = percept["box"]
     bearing, down, away = (
@@ -194,7 +194,7 @@ def _detection(kind: str, percept: Any) -> Mapping[str, object]:
 
 
 def make_run_publisher(robot: str | None, router: str | None, domain: int | None = None) -> RunPublisher:
-    """Return the announcer for a robot: by the router and in the domain of its file, or those that are named."""
+    """Return the publisher for a robot: router and domain of its file, unless they are given."""
     from drivers.ros2.make import ros_domain  # noqa: PLC0415 - an extra
     from drivers.ros2.session import zenoh_access  # noqa: PLC0415
 
@@ -205,7 +205,7 @@ def make_run_publisher(robot: str | None, router: str | None, domain: int | None
 
 @contextmanager
 def publish_run(options: Ros2Options, session: RunSession) -> Iterator[None]:
-    """Tell ROS 2 of a run."""
+    """Publish a run to ROS 2."""
     request = session.request
     with make_run_publisher(request.robot, options.ros2_router, request.ros2_domain) as announcer:
         session.listen(announcer)
