@@ -88,7 +88,7 @@ def test_a_joint_on_its_way_is_read_often_and_one_that_is_turned_by_hand_still_m
 
 def test_a_joint_that_leads_or_follows_or_has_missed_a_reading_is_read_at_the_rate_of_the_arm() -> None:
     assert period(joint(), coupled={"a"}) == pytest.approx(0.01)
-    assert period(joint(failures=1)) == pytest.approx(0.01)
+    assert period(joint(missed_reads=1)) == pytest.approx(0.01)
 
 
 def test_no_joint_is_read_more_often_than_the_rate_nor_more_seldom_than_an_absence_needs() -> None:
@@ -113,7 +113,11 @@ def test_a_joint_whose_reading_took_a_while_is_due_in_the_nearest_round_all_the_
 
 
 def test_who_is_left_alone_for_a_while_or_not_driven_is_not_read() -> None:
-    attention, silent, other = PollSchedule(100.0), joint("a", due=6.0), joint("b", complaint="does not answer")
+    attention, silent, other = (
+        PollSchedule(100.0),
+        joint("a", next_read_at=6.0),
+        joint("b", undriven_reason="does not answer"),
+    )
     assert attention.due_joints([silent, other], (), 5.5) == []
     assert attention.due_joints([silent, other], (), 6.0) == [silent]
 

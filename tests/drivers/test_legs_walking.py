@@ -432,7 +432,7 @@ def test_arms_of_a_robot_that_is_stopped_stay_when_it_is_carried_away(legs: Legs
     arms_stay(legs)
 
 
-@pytest.mark.parametrize("part", ["_felt_now", "_take"])
+@pytest.mark.parametrize("part", ["_read_attitude", "_update_state"])
 def test_an_error_in_mid_walk_leaves_the_legs_where_they_are_until_it_is_enabled(
     legs: Legs, part: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -339,7 +339,7 @@ def test_a_calibration_is_on_the_disk_before_any_servo_is_changed(
         kept.extend(disk.read(each) == each.read_bytes() for each in files)
         return apply_changes(*words)
 
-    monkeypatch.setattr(sys.modules[HomedServo.__module__], "apply", apply_after_look)
+    monkeypatch.setattr(sys.modules[HomedServo.__module__], "apply_changes", apply_after_look)
     monkeypatch.setattr(HomedServo, "problem", lambda *_: "")
     outcome = run("servo home elbow --robot two.yaml --into found.json --seconds 0.2 --yes")
     assert (outcome.code, kept) == (0, [True, True]), outcome.err

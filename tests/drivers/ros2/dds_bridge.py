@@ -28,7 +28,7 @@ class DdsBridge:
     def __init__(self) -> None:
         self.clock = SystemClock()
         self.devices: list[VirtualTopics] = []
-        self.serving: list[Callable[[Any], None]] = []
+        self.node_setups: list[Callable[[Any], None]] = []
         self.path = free_address()
         self.heard: list[tuple[str, bytes]] = []
         self.attached: list[bytes] = []
@@ -72,7 +72,7 @@ class DdsBridge:
                         self.subscribes(channel.topic, device._kind(number), self._feeder(device, number))
                     else:
                         self.token(f"MP/{escaped(channel.topic)}/{escaped(device._kind(number))}/:::10,1")
-            for serve in self.serving:
+            for serve in self.node_setups:
                 serve(self)
 
     # --- what there is behind it --------------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ class Bridged(Robot):
     def __init__(self) -> None:
         bridged = DdsBridge()
         super().__init__(router=bridged.path)
-        bridged.devices, bridged.serving = self.terminal.devices, self.terminal.serving
+        bridged.devices, bridged.node_setups = self.terminal.devices, self.terminal.node_setups
         self.terminal = bridged
 
     def drives(self) -> bool:
@@ -236,7 +236,7 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
     mismatch = f"/tb4/odom: expected {ODOMETRY}, but a node sends {STRING}"
     wait_until(lambda: mismatch in [each.message for each in robot.told])
     wrong.undeclare()
-    wait_until(lambda: robot.base.protocol._faults.why(1) != mismatch)  # type: ignore[attr-defined]
+    wait_until(lambda: robot.base.protocol._faults.fault(1) != mismatch)  # type: ignore[attr-defined]
 
 
 def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
@@ -350,7 +350,7 @@ def test_ports_and_doctor_say_how_a_robot_speaks_or_why_it_does_not(
         doctor = command(capsys, "doctor", "--root", str(desk.root), "--robot", str(file))
         assert text in found.out, found.out
         assert text in doctor.out.replace("\n", " "), doctor.out
-        assert text in " ".join(each["what"] for each in json.loads(data.out)["ros2"])
+        assert text in " ".join(each["message"] for each in json.loads(data.out)["ros2"])
         return found.code == 0
 
     assert not told("no router of Zenoh answers")

@@ -16,7 +16,7 @@ CHANNELS = [TopicChannel("/cmd_vel", TWISTS, is_command=True), TopicChannel("/od
 class Network:
     """A node: ``found`` are the others, ``sent`` is what was sent, by type and hash."""
 
-    lost = False
+    is_lost = False
 
     def __init__(self) -> None:
         self.found = [Entity("MP", 0, "z", "0", "2", "node", "", "/odom", ODOMETRY, "o")]

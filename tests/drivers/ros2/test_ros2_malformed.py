@@ -77,7 +77,7 @@ class Part:
                 self.device = arm(Ros2ArmKeys(command="c", joints={"elbow": joint}), site)
 
     def hear(self, payload: bytes) -> None:
-        self.device.received(wire.frame(self.number, payload))
+        self.device.on_data(wire.frame(self.number, payload))
 
     @property
     def topics(self) -> Any:
@@ -147,18 +147,18 @@ def test_another_type_under_the_name_of_a_topic_is_reported_for_as_long_as_it_is
 ) -> None:
     part = Part(name)
     why = f"expected this, but a node {verb} sensor_msgs/msg/Imu"
-    part.device.received(wire.mismatch_frame(number, why))
+    part.device.on_data(wire.mismatch_frame(number, why))
     (fault,) = part.faults
     assert fault.endswith(f": {why}")
     part.clock.advance(REPORT_INTERVAL + MALFORMED_LIFETIME)
-    assert part.topics._faults.why(number) == fault
-    part.device.received(wire.mismatch_frame(number, ""))
-    assert part.topics._faults.why(number) == ""
+    assert part.topics._faults.fault(number) == fault
+    part.device.on_data(wire.mismatch_frame(number, ""))
+    assert part.topics._faults.fault(number) == ""
 
 
 def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     part = Part("base")
-    part.topics._kinds |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
+    part.topics._remote_types |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
     part.hear(TEXT)
     what, hint = part.topics.offline_reason(part.clock.now(), "", 0, silent=False)
     assert what.startswith(f"base: /odom: malformed message: expected {ODOMETRY}, got")
@@ -169,9 +169,9 @@ def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
 
 def test_a_joint_whose_position_is_not_a_number_is_named() -> None:
     part = Part("arm")
-    part.device._kinds |= {0: JOINT_STATE, 1: "std_msgs/msg/Float64MultiArray"}
+    part.device._remote_types |= {0: JOINT_STATE, 1: "std_msgs/msg/Float64MultiArray"}
     part.hear(types().encode(JOINT_STATE, {"name": ["elbow"], "position": [nan]}))
-    assert part.device._silence(part.clock.now())[0].endswith("nothing comes of elbow; not a number: elbow")
+    assert part.device._offline_reason(part.clock.now())[0].endswith("nothing comes of elbow; not a number: elbow")
 
 
 def test_no_number_of_topics_fills_the_memory() -> None:

@@ -66,7 +66,7 @@ def hearers() -> list[tuple[str, Take]]:
     joints = arm(Ros2ArmKeys(joints={"elbow": Ros2JointKeys(joint="a word")}), site)
     parts += [(LASER_SCAN, 0, ranger(Ros2RangeKeys(), site)), ("sensor_msgs/msg/JointState", 0, joints)]
     found: list[tuple[str, Take]] = [
-        (kind, lambda data, number=number, part=part: part.received(wire.frame(number, data)))  # type: ignore[misc]
+        (kind, lambda data, number=number, part=part: part.on_data(wire.frame(number, data)))  # type: ignore[misc]
         for kind, number, part in parts
     ]
 

@@ -33,9 +33,9 @@ class Network:
         kind = ends[name.rpartition("/")[2]]
         return [Entity(role, 0, zid, "0", "1", "nav2", "", name, kind) for zid in self.servers if self.there]
 
-    def call(self, server: Any, _payload: bytes, replied: Any, *, patience: float) -> None:
-        self.patience = patience
-        self.asked.append((server.kind, replied))
+    def call(self, server: Any, _payload: bytes, on_reply: Any, *, timeout: float) -> None:
+        self.timeout = timeout
+        self.asked.append((server.kind, on_reply))
 
     def subscribe(self, *_: Any) -> None:
         return None
@@ -152,7 +152,7 @@ def test_a_goal_that_never_ends_goes_on_for_days_while_its_server_is_there() -> 
     for _ in range(100):
         look(network, requests, 3600.0)
     assert requests.progress(number).state is GoalState.RUNNING
-    assert network.patience > 100 * 3600.0
+    assert network.timeout > 100 * 3600.0
 
 
 class Goal:

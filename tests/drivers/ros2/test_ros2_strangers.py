@@ -237,7 +237,7 @@ def test_somebody_who_sets_the_heading_of_its_odometry_alone_does_not_turn_it(ba
 
 def test_the_frame_of_its_odometry_goes_without_the_slash_that_tf_refuses(base: Topics) -> None:
     frames: list[str] = []
-    base.device.protocol._anchored = lambda _, frame: frames.append(frame)  # type: ignore[attr-defined]
+    base.device.protocol._on_origin = lambda _, frame: frames.append(frame)  # type: ignore[attr-defined]
     odometry(base, 40.0, 7.0, about_z(0.0), "/tb4/odom")
     odometry(base, 80.0, 7.0, about_z(0.0), "tb4/odom")
     assert frames == ["tb4/odom", "tb4/odom"]
@@ -404,7 +404,7 @@ class Sent:
     def __init__(self, payload: bytes) -> None:
         self._waiting = [wire.frame(0, payload)]
 
-    def arrived(self, _: float) -> bytes:
+    def read_available(self, _: float) -> bytes:
         if not self._waiting:
             raise OSError("the session has gone")
         return self._waiting.pop()
