@@ -1,3 +1,3 @@
-"""How the robot moves, speaks and gets its pictures: thin drivers behind the protocols of ``drivers.api``."""
+"""Device drivers behind the protocols of ``drivers.api``: bases, heads, arms, sensors, voices and screens."""
 
 __project__ = "missiontree"

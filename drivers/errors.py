@@ -1,18 +1,16 @@
-"""What can go wrong with a device, sorted by what helps.
+"""Errors of devices, sorted by their remedy.
 
-::
-
-    DriverError
-    |-- NotConnected   the port is absent, busy or gone: the driver reconnects, the mission waits
-    |   `-- SensorSilent   a sensor has not reported: what depends on it is suspended
-    |-- NoReply        nothing, or nonsense, came back after the retries
-    |-- DeviceFault    the device works but complains: overload, heat, voltage
-    `-- BadRequest     the caller asked for what the device cannot do
+DriverError
+|-- NotConnected   the port is absent, busy or gone: the driver reconnects, the mission waits
+|   `-- SensorSilent   a sensor has not reported: nodes that depend on it are suspended
+|-- NoReply        no reply, or an invalid one, after the retries
+|-- DeviceFault    the device replies with a fault: overload, heat, voltage
+`-- BadRequest     the request is impossible for the device
 """
 
 
 class DriverError(Exception):
-    """The root: who, what happened and the value seen in the message; what to type next in ``hint``."""
+    """Base class: the message has the device, the failure and the value, ``hint`` the next command to type."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -20,20 +18,20 @@ class DriverError(Exception):
 
 
 class NotConnected(DriverError, ConnectionError):
-    """The port is absent, held by someone else, not permitted, or has gone away."""
+    """The port is absent, held by another program, not permitted, or gone."""
 
 
 class SensorSilent(NotConnected):
-    """A sensor has not reported lately: "the range finder does not report"."""
+    """A sensor has not reported recently: "the range finder does not report"."""
 
 
 class NoReply(DriverError, TimeoutError):
-    """A device on an open port did not answer in time, or answered with something that fails its checks."""
+    """A device on an open port did not reply in time, or replied with invalid data."""
 
 
 class DeviceFault(DriverError, RuntimeError):
-    """A device answers and reports a fault of its own, such as an overload."""
+    """A device reports a fault of its own, such as an overload."""
 
 
 class BadRequest(DriverError, ValueError):
-    """The request names a joint that is not there, or a value that is not finite."""
+    """The request has an unknown joint, a value that is not finite, or the like."""

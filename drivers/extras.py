@@ -1,4 +1,4 @@
-"""The extras of MissionTree: which distributions each one asks for, and which of these are installed."""
+"""Extras of MissionTree: their distributions, and which of these are installed."""
 
 import platform
 import re
@@ -15,24 +15,24 @@ DEVELOPER_EXTRA = "dev"
 
 
 def extras() -> dict[str, list[str]]:
-    """Return the distributions that each extra asks for on this machine; those always needed under an empty name."""
-    found: dict[str, list[str]] = {}
-    for need in _requirements():
-        match = _REQUIREMENT.match(need)
-        elsewhere = "platform_machine" in need and platform.machine() not in need
-        if match is not None and match[2] != DEVELOPER_EXTRA and not elsewhere:
-            found.setdefault(match[2] or "", []).append(match[1])
-    return found
+    """Return the required distributions of each extra on this machine; those of MissionTree itself have an empty name."""
+    result: dict[str, list[str]] = {}
+    for requirement in _requirements():
+        match = _REQUIREMENT.match(requirement)
+        is_for_other_machine = "platform_machine" in requirement and platform.machine() not in requirement
+        if match is not None and match[2] != DEVELOPER_EXTRA and not is_for_other_machine:
+            result.setdefault(match[2] or "", []).append(match[1])
+    return result
 
 
 def missing_distributions(names: Iterable[str]) -> list[str]:
-    """Return those of some distributions that are not installed."""
-    found = installed_distributions()
-    return [name for name in names if _normalized(name) not in found]
+    """Return the given distributions that are not installed."""
+    installed = installed_distributions()
+    return [name for name in names if _normalized(name) not in installed]
 
 
 def extra_hint(extra: str, *hints: str) -> str:
-    """Return ``hints`` in one line, behind the command that installs an extra where a part of it is missing."""
+    """Return ``hints`` as one line, preceded by the command that installs ``extra`` if a distribution is missing."""
     missing = missing_distributions(extras().get(extra, ()))
     return "; ".join(filter(None, [f"pip install 'missiontree[{extra}]'" if missing else "", *hints]))
 
@@ -40,23 +40,23 @@ def extra_hint(extra: str, *hints: str) -> str:
 def installed_distributions() -> Mapping[str, Path]:
     """Return the metadata folders of all installed distributions by normalized name, ``NAME-VERSION.dist-info``.
 
-    Each start asks for them; to import ``importlib.metadata`` takes longer than to list the folders.
+    Each start needs them, and importing ``importlib.metadata`` takes longer than listing the folders.
     """
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     for folder in map(Path, sys.path):
         with suppress(OSError):
             for info in folder.glob("*.dist-info"):
-                found.setdefault(_normalized(info.name.partition("-")[0]), info)
-    return found
+                folders.setdefault(_normalized(info.name.partition("-")[0]), info)
+    return folders
 
 
 def _normalized(name: str) -> str:
-    """Return the name of a distribution as PEP 503 compares it."""
+    """Return the name of a distribution as normalized by PEP 503."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def _requirements() -> Iterable[str]:
-    """Return the requirements of MissionTree; none if its metadata cannot be read."""
+    """Return the requirements of MissionTree; empty if its metadata cannot be read."""
     info, key = installed_distributions().get(DISTRIBUTION), "Requires-Dist: "
     with suppress(OSError):
         if info is not None:

@@ -1,4 +1,4 @@
-"""The drivers of the house: one line each. A declaration is loaded when somebody asks for that driver."""
+"""Table of the built-in drivers. A declaration is imported when its driver is requested."""
 
 from collections.abc import Mapping
 
@@ -41,4 +41,4 @@ BUILT_IN_DRIVERS: Mapping[str, Mapping[str, str]] = {
     },
     "screen": {"page": "drivers.screen.declared:PAGE", "print": "drivers.screen.declared:PRINT"},
 }
-"""Where each driver is declared, by its kind and its name."""
+"""Dotted name of each driver's declaration, by kind and name."""

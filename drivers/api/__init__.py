@@ -1,14 +1,15 @@
-"""What a behaviour sees of a robot: small protocols and value types, nothing of any bus.
+"""Protocols and value types of robot parts, as behaviours see them; independent of any bus.
 
-SI units and radians throughout, with the axes of REP 103: x forward, y left, z up, anticlockwise positive.
-So a positive pan looks left, and a positive tilt (about y) looks *down*.
+SI units and radians throughout, with the axes of REP 103: x forward, y left, z up, anticlockwise positive. So a
+positive pan looks left, and a positive tilt (about y) looks *down*.
 
-Every device starts without its hardware: ``open`` starts looking for it, ``health`` says whether it is there, and
-it reconnects by itself. Commands to a device that is offline raise ``drivers.errors.NotConnected``.
-So all commands may be made in a tick: they take one exchange on the wire at most, a few milliseconds, while the
-hardware answers. The exception are joints, which confirm hold, relax, and a move that first makes them stiff, one by
-one: each that answers costs two or three exchanges, each that has just fallen silent up to six time-outs (6 ms each,
-22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
+A device works without its hardware: ``open`` starts the search for it, ``health`` reports whether it is online, and it
+reconnects by itself. Commands to an offline device raise ``drivers.errors.NotConnected``.
+
+Every command may be called in a tick: it takes at most one exchange on the wire, a few milliseconds, while the hardware
+replies. Joints are the exception: they confirm hold, relax, and a move that first switches torque on, one servo after
+another. A servo that replies costs two or three exchanges, one that has just become silent up to six timeouts (6 ms
+each, 22 ms with an adapter that delays replies). ``rest`` and ``close`` may take longer.
 """
 
 from drivers.api.base import (

@@ -1,4 +1,4 @@
-"""What a behaviour sees of a base that drives on two wheels."""
+"""Protocol and states of a mobile base."""
 
 from collections.abc import Mapping
 from enum import IntFlag, StrEnum
@@ -14,7 +14,7 @@ from drivers.errors import BadRequest
 
 @dataclass(frozen=True, slots=True)
 class Pose2D:
-    """Where the base is since the driver first heard from it.
+    """Pose of the base, relative to its first report to the driver.
 
     ``x``, ``y`` in metres; ``heading`` in radians, continuous: it does not wrap.
     """
@@ -26,7 +26,7 @@ class Pose2D:
 
 @dataclass(frozen=True, slots=True)
 class Sides:
-    """A sensor that comes as a left, a centre and a right one."""
+    """State of a sensor that exists on the left, in the centre and on the right."""
 
     left: bool = False
     centre: bool = False
@@ -36,9 +36,9 @@ class Sides:
         return self.left or self.centre or self.right
 
     def __str__(self) -> str:
-        """Name those that are on: "left and centre"."""
-        named = (("left", self.left), ("centre", self.centre), ("right", self.right))
-        return " and ".join(name for name, on in named if on)
+        """Return the names of the active sides: "left and centre"."""
+        sides = (("left", self.left), ("centre", self.centre), ("right", self.right))
+        return " and ".join(name for name, on in sides if on)
 
 
 BASE_RADIUS = 0.177
@@ -46,7 +46,7 @@ BASE_RADIUS = 0.177
 
 
 class Posture(StrEnum):
-    """How a base with legs stands: known, where it has come to it by itself."""
+    """Posture of a base with legs; UNKNOWN unless the base reached it by itself."""
 
     UNKNOWN = ""
     STANDING = "standing"
@@ -55,7 +55,7 @@ class Posture(StrEnum):
 
 
 class DockBeam(IntFlag):
-    """The beams of a dock as its base hears them: near or far, in the dock's left, middle or right sector."""
+    """Infrared beams of a dock, as the base receives them: near or far, in the dock's left, centre or right sector."""
 
     NEAR_LEFT = 1
     NEAR_CENTRE = 2
@@ -70,7 +70,7 @@ _NO_BEAMS = DockBeam(0)
 
 @dataclass(frozen=True, slots=True)
 class DockSignals:
-    """What each of the base's infrared receivers hears of the dock; nothing where there is none in sight."""
+    """Dock beams that each infrared receiver of the base receives; empty if no dock is in sight."""
 
     left: DockBeam = _NO_BEAMS
     centre: DockBeam = _NO_BEAMS
@@ -81,7 +81,7 @@ class DockSignals:
 
 
 class Tune(StrEnum):
-    """The tunes that a base knows by heart."""
+    """Built-in tunes of a base."""
 
     ON = "on"
     OFF = "off"
@@ -103,7 +103,7 @@ class Lamp(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BaseLimits:
-    """How fast a base goes (m/s) and turns (rad/s) at most, and how quickly that changes (m/s^2, rad/s^2)."""
+    """Maximum speed (m/s), turn rate (rad/s) and accelerations (m/s^2, rad/s^2) of a base."""
 
     speed: float
     turn: float
@@ -120,10 +120,10 @@ class BaseLimits:
 
 @dataclass(frozen=True, slots=True)
 class Odometers:
-    """Raw readings of the instruments of a base, since its driver first heard from it: nothing is corrected or fused.
+    """Raw odometry of each instrument since the first report, neither corrected nor fused.
 
-    ``left`` and ``right`` are the metres that the encoders counted, ``turn`` the radians that these make; ``gyro`` is
-    the heading by the gyro alone, None without one.
+    ``left`` and ``right`` are the distances of the wheels in metres by the encoders, ``turn`` the rotation in radians
+    by the encoders, ``gyro`` the heading in radians by the gyro, None without a gyro.
     """
 
     left: float
@@ -134,15 +134,14 @@ class Odometers:
 
 @dataclass(frozen=True, slots=True)
 class BaseState:
-    """One report of a base: where it is, how it moves, what it feels. Battery in volts and 0..100 percent.
+    """State of a base in one report. Battery in volts and 0..100 percent.
 
-    ``docked`` is True while it stands on the contacts of its dock; ``overcurrent`` names the wheels that are blocked.
-    ``reckoned`` says that nothing measures how it moves: its pose and velocity are dead reckoning, what it was told
-    added up. ``settling`` is True while it stands and the drift of its gyro is not known yet: to turn would err.
-    ``hazards`` names all other dangers that the base reports, such as "backup limit" and "stall left"; see
-    ``drivers.base.motion_fault``. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from
-    upright it stands, in radians; None where nothing measures that. ``fallen`` is True for one that lies; ``posture``
-    is that of legs. ``odometers`` are the raw readings, None where the base tells only a pose.
+    ``docked``: the base is on the contacts of its dock. ``overcurrent``: the wheels that are blocked. ``reckoned``:
+    nothing measures the motion, so pose and velocity are dead reckoning from the commands. ``settling``: the bias of
+    the gyro is not known yet, so the base should not turn. ``hazards``: other dangers, such as "backup limit" and
+    "stall left", see ``drivers.base.motion_fault``. ``lean``: angle from upright in radians, None if not measured.
+    ``fallen``: the base lies on the floor. ``posture``: posture of the legs. ``odometers``: raw odometry, None if the
+    base reports only a pose. A base without a battery sensor reports 0 V and 100 percent.
     """
 
     pose: Pose2D
@@ -166,32 +165,32 @@ class BaseState:
     posture: Posture = Posture.UNKNOWN
 
     def figures(self) -> Mapping[str, float]:
-        """Return what is shown of it: metres and radians, m/s and rad/s, percent."""
-        moved = {"x": self.pose.x, "y": self.pose.y, "heading": self.pose.heading}
-        return {**moved, "speed": self.velocity.linear, "turn": self.velocity.angular, "battery": self.battery_percent}
+        """Return the figures for displays, by name: metres and radians, m/s and rad/s, percent."""
+        pose = {"x": self.pose.x, "y": self.pose.y, "heading": self.pose.heading}
+        return {**pose, "speed": self.velocity.linear, "turn": self.velocity.angular, "battery": self.battery_percent}
 
 
 LEG_ACTS = ("stand", "sit", "gait")
-"""The acts that legs can perform."""
+"""Acts of a base with legs."""
 
 FALLEN_REASON = "it has fallen"
-"""Why a base with legs is latched that lies."""
+"""Latch reason of a base with legs that has fallen."""
 
 
 def _require_mission_source(source: Source) -> Source:
-    """Return the source of a leaf's command. Raises BadRequest for another than the mission."""
+    """Return ``source``. Raises BadRequest unless it is the mission, which is the only source of a leaf."""
     if source is not Source.MISSION:
         raise BadRequest(f"base: a mission's behaviour cannot drive as '{source}'", hint="leave the source out")
     return source
 
 
 class Capability(Protocol):
-    """An optional capability of a part, which shares the name of that part."""
+    """Optional capability of a part, with the name of that part."""
 
     @property
     @direct
     def name(self) -> str:
-        """The name of the part."""
+        """Name of the part."""
         ...
 
 
@@ -214,20 +213,20 @@ class Lights(Capability, Protocol):
 
     @command("after")
     def light(self, number: int, colour: Lamp) -> None:
-        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        """Set the colour of light 1 or 2. Raises BadRequest for another number, NotConnected."""
         ...
 
 
 class Legs(Capability, Protocol):
-    """Capability of a base that walks."""
+    """Capability of a base with legs."""
 
     @command("never", moves=True)
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Perform one of ``LEG_ACTS`` for ``COMMAND_TIMEOUT``, with a ``gait`` for that act alone.
+        """Perform one of ``LEG_ACTS`` for ``COMMAND_TIMEOUT``; ``gait`` is only for the act "gait".
 
-        Return the progress: a share of 0..1, or the cycles of a gait. An act that is not renewed ends by itself, in a
-        stand or on the way to it. Raises BadRequest for an act that the legs cannot perform, NotConnected, and
-        DeviceFault while the base is latched.
+        Return the progress: a share of 0..1, or the number of cycles of a gait. An act that is not renewed ends by
+        itself, in a stand or on the way to it. Raises BadRequest for an act that the legs cannot perform, NotConnected,
+        and DeviceFault while the base is latched.
         """
         ...
 
@@ -241,25 +240,25 @@ class Base(Device, Protocol):
     @property
     @capability
     def sounds(self) -> Sounds | None:
-        """The sounder."""
+        """Sounder of the base."""
         ...
 
     @property
     @capability
     def lights(self) -> Lights | None:
-        """The lights."""
+        """Lights of the base."""
         ...
 
     @property
     @capability
     def legs(self) -> Legs | None:
-        """The legs."""
+        """Legs of the base."""
         ...
 
     @property
     @fixed
     def limits(self) -> BaseLimits:
-        """How fast it goes, and how quickly that changes."""
+        """Maximum speeds and accelerations."""
         ...
 
     @command(
@@ -269,16 +268,16 @@ class Base(Device, Protocol):
         default_reply=lambda base, velocity, source: base.limits.clamp(velocity),  # noqa: ARG005 - whoever commands
     )
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Drive so until told otherwise, for ``COMMAND_TIMEOUT`` at most; return what is in force after limiting.
+        """Drive at ``velocity`` for ``COMMAND_TIMEOUT`` at most; return the velocity in force after limiting.
 
-        That is standing still while a more important source has the wheels. Raises BadRequest for a value that is not
-        finite or for ``Source.SAFETY``, NotConnected, and DeviceFault while it is latched.
+        While a source of higher priority drives, that is zero. Raises BadRequest for a value that is not finite or for
+        ``Source.SAFETY``, NotConnected, and DeviceFault while the base is latched.
         """
         ...
 
     @command("before", leaf_converters={"source": lambda _: Source.MISSION})  # a leaf does not stop the base for others
     def stop(self, *, source: Source | None = None) -> None:
-        """Stand still now, without a ramp: forget what ``source`` commands, or what anybody does (None).
+        """Stop without a ramp, and drop the pending command of ``source``, or of all sources if None.
 
         Safe from any state, more than once; does not raise when offline.
         """
@@ -286,27 +285,27 @@ class Base(Device, Protocol):
 
     @command("before")
     def latch(self, reason: str) -> None:
-        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
+        """Stop, and refuse all commands until ``enable``. Safe from any state, more than once."""
         ...
 
     @command("after", moves=True)
     def enable(self) -> None:
-        """End a latched stop; nothing of before is in force then. While a person stops it, no mission may."""
+        """Release the latch; commands from before stay dropped. A mission cannot release a person's stop."""
         ...
 
     @property
     def latched(self) -> str:
-        """Why it is latched; empty while it is not."""
+        """Reason of the latch; empty if not latched."""
         ...
 
     def state(self) -> Reading[BaseState]:
-        """The newest report of the base."""
+        """Latest state."""
         ...
 
     def steering(self) -> Steering:
-        """Return who commands it now, and what came of that."""
+        """Return the source in command, its request, and the velocity in force."""
         ...
 
     def heading_at(self, stamp: float) -> float | None:
-        """The heading in radians at a past time, interpolated; None when that is not known."""
+        """Heading in radians at a past time, interpolated; None if unknown."""
         ...

@@ -1,4 +1,4 @@
-"""What all devices have in common: readings, health, notices, and how they begin and end."""
+"""Common types of all devices: readings, health, status reports, reconnect policy, and life cycle."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 
 class Quality(StrEnum):
-    """How far a reading can be trusted."""
+    """Validity of a reading."""
 
     GOOD = "good"
     STALE = "stale"  # measured, but longer ago than the device's own limit
@@ -22,7 +22,7 @@ class Quality(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Reading(Generic[T]):
-    """A measured value, when it was measured (on the driver's clock), and how good it is.
+    """Measured value with its time (on the driver's clock) and its quality.
 
     ``value`` is None exactly when ``quality`` is ``Quality.NONE``: a missed reply never looks like a number.
     """
@@ -33,18 +33,18 @@ class Reading(Generic[T]):
 
     @property
     def good(self) -> bool:
-        """True when the value is there and fresh."""
+        """True if there is a fresh value."""
         return self.quality is Quality.GOOD
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """Whether a device is there, and the figures of its wire.
+    """Connection state of a device, with the counters of its wire.
 
-    ``detail`` says in a few words what is the matter ("/dev/kobuki: no such device"), ``hint`` what to type next;
-    both are empty when all is well. ``counters`` are totals since ``open``: frames, misses, checksum errors and so on.
-    ``reconnected_at`` is when it was last back (on the driver's clock) from an absence so long that nothing that was decided
-    before is to move it any more, see ``ReconnectPolicy``; None if there was none.
+    ``detail`` describes a problem in a few words ("/dev/kobuki: no such device"), ``hint`` is the next command to type;
+    both are empty without a problem. ``counters`` are totals since ``open``: frames, misses, checksum errors and so on.
+    ``reconnected_at`` is the time (driver's clock) of the last reconnect after an absence so long that earlier commands
+    are dropped, see ``ReconnectPolicy``; None if there was none.
     """
 
     online: bool
@@ -56,10 +56,11 @@ class Health:
 
 @keys
 class ReconnectPolicy:
-    """What a part that moves does when it is back: after how many seconds away it stays at rest, and for how long.
+    """Reconnect policy of an actuator: when to require a new command, when to latch.
 
-    After more than ``decide_after`` until somebody decides anew, after more than ``latch_after`` until somebody enables it: who
-    stands beside it by then may believe that it is dead. A part that has started anew was away for ``decide_after`` at least.
+    After more than ``decide_after`` seconds offline, the part stays at rest until a new command. After more than
+    ``latch_after`` seconds it stays at rest until a person enables it: a bystander may believe by then that it is dead.
+    A restart of the device counts as ``decide_after`` at least.
     """
 
     decide_after: float = key(
@@ -78,7 +79,7 @@ class ReconnectPolicy:
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what does not go together."""
+        """Yield an error if ``latch_after`` is below ``decide_after``."""
         if self.latch_after < self.decide_after:
             message = f"'latch_after' ({self.latch_after:g} s) is below 'decide_after' ({self.decide_after:g} s)"
             yield KeyDiagnostic(message, ("latch_after",), ("decide_after",))
@@ -86,7 +87,7 @@ class ReconnectPolicy:
 
 @dataclass(frozen=True, slots=True)
 class DeviceStatus:
-    """The status that a device tells of itself unasked: ``kind`` is ``offline``, ``online`` or ``fault``."""
+    """Status that a device reports by itself; ``kind`` is ``offline``, ``online`` or ``fault``."""
 
     device: str
     kind: str
@@ -95,42 +96,42 @@ class DeviceStatus:
 
 
 StatusCallback = Callable[[DeviceStatus], None]
-"""Where a driver sends its status; called mostly from the driver's own thread, must return at once.
+"""Receives the status of a device, mostly on the driver's own thread; must return at once.
 
-What it raises is logged once and goes no further: a driver that reports must not come to harm by it.
+An exception is logged once and suppressed: it must not harm the driver.
 """
 
 
 def ignore(*_args: object) -> None:
-    """Do nothing: a callback of which nobody wants to be told."""
+    """Do nothing: the default callback."""
 
 
 class Device(Protocol):
-    """What all devices have in common."""
+    """Common protocol of all devices."""
 
     @property
     @direct
     def name(self) -> str:
-        """The part of the robot that it is: ``base``, ``head``, ``arm``, ``camera``, ``voice``."""
+        """Name of the part in the robot file: ``base``, ``head``, ``arm``, ``camera``, ``voice``."""
         ...
 
     @direct
     def open(self) -> None:
-        """Start looking for the hardware, and start the threads; returns at once, hardware or not."""
+        """Start the threads and the search for the hardware; returns at once, with or without hardware."""
         ...
 
     @command("before")
     def rest(self) -> None:
-        """Bring every actuator to the rest that the robot file asks for. Safe from any state, more than once."""
+        """Bring every actuator to the rest that the robot file sets. Safe from any state, more than once."""
         ...
 
     @direct
     def close(self) -> None:
-        """Rest, then end the threads and release the port. Safe from any state, more than once."""
+        """Bring the actuators to rest, end the threads and release the port. Safe from any state, more than once."""
         ...
 
     def health(self) -> Annotated[Health, UNSAMPLED]:
-        """Say whether the hardware is there."""
+        """Return whether the hardware is online, and the counters of its wire."""
         ...
 
 
@@ -139,30 +140,30 @@ L = TypeVar("L")
 
 @runtime_checkable
 class Limitable(Protocol[L]):
-    """A part that keeps within narrower limits than its robot file's while it runs, as all of ours can."""
+    """Part whose limits can be narrowed at run time, within those of its robot file."""
 
     @property
     def limits(self) -> L:
-        """Those that hold."""
+        """Limits in force."""
         ...
 
     def restrict_limits(self, limits: L) -> L:
-        """Keep within ``limits`` from now on, where they are narrower than the file's; return those that hold.
+        """Set ``limits``, clamped to those of the robot file; return the limits in force.
 
-        From any thread. Raises BadRequest for limits that leave nothing.
+        Callable from any thread. Raises BadRequest for an empty range.
         """
         ...
 
 
 @runtime_checkable
 class Latchable(Protocol):
-    """A part that moves, and may stand still until somebody enables it: see ``ReconnectPolicy``."""
+    """Actuator that can be latched, until a person enables it; see ``ReconnectPolicy``."""
 
     @property
     def latched(self) -> str:
-        """Why it is latched; empty while it is not."""
+        """Reason of the latch; empty if not latched."""
         ...
 
     def enable(self) -> None:
-        """Let it move again: for a person to ask for, who has looked at it."""
+        """Release the latch, at the request of a person who has checked the part."""
         ...

@@ -1,7 +1,7 @@
-"""What a driver declares of itself: its keys in the robot file, and where the code is that makes it.
+"""Declaration of a driver: its keys in the robot file, and the dotted names of the code that makes the device.
 
-A declaration imports no driver. What makes the device, its twin and its virtual device are dotted names such as
-``drivers.kobuki.driver:make``, resolved when they are used: so a robot on the metal loads nothing that it does not use.
+A declaration imports no driver. The factories of device, twin and virtual device are dotted names such as
+``drivers.kobuki.driver:make``, resolved when they are used, so a robot loads only the drivers that it needs.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,13 +19,12 @@ from drivers.clock import Clock
 
 @dataclass(frozen=True, slots=True)
 class DriverContext:
-    """Where a device is made: its clock, its port, and who is told of what.
+    """Context in which a device is made: clock, port, callbacks, and the parts that it needs.
 
-    ``part`` is what it is called in the robot file, and in all that it tells.
-    ``port`` is the one of the robot file, or what the user named instead; empty for a part without one. ``print_line`` prints
-    a line for people. ``needed_parts`` are the devices that it ``needs``, by kind. ``state_folder`` is the folder of what a driver
-    keeps from one program to the next; None on a virtual device, of which nothing is to be kept, which has booted
-    already, and which may answer late, for it shares its interpreter with the driver.
+    ``part`` is the name of the part in the robot file and in reports. ``port`` is the port of the robot file or of the
+    command line; empty for a part without one. ``print_line`` prints a line for the user. ``needed_parts`` are the
+    devices that the driver ``needs``, by kind. ``state_folder`` stores files between runs. It is None for a virtual
+    device, which stores nothing, has booted already, and may reply late, since it shares this interpreter.
     """
 
     clock: Clock
@@ -40,27 +39,27 @@ class DriverContext:
 
     @property
     def is_virtual(self) -> bool:
-        """True where the port is that of a virtual device."""
+        """True if the port is that of a virtual device."""
         return self.state_folder is None
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """One driver, as a robot file names it: a ``kind`` of part with ``driver: name``; ``about`` says what it drives.
+    """Declaration of a driver: ``driver: name`` in the section of a part of ``kind``.
 
-    ``keys`` is the class of its section, which extends that of its kind. ``make`` is the dotted name of what makes the
-    device, called with the keys and a ``DriverContext``; ``twin`` of what makes its twin for simulated time, and ``virtual`` of
-    what makes its virtual device for simulation down to the wire, both called with the keys and a
-    ``drivers.sim.context.SimContext``. They are empty where the kind has a stand-in that does for every driver: cameras,
-    microphones, voices and screens. ``needs`` are the kinds of the parts that it is made of, ``extra`` the optional
-    dependency that it wants. ``check`` yields what is wrong together with other sections, given by kind.
+    ``about`` describes the hardware. ``keys`` is the class of the section, which extends that of the kind. ``make`` is
+    the dotted name of the factory of the device, called with the keys and a ``DriverContext``. ``twin`` and ``virtual``
+    are those of the simulated device and of the virtual device, called with the keys and a ``drivers.sim.context.SimContext``.
+    They are empty for cameras, microphones, voices and screens, which share one stand-in per kind. ``needs`` are the
+    kinds of the parts that the device uses, ``extra`` the optional dependency. ``check`` yields errors that involve
+    other sections, given by kind.
 
-    ``probe`` is the dotted name of a ``drivers.api.probe.Probe``, by which the device is found on a serial port; and
-    ``usb`` are the adapters that it may be behind, as ``0403:6014``, or with the serial number of one that is in no
-    other device, ``0403:6001:kobuki_*``. Without any it is looked for behind every adapter.
+    ``probe`` is the dotted name of a ``drivers.api.probe.Probe``, which recognises the device on a serial port. ``usb``
+    lists its possible adapters, as ``0403:6014``, or with a serial number that no other device has,
+    ``0403:6001:kobuki_*``. Without ``usb`` all adapters are probed.
 
-    ``checkup`` is the dotted name of a ``drivers.api.driver.Checkup``, by which `mission doctor` looks at the device
-    at rest; a driver without one that has a probe is looked at by that.
+    ``checkup`` is the dotted name of a ``Checkup``, with which `mission doctor` checks the device at rest. Without one
+    the probe is used.
     """
 
     name: str
@@ -79,40 +78,42 @@ class Driver:
 
 
 class DriverCatalogue(Protocol):
-    """The drivers that there are: the table of the house with those of other distributions."""
+    """All drivers: the built-in ones and those of other distributions."""
 
     def names(self, kind: str) -> Sequence[str]:
         """Return the names of the drivers of a kind."""
         ...
 
     def find(self, kind: str, name: str) -> Driver:
-        """Return a driver. Raises BrokenDriver for a declaration that cannot be used; KeyError for no such name."""
+        """Return a driver. Raises BrokenDriver for an invalid declaration, KeyError for an unknown name."""
         ...
 
 
 class BrokenDriver(Exception):
-    """A declaration of a driver that cannot be used: the message says whose it is, and what is wrong with it."""
+    """Invalid declaration of a driver; the message names its distribution and the error."""
 
 
 def resolve_name(name: str) -> Any:
-    """Return what a dotted name ``package.module:attribute`` means. Raises ImportError, AttributeError, ValueError."""
+    """Return the object with the dotted name ``package.module:attribute``.
+
+    Raises ImportError, AttributeError, ValueError.
+    """
     module, colon, attribute = name.partition(":")
     if not colon or not module or not attribute:
         raise ValueError(f"'{name}' is no dotted name such as my_robot.base:make")
     return getattr(import_module(module), attribute)
 
 
-# What a check-up finds: of the machine, or of a device of the robot that its driver looks at.
+# Findings of a check-up: of the machine, or of a device by its driver.
 
 Verdict = Literal["ok", "warning", "wrong"]
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A line of a check-up: ``about`` which thing, ``message`` was found, and the ``fix`` where that is no good.
+    """Line of a check-up: the subject, the result, its verdict, and a fix unless it is ok.
 
-    In a cure ``ROBOT`` and ``PORT`` stand for the robot and the port that it is about; two blanks part a command from
-    words on it.
+    In a fix, ``ROBOT`` and ``PORT`` stand for the robot and the port; two spaces separate a command from a remark.
     """
 
     about: str
@@ -122,18 +123,18 @@ class Finding:
 
 
 def warning(about: str, message: str, fix: str) -> Finding:
-    """Return what may do harm, or will."""
+    """Return a finding that may do harm."""
     return Finding(about, message, "warning", fix)
 
 
 def failure(about: str, message: str, fix: str) -> Finding:
-    """Return what keeps the robot from working."""
+    """Return a finding that keeps the robot from working."""
     return Finding(about, message, "wrong", fix)
 
 
 Checkup = Callable[[Any, DriverContext], Iterable[Finding]]
-"""Looks at a device at rest: called with the keys of its section and a ``DriverContext``, whose port is there and free.
+"""Checks a device at rest: called with the keys of its section and a ``DriverContext``, whose port is there and free.
 
-It opens the device by itself, only reads, and closes it whatever happens: nothing moves, nothing is written. What it
-raises of ``DriverError`` is told as wrong, with its hint.
+It opens the device, only reads, and closes it in any case: nothing moves, nothing is written. A ``DriverError`` becomes
+a finding "wrong", with its hint.
 """

@@ -1,8 +1,8 @@
-"""``dataclass`` of the standard library, made in a fraction of the time: a start makes some hundreds of classes.
+"""Fast ``dataclass``: as in the standard library, but made in a fraction of the time.
 
-Python 3.11 and 3.12 compile each method of each class by itself. Here ``__init__`` alone is compiled, and the other
-methods share their code. Fields, ``replace``, ``asdict``, ``match``, copies and messages are as of the standard
-library, and a class of one make may inherit from one of the other.
+A start makes some hundreds of classes, and Python 3.11 and 3.12 compile each method of each of them. Here only
+``__init__`` is compiled, and the other methods share their code. Fields, ``replace``, ``asdict``, ``match``, copies and
+messages are as in the standard library, and classes of both kinds may inherit from each other.
 """
 
 import dataclasses
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 else:
 
     def dataclass(cls=None, /, *, frozen=False, eq=True, slots=False, kw_only=False):
-        """Do what ``dataclasses.dataclass`` does, for the options that are used here."""
+        """Do the same as ``dataclasses.dataclass``, for the options that MissionTree uses."""
 
         def make(plain):
             return _make_dataclass(plain, frozen=frozen, eq=eq, slots=slots, kw_only=kw_only)
@@ -30,94 +30,96 @@ else:
 
 
 ValuesGetter = Callable[[object], tuple[Any, ...]]
-"""Gives the values of some fields of an instance."""
+"""Returns the values of some fields of an instance."""
 
 
 def _make_dataclass(cls: type, *, frozen: bool, eq: bool, slots: bool, kw_only: bool) -> type:
-    """Return ``plain`` as a dataclass; methods that it has of its own stay."""
+    """Return ``cls`` as a dataclass; methods that it defines itself stay."""
     own = frozenset(cls.__dict__)
     bases = [vars(base)["__dataclass_params__"] for base in cls.__mro__[1:] if "__dataclass_params__" in vars(base)]
     if any(base.frozen is not frozen for base in bases):
         raise TypeError(f"{cls.__qualname__} and the dataclasses that it inherits from are frozen, or none of them is")
     with _unfreeze_bases(bases):
-        made: type[Any] = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots, kw_only=kw_only)(cls)
-    vars(made)["__dataclass_params__"].frozen = frozen  # so that those of the standard library may inherit from it
-    fields = dataclasses.fields(made)
+        new_class: type[Any] = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots, kw_only=kw_only)(
+            cls
+        )
+    vars(new_class)["__dataclass_params__"].frozen = frozen  # so that standard dataclasses may inherit from it
+    fields = dataclasses.fields(new_class)
     methods: dict[str, Callable[..., Any] | None] = {
-        "__init__": _make_init(made, frozen),
+        "__init__": _make_init(new_class, frozen),
         "__repr__": _make_repr(fields),
     }
     if eq:
         methods["__eq__"] = _make_eq(_make_values_getter(field.name for field in fields if field.compare))
-        hashed = _make_values_getter(f.name for f in fields if (f.compare if f.hash is None else f.hash))
+        hash_values = _make_values_getter(f.name for f in fields if (f.compare if f.hash is None else f.hash))
         if "__hash__" not in own or ("__eq__" in own and cls.__dict__["__hash__"] is None):
             own -= {"__hash__"}
-            methods["__hash__"] = _make_hash(hashed) if frozen else None
+            methods["__hash__"] = _make_hash(hash_values) if frozen else None
     if frozen:
         names = frozenset(field.name for field in fields)
         methods |= {
-            "__setattr__": _make_frozen_setter(made, names, "assign to"),
-            "__delattr__": _make_frozen_setter(made, names, "delete"),
+            "__setattr__": _make_frozen_setter(new_class, names, "assign to"),
+            "__delattr__": _make_frozen_setter(new_class, names, "delete"),
         }
         if slots:
             methods |= {"__getstate__": _get_state, "__setstate__": _set_state}
     for name, method in methods.items():
         if name not in own:
             if method is not None:
-                method.__qualname__ = f"{made.__qualname__}.{name}"
-            setattr(made, name, method)
-    return made
+                method.__qualname__ = f"{new_class.__qualname__}.{name}"
+            setattr(new_class, name, method)
+    return new_class
 
 
 @contextmanager
 def _unfreeze_bases(bases: list[Any]) -> Iterator[None]:
-    """Let a class inherit from frozen ones that is frozen itself only once its methods are made."""
-    were = [base.frozen for base in bases]
+    """Make frozen bases mutable, so that a class may inherit from them which is frozen only later."""
+    frozen_flags = [base.frozen for base in bases]
     for base in bases:
         base.frozen = False
     try:
         yield
     finally:
-        for base, frozen in zip(bases, were, strict=True):
+        for base, frozen in zip(bases, frozen_flags, strict=True):
             base.frozen = frozen
 
 
 def _make_init(cls: type, frozen: bool) -> Callable[..., None]:
-    """Return an ``__init__`` that takes the fields in their order, those that are ``kw_only`` by their names."""
+    """Return an ``__init__`` that takes the fields in their order, and ``kw_only`` ones by name."""
     fields = dataclasses.fields(cls)
     shape = tuple((_value_source(field), field.kw_only) for field in fields)
     names = {f"f{place}": field.name for place, field in enumerate(fields)}
     scope: dict[str, object] = {"_set": object.__setattr__, "_none": dataclasses.MISSING}
-    taken: list[object] = []
-    named: dict[str, object] = {}
+    defaults: list[object] = []
+    keyword_defaults: dict[str, object] = {}
     for place, field in enumerate(fields):
-        given: object = dataclasses.MISSING
+        default: object = dataclasses.MISSING
         if field.default_factory is not dataclasses.MISSING:
             names[f"_new_f{place}"] = f"_new_{field.name}"
             scope[f"_new_{field.name}"] = field.default_factory
-        elif (given := field.default) is not dataclasses.MISSING and not field.init:
+        elif (default := field.default) is not dataclasses.MISSING and not field.init:
             names[f"_given_f{place}"] = f"_given_{field.name}"
-            scope[f"_given_{field.name}"] = given
-        if not field.init or (given is dataclasses.MISSING and "_new" not in _value_source(field)):
+            scope[f"_given_{field.name}"] = default
+        if not field.init or (default is dataclasses.MISSING and "_new" not in _value_source(field)):
             continue
         if field.kw_only:
-            named[field.name] = given
+            keyword_defaults[field.name] = default
         else:
-            taken.append(given)
+            defaults.append(default)
     code = _compile_init(shape, frozen, hasattr(cls, "__post_init__"))
     code = code.replace(
         co_varnames=tuple(names.get(name, name) for name in code.co_varnames),
         co_names=tuple(names.get(name, name) for name in code.co_names),
         co_consts=tuple(names.get(const, const) if isinstance(const, str) else const for const in code.co_consts),
     )
-    init = FunctionType(code, scope, "__init__", tuple(taken) or None)
-    init.__kwdefaults__ = named or None
+    init = FunctionType(code, scope, "__init__", tuple(defaults) or None)
+    init.__kwdefaults__ = keyword_defaults or None
     init.__annotations__ = {**{field.name: field.type for field in fields if field.init}, "return": None}
     return init
 
 
 def _value_source(field: dataclasses.Field[Any]) -> str:
-    """Return where the value of a field comes from."""
+    """Return whether the value of a field is an argument, a default, or made by its factory."""
     made_anew = "_new" if field.default_factory is not dataclasses.MISSING else ""
     if field.init:
         return f"taken{made_anew}"
@@ -126,12 +128,12 @@ def _value_source(field: dataclasses.Field[Any]) -> str:
 
 @cache
 def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) -> CodeType:
-    """Return the code of an ``__init__`` for fields of such kinds, named ``f0``, ``f1``... to be named anew.
+    """Return the code of an ``__init__`` for fields of these kinds, with names ``f0``, ``f1``... to be replaced.
 
-    To compile takes ten times as long as to give names, and many classes are of one shape.
+    Compiling takes ten times as long as replacing names, and many classes have the same shape.
     """
-    taken: list[str] = []
-    named: list[str] = []
+    positional: list[str] = []
+    keyword_only: list[str] = []
     body: list[str] = []
     for place, (kind, kw_only) in enumerate(shape):
         name = f"f{place}"
@@ -147,11 +149,11 @@ def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: 
             case _:
                 continue
         if kind.startswith("taken"):
-            (named if kw_only else taken).append(name)
+            (keyword_only if kw_only else positional).append(name)
         body.append(f" _set(self,{name!r},{value})" if frozen else f" self.{name}={value}")
     if post_init:
         body.append(" self.__post_init__()")
-    parameters = ",".join(["self", *taken, *(["*", *named] if named else [])])
+    parameters = ",".join(["self", *positional, *(["*", *keyword_only] if keyword_only else [])])
     scope: dict[str, Any] = {}
     exec(f"def __init__({parameters}):\n" + "\n".join(body or [" pass"]), scope)  # noqa: S102 - of names of ours
     code: CodeType = scope["__init__"].__code__
@@ -159,11 +161,11 @@ def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: 
 
 
 def _make_values_getter(names: Iterable[str]) -> ValuesGetter:
-    """Return what gives the values of the attributes of these names, in a tuple also where it is one or none."""
-    several = tuple(names)
-    if len(several) > 1:
-        return cast(ValuesGetter, attrgetter(*several))
-    return lambda instance: tuple(getattr(instance, name) for name in several)
+    """Return a function that returns the values of these attributes as a tuple, even of one or none."""
+    names_tuple = tuple(names)
+    if len(names_tuple) > 1:
+        return cast(ValuesGetter, attrgetter(*names_tuple))
+    return lambda instance: tuple(getattr(instance, name) for name in names_tuple)
 
 
 def _make_repr(fields: tuple[dataclasses.Field[Any], ...]) -> Callable[[object], str]:
@@ -189,7 +191,7 @@ def _make_hash(values: ValuesGetter) -> Callable[[object], int]:
 
 
 def _make_frozen_setter(cls: type, names: frozenset[str], action: str) -> Callable[..., None]:
-    """Return a ``__setattr__`` or ``__delattr__`` that refuses fields, and all else but of subclasses."""
+    """Return a ``__setattr__`` or ``__delattr__`` that refuses fields; subclasses may set other attributes."""
     plain = "__setattr__" if action == "assign to" else "__delattr__"
 
     def refused(self: object, name: str, *value: object) -> None:
@@ -202,18 +204,17 @@ def _make_frozen_setter(cls: type, names: frozenset[str], action: str) -> Callab
 
 @cache
 def _field_names(cls: Any) -> tuple[str, ...]:
-    """Return the names of the fields of a class; asked for each value that is packed."""
+    """Return the names of the fields of a class; cached, since each pickled value needs them."""
     return tuple(field.name for field in dataclasses.fields(cls))
 
 
 def _get_state(self: object) -> list[object]:
-    """Return the values of all fields, for copies and pickles: they cannot be set one by one."""
+    """Return the values of all fields, for copies and pickles: a frozen instance cannot be set field by field."""
     made: Any = type(self)
     return [getattr(self, name) for name in _field_names(made)]
 
 
 def _set_state(self: object, state: list[object]) -> None:
-    """Set the values of all fields."""
     made: Any = type(self)
     for name, value in zip(_field_names(made), state, strict=True):
         object.__setattr__(self, name, value)

@@ -1,4 +1,4 @@
-"""A gait as a file has it, and as legs are told of it: by its steps, or by where its soles are over a cycle."""
+"""Keys of a gait: by its steps, or by the positions of the soles over a cycle."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -10,7 +10,7 @@ Vector = tuple[float, float, float]
 
 @keys
 class PointKeys:
-    """Where the soles are at a share of the cycle."""
+    """Positions of the soles at one point of the cycle."""
 
     at: float = key("share", low=0.0, high=1.0, help="When: a share of the cycle, below 100 %.")
     left: Vector = key("length", help="The middle of the left sole from the trunk's origin: [x, y, z].")
@@ -22,7 +22,7 @@ class PointKeys:
 
 @keys
 class WalkKeys:
-    """A walk by its steps."""
+    """Walk, described by its steps."""
 
     step: float = key("length", help="How far a foot lands ahead of the other; negative is backwards.")
     side: float = key("length", default=0.0, help="How far it goes to the left in two steps.")
@@ -46,7 +46,7 @@ class GaitKeys:
     points: tuple[PointKeys, ...] = key(default=(), each="a point", help="Where the soles are, one after another.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a gait that is none, or two, and points that do not follow one another."""
+        """Yield errors: neither or both of ``walk`` and ``points``, no period, too few or unordered points."""
         if (self.walk is None) == (not self.points):
             hint = "such as walk: {step: 50 mm}"
             yield KeyDiagnostic(

@@ -1,4 +1,4 @@
-"""What a behaviour sees of a head that pans and tilts a camera."""
+"""Protocol of a head that pans and tilts the camera."""
 
 from collections.abc import Mapping
 from math import sqrt
@@ -12,25 +12,25 @@ from drivers.api.measures import Angle
 
 @dataclass(frozen=True, slots=True)
 class HeadPose:
-    """Where the head looks, in radians: ``pan`` about z, positive left; ``tilt`` about y, positive down."""
+    """Direction of the head in radians: ``pan`` about z, positive left; ``tilt`` about y, positive down."""
 
     pan: Angle
     tilt: Angle
 
     def figures(self) -> Mapping[str, float]:
-        """Return what is shown of it, in radians."""
+        """Return the figures for displays, by name, in radians."""
         return {"pan": self.pan, "tilt": self.tilt}
 
 
 HEAD_ACCELERATION = 7.0
-"""rad/s^2 (400 degrees/s^2): how hard a head speeds up and brakes unless the robot file says otherwise."""
+"""Default acceleration of a head in rad/s^2 (400 degrees/s^2)."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeadLimits:
-    """How far the head turns (radians), how fast (rad/s), and how hard it speeds up and brakes (rad/s^2); both axes.
+    """Range (radians), maximum speed (rad/s) and acceleration (rad/s^2) of a head; the last two hold for each axis.
 
-    ``measured`` is False for servos that report nothing: the pose is computed from what they were sent.
+    ``measured`` is False for servos that report nothing: the pose is computed from the setpoints.
     """
 
     pan: tuple[float, float]
@@ -46,9 +46,9 @@ class HeadLimits:
         )
 
     def time_for(self, angle: float) -> float:
-        """Return the seconds that an axis needs for a turn by ``angle`` (radians), from rest to rest."""
+        """Return the seconds for which an axis turns by ``angle`` (radians), from rest to rest."""
         way = abs(angle)
-        if way * self.acceleration < self.speed**2:  # it brakes before it has come to its full speed
+        if way * self.acceleration < self.speed**2:  # it brakes before it reaches its maximum speed
             return 2 * sqrt(way / self.acceleration)
         return way / self.speed + self.speed / self.acceleration
 
@@ -59,7 +59,7 @@ class Head(Device, Protocol):
     @property
     @fixed
     def limits(self) -> HeadLimits:
-        """How far and how fast it turns."""
+        """Range, maximum speed and acceleration."""
         ...
 
     @command("after", moves=True, default_reply=lambda head, target: head.limits.clamp(target))
@@ -68,14 +68,14 @@ class Head(Device, Protocol):
         ...
 
     def pose(self) -> Reading[HeadPose]:
-        """Where the head looks now: measured where the servos tell, else computed from what they were sent."""
+        """Current direction: measured if the servos report, else computed from the setpoints."""
         ...
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the head looked at a past time, interpolated; None when that is not known."""
+        """Direction at a past time, interpolated; None if unknown."""
         ...
 
     @command("before")
     def stop(self) -> None:
-        """Brake, within its acceleration, and hold. Safe from any state, more than once; never raises when offline."""
+        """Brake within the acceleration, and hold. Safe from any state, more than once; never raises when offline."""
         ...

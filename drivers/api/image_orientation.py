@@ -1,4 +1,4 @@
-"""How the pictures of a camera are turned and mirrored that is not mounted upright, and what that makes of its lens."""
+"""Orientation of the pictures of a camera that is not mounted upright, and its effect on the lens parameters."""
 
 from math import atan, tan
 
@@ -9,7 +9,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class ImageOrientation:
-    """A turn by so many ``quarter_turns`` clockwise (0 to 3), and then a mirror image: left to right, top to bottom."""
+    """Clockwise rotation by ``quarter_turns`` (0 to 3), followed by flips: left to right, top to bottom."""
 
     quarter_turns: int = 0
     flip_horizontal: bool = False
@@ -20,28 +20,28 @@ class ImageOrientation:
 
     @property
     def swaps_sides(self) -> bool:
-        """Whether width and height change places."""
+        """Whether width and height are swapped."""
         return self.quarter_turns % 2 == 1
 
     def vector(self, x: float, y: float) -> Pair:
-        """Return a vector of the picture (to the right, down) as it is in the turned one."""
+        """Return a vector of the original picture (right, down) in the rotated one."""
         for _ in range(self.quarter_turns):
             x, y = -y, x
         return (-x if self.flip_horizontal else x), (-y if self.flip_vertical else y)
 
     def point(self, x: float, y: float) -> Pair:
-        """Return a point of the picture, in shares of its sides, as it is in the turned one."""
+        """Return a point of the original picture, as shares of its sides, in the rotated one."""
         right, below = self.vector(x - 0.5, y - 0.5)
         return right + 0.5, below + 0.5
 
     def size(self, width: int, height: int) -> tuple[int, int]:
-        """Return the size of the turned picture, or of the one that was turned."""
+        """Return the size of the rotated picture; the inverse is the same."""
         return (height, width) if self.swaps_sides else (width, height)
 
     def field_of_view(self, angle: float, width: int, height: int) -> float:
-        """Return the horizontal angle of view of a turned picture of this size, from that of the camera (rad)."""
+        """Return the horizontal angle of view (rad) of a rotated picture of this size, from that of the camera."""
         return 2 * atan(tan(angle / 2) * width / height) if self.swaps_sides else angle
 
 
 UPRIGHT = ImageOrientation()
-"""No turn at all."""
+"""Orientation of a camera that is mounted upright."""

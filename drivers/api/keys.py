@@ -1,18 +1,16 @@
-"""Keys of a file, declared once: the fields of a dataclass, each with its dimension, bounds, default and help.
-
-::
+"""Declare the keys of a file: the fields of a dataclass, each with its dimension, bounds, default and help.
 
     @keys
     class WheelKeys:
         port: str = key(help="The serial port.")
         max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")
 
-The type of a field says what the key takes: a text, a number, true or false, one of some words (``Literal``, or
-``among``), with a ``dimension`` a quantity with its unit, ``[low, high]`` or ``[x, y, z]`` of those, a section (another
-class of keys), a list (``tuple[X, ...]``), values under names of the file's own (``Mapping[str, X]``), or one of these
-(``X | Y``). What is inside of a list, or under a name, has the dimension, bounds and words of the key, unless
-``Annotated`` with others ``inside``. The reader of files, the JSON Schemas and the reference in the docs are made of
-that. Nothing here reads a file.
+The type of a field determines its value: a text, a number, true or false, or one of some words (``Literal``, or
+``among``). With a ``dimension`` it is a quantity with its unit, or ``[low, high]`` or ``[x, y, z]`` of quantities.
+Another class of keys is a section, ``tuple[X, ...]`` a list, ``Mapping[str, X]`` values under names of the file's own,
+and ``X | Y`` one of both. Items of a list or a mapping have the dimension, bounds and words of the key, unless they are
+``Annotated`` with ``inside``. The file reader, the JSON Schemas and the reference in the docs are made from these
+declarations. This module reads no file.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -53,23 +51,25 @@ Form = Literal[
     "any",
     "rest",
 ]
-"""What a key takes. ``span`` is [low, high], ``vector`` so many quantities. ``list`` and ``marks_key`` hold what is
-``inner``; ``either`` is one of its ``options``, ``any`` what its reader
-looks at itself. ``rest`` is no key of the file: it takes all that the section has
-besides."""
+"""Form of a value.
+
+``span`` is [low, high], ``vector`` several quantities. ``list`` and ``named`` hold values of the form of ``inner``;
+``either`` is one of ``options``, ``any`` is checked by the reader of the section. ``rest`` is not a key of the file: it
+collects all remaining keys of the section.
+"""
 
 PERCENT = "percent"
-"""The dimension of a share that counts to 100 in the program."""
+"""Dimension of a share that is stored as 0 to 100."""
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key of a section: the ``field`` that holds its value, the ``word`` for it in the file, and what it takes.
+    """Key of a section: ``field`` is the field of the dataclass, ``word`` the name in the file.
 
-    ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section, ``sizes`` how many
-    quantities a vector has. Without ``required``, ``default`` is what holds where the file has no such key. ``each`` is
-    what messages call a section under a name or in a list; ``wrong`` is the message for a value in no such form, and
-    ``hint`` what to write then, with {} for its word. A text may be ``blank``.
+    ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section, ``sizes`` are the
+    possible lengths of a vector. Without ``required``, ``default`` is the value of a missing key. ``each`` is the noun
+    in messages for a section in a list or under a name. ``wrong`` is the message for a value of another form, ``hint``
+    an example with {} for the word. A text may be ``blank``.
     """
 
     field: str
@@ -93,19 +93,20 @@ class Key:
 
     @property
     def sections(self) -> tuple[type, ...]:
-        """The classes of the sections in it, or of those in a list or under names."""
+        """Classes of the sections in the value, also in lists and under names."""
         own = () if self.of is None else (self.of,)
         return own + tuple(of for each in (*self.options, self.inner) if each is not None for of in each.sections)
 
 
 @dataclass(frozen=True, slots=True)
 class KeyDiagnostic:
-    """What is wrong with the values of a section beyond each by itself.
+    """Error in the values of a section that are valid each by itself.
 
-    ``at`` is where: words, and places in lists, from the section on; where the file lacks it, ``fallback_at``, and then
-    what is around it. ``marks_key`` marks the last word itself instead of its value. ``hint`` says what to write; or the
-    ``unknown_word`` word is compared with those ``known_words``. ``about`` are the keys that it comes of: where one of them is wrong
-    by itself, that is told alone; without any, it comes of all.
+    ``at`` is its place: words, and indexes of lists, from the section on. If the file has no such place,
+    ``fallback_at`` is used, then the surrounding section. ``marks_key`` marks the last word itself instead of its
+    value. ``hint`` says how to fix it; alternatively ``unknown_word`` is compared with ``known_words`` for a
+    suggestion. ``about`` are the keys that cause the error, or all if empty: if one of them is invalid by itself, only
+    that is reported.
     """
 
     message: str
@@ -119,13 +120,13 @@ class KeyDiagnostic:
 
 
 class ValidatedKeys(Protocol):
-    """A class of keys with rules beyond each key by itself.
+    """Class of keys with rules that involve several keys.
 
-    It may say in ``unknown`` what messages say of a key that it does not have, with {} for its word.
+    Its optional attribute ``unknown`` is the message for an unknown key, with {} for its word.
     """
 
     def diagnostics(self) -> Iterable[KeyDiagnostic]:
-        """Yield what is wrong; asked only where each key is right by itself."""
+        """Yield the errors; called only if each key is valid by itself."""
         ...
 
 
@@ -167,17 +168,17 @@ def key(
     help: str = "",  # noqa: A002 - it is the word for it
     word: str = "",
     rest: bool = False,
-    **told: Any,
+    **constraints: Any,
 ) -> Any:
-    """Declare a key. Without a ``default`` the file must have it; one of None is for a key that may be missing.
+    """Declare a key. Without a ``default`` it is required; a default of None is for an optional key.
 
-    ``low`` and ``high`` are bounds in SI units, ``among`` the words that are possible, ``word`` what the file calls it
-    where that is not the name of the field, and ``each`` what messages call a section under a name or in a list.
-    ``wrong`` is the message for a value in another form, and ``hint`` what to write; a text may be ``blank``. With
-    ``rest`` it takes all other keys of the section: names of the file's own, each with a quantity of the dimension; or,
-    without one, with values in a form that its reader looks at itself.
+    ``low`` and ``high`` are bounds in SI units, ``among`` the permitted words, ``word`` the name in the file if it
+    differs from the field, and ``each`` the noun in messages for a section in a list or under a name. ``wrong`` is the
+    message for a value of another form, and ``hint`` an example; a text may be ``blank``. With ``rest`` the key
+    collects all remaining keys of the section: names of the file's own, each with a quantity of the dimension, or,
+    without a dimension, with values that the reader of the section checks.
     """
-    data = {"key": inside(dimension, **told), "word": word, "help": help, "rest": rest}
+    data = {"key": inside(dimension, **constraints), "word": word, "help": help, "rest": rest}
     if isinstance(default, Mapping):
         return field(default_factory=lambda: default, metadata=data)
     return field(default=default, metadata=data)
@@ -185,7 +186,7 @@ def key(
 
 @dataclass(frozen=True, slots=True)
 class ValueConstraints:
-    """What is told of the values inside of a key, in an ``Annotated`` type; see ``key``."""
+    """Constraints of the values of a key, or of its items in an ``Annotated`` type; see ``key``."""
 
     dimension: str = ""
     low: float | None = None
@@ -198,47 +199,47 @@ class ValueConstraints:
 
 
 def inside(dimension: str = "", *, among: Iterable[str] = (), **constraints: Any) -> ValueConstraints:
-    """Tell more of what stands in a list, or under names.
+    """Return constraints for the items of a list or a mapping.
 
-    Its place is the type of a key: ``tuple[Annotated[int, inside(low=1)], ...]``.
+    Use it in the type of a key: ``tuple[Annotated[int, inside(low=1)], ...]``.
     """
     return ValueConstraints(dimension, among=tuple(among), **constraints)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
 def keys(cls: type[T]) -> type[T]:
-    """Make a class of keys: a frozen dataclass whose fields are given by name."""
+    """Make a class of keys: a frozen dataclass with keyword-only fields."""
     return dataclass(frozen=True, kw_only=True)(cls)  # without slots, which two bases cannot both have
 
 
 def declared_keys(cls: type) -> tuple[Key, ...]:
-    """Return the keys of a class of keys, in their order. Raises TypeError for a field of which no key can be made."""
+    """Return the keys of a class of keys, in their order. Raises TypeError for a field of an unsupported type."""
     return _read_keys(cls)
 
 
 @cache
 def _read_keys(cls: Any) -> tuple[Key, ...]:
     hints = get_type_hints(cls, include_extras=True)
-    found = []
+    keys = []
     for each in fields(cls):
-        told = each.metadata.get("key")
-        if told is None:
+        constraints = each.metadata.get("key")
+        if constraints is None:
             continue
         default = each.default_factory() if each.default_factory is not MISSING else each.default
         rest: bool = each.metadata["rest"]
-        made = Key(each.name, each.metadata["word"] or each.name, "rest", dimension=told.dimension)
+        key = Key(each.name, each.metadata["word"] or each.name, "rest", dimension=constraints.dimension)
         try:
-            made = made if rest else _make_key(made.field, made.word, hints[each.name], told)
+            key = key if rest else _make_key(key.field, key.word, hints[each.name], constraints)
         except TypeError as error:
             raise TypeError(f"{cls.__qualname__}.{each.name}: {error}") from None
         required = default is MISSING and not rest
         default = None if default is MISSING else default
-        found.append(replace(made, help=each.metadata["help"], required=required, default=default))
-    return tuple(found)
+        keys.append(replace(key, help=each.metadata["help"], required=required, default=default))
+    return tuple(keys)
 
 
 def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) -> Key:
-    """Return what a key of a type takes. Raises TypeError where no key can hold it."""
+    """Return the key for a type. Raises TypeError for an unsupported type."""
     if get_origin(hint) is Annotated:
         hint, constraints = get_args(hint)[:2]
     parts = [each for each in get_args(hint) if each is not NoneType] if get_origin(hint) in (Union, UnionType) else []
@@ -261,7 +262,7 @@ def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) ->
 
 
 def _make_either_key(key: Key, parts: list[Any], constraints: ValueConstraints) -> Key:
-    """Return a key that takes one of several: a quantity or some words, or what differs in its form."""
+    """Return a key for a union: a quantity or some words, or values of different forms."""
     words = next((get_args(each) for each in parts if get_origin(each) is Literal), ())
     if words and float in parts:
         return replace(key, form="quantity", among=words)
@@ -270,7 +271,7 @@ def _make_either_key(key: Key, parts: list[Any], constraints: ValueConstraints) 
 
 
 def _make_collection_key(key: Key, hint: Any, constraints: ValueConstraints) -> Key:
-    """Return a key that takes a list, or values under names. Raises TypeError for another."""
+    """Return a key for a list, or for values under names. Raises TypeError for another type."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is tuple and inner[1:] == (...,):
         return replace(key, form="list", inner=_make_key(key.field, key.word, inner[0], constraints))
@@ -281,4 +282,4 @@ def _make_collection_key(key: Key, hint: Any, constraints: ValueConstraints) -> 
 
 
 _PLAIN: Mapping[Any, Form] = {str: "text", bool: "flag", int: "integer", float: "number", object: "any"}
-"""The types of single values, and of what its reader looks at itself."""
+"""Types of single values, and of values that the reader of the section checks."""

@@ -1,4 +1,4 @@
-"""The kinds of parts that a robot may have: what each is called, and what holds for it whichever driver it has."""
+"""Kinds of robot parts: their names, protocols and common properties, independent of the driver."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -11,18 +11,18 @@ from drivers.api.steering import Source
 
 @dataclass(frozen=True, slots=True)
 class PartKind:
-    """A kind of part.
+    """Kind of part.
 
-    ``name`` stands in files, missions and events; ``field`` is its field in ``behaviours.robot.Robot`` and its name in
-    records, without ``_part``. ``keys`` is what the section of every driver of this kind extends. ``protocol`` is the
-    dotted name of the protocol of its device, ``leaf_protocol`` of what leaves see of it, where that is another. ``hold_still`` makes
-    it hold still, None for what does nothing by itself; ``has_actuators`` is False for what is heard and does not move.
-    ``default_driver`` is the driver of a section that names none; where it is empty, the section must name one. ``has_port`` parts
-    have a port, and stand-ins of their own driver. ``made_after`` are the kinds that are made before it, where the robot has
-    them. ``reading_method`` is the method of its newest ``Reading``, whose value tells its ``figures``, or of one for each of
-    its joints; empty for what measures nothing. ``step_order`` is its place among the twins of one moment; None for a part
-    that is not stepped. A robot may have ``allows_several`` of a kind: the others under names of their own, in sections that
-    say ``kind``.
+    ``name`` is used in files, missions and events; ``field`` is the field of ``behaviours.robot.Robot`` without
+    ``_part``, and the name in records. ``keys`` is the base class of the sections. ``protocol`` is the dotted name of
+    the device protocol, ``leaf_protocol`` that of the object for leaves, if it differs. ``hold_still`` stops the part,
+    None if it does nothing by itself; ``has_actuators`` is False for parts that only make sounds. ``default_driver`` is
+    used if a section names none; if it is empty, the section must name one. Parts with ``has_port`` have a port, and
+    twins of their own driver. ``made_after`` are the kinds that are made before this one, if the robot has them.
+    ``reading_method`` returns the latest ``Reading``, whose value has ``figures``, or one for each joint; empty for a
+    part that measures nothing. ``step_order`` is the order in which the twins of one instant are stepped; None for a
+    part without steps. With ``allows_several``, a robot may have more parts of the kind, under names of their own, in
+    sections with ``kind``.
     """
 
     name: str
@@ -42,7 +42,7 @@ class PartKind:
 
 
 def _stop_mission(base: Any) -> None:
-    # Others may steer the base besides, and what they do is not a mission's to end.
+    # Another source may drive the base too, and a mission must not stop that.
     base.stop(source=Source.MISSION)
 
 
@@ -157,24 +157,27 @@ KINDS: Mapping[str, PartKind] = {
         ),
     )
 }
-"""The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead, and
-last the nodes of ROS 2, by which others say their last word."""
+"""Kinds by name, in the order in which parts open and close.
+
+The head comes before the arm whose joints it may use, and last the ROS 2 nodes, which send the last messages of other
+parts.
+"""
 
 
 CAPABILITIES: Mapping[str, str] = {"sounds": "base", "lights": "base", "legs": "base"}
-"""Names of optional capabilities, as leaves need them, with the kind of part that may have them."""
+"""Optional capabilities by name, as leaves require them, with the kind of part that may have them."""
 
 REPEATABLE_KINDS = tuple(kind.name for kind in KINDS.values() if kind.allows_several)
-"""The kinds of which a robot may have several. A leaf says which one it means by an argument of such a kind."""
+"""Kinds of which a robot may have several. A leaf selects one of them by an argument of such a kind."""
 
 STOPPABLE_KINDS = tuple(kind.name for kind in KINDS.values() if kind.hold_still is not None)
-"""The kinds of parts that a stop reaches: those that move, and a voice, which is silenced."""
+"""Kinds of parts that a stop reaches: actuators, and voices, which are silenced."""
 
 ACTUATOR_KINDS = tuple(name for name in STOPPABLE_KINDS if KINDS[name].has_actuators)
-"""The parts with actuators."""
+"""Kinds of parts with actuators."""
 
 SOUND_KINDS = frozenset(STOPPABLE_KINDS).difference(ACTUATOR_KINDS)
-"""The parts that a stop reaches, and that move nothing."""
+"""Kinds of parts that a stop reaches although they have no actuators."""
 
 PORT_KINDS = tuple(kind.name for kind in KINDS.values() if kind.has_port)
-"""The parts that have a port."""
+"""Kinds of parts with a port."""

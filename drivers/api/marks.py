@@ -1,7 +1,7 @@
-"""Marks at the members of a part's protocol: from them its proxy, its replay and its test double are generated.
+"""Marks on the members of a part's protocol, from which its proxy, replay and test double are generated.
 
-A member without a mark is asked. A method that is asked and takes no argument is sampled for the record where nobody
-asks it; ``Annotated[..., UNSAMPLED]`` as what it returns says that it is not.
+A member without a mark is a query. A query without arguments is sampled for the record in each tick in which it is not
+read; a return type ``Annotated[..., UNSAMPLED]`` excludes it.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,24 +16,24 @@ from drivers.api.fast_dataclass import dataclass
 F = TypeVar("F", bound=Callable[..., object])
 
 UNSAMPLED = "unsampled"
-"""Marks what a method returns, where that is not sampled."""
+"""Annotation of the return type of a query that is not sampled."""
 
 _MARK = "mark"
 
 
 def reply_none(*_: object) -> None:
-    """Return None: what replay takes for the answer to a changed command that answers nothing."""
+    """Return None: the default reply of a changed command in a replay."""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandMark:
-    """How a command is told, permitted and recorded.
+    """Mark of a command: how it is reported, permitted and recorded.
 
-    ``report`` says when it is told of: before the device has it, after the device has accepted it, or never. ``moves``
-    says whether it sets something moving, and so needs a permit: always, never, or as that says of its arguments.
-    ``converters`` makes of an argument what is recorded, and what the device is given. ``leaf_converters`` makes of an argument what
-    it is where a mission's leaf commands; it may raise BadRequest. ``default_reply`` takes the part and the arguments, and
-    returns what replay takes for the answer to a command that is not as it was recorded.
+    ``report`` is the time of the report: before the device gets the command, after it has accepted it, or never.
+    ``moves`` tells whether the command starts a motion and so needs a permit: always, never, or a function of its
+    arguments. ``converters`` convert arguments for the record and the device. ``leaf_converters`` convert arguments of
+    commands from a leaf; they may raise BadRequest. ``default_reply`` takes the part and the arguments, and returns the
+    reply in a replay to a command that differs from the record.
     """
 
     report: Literal["before", "after", "never"]
@@ -56,17 +56,17 @@ def command(
 
 
 def fixed(member: F) -> F:
-    """Mark the getter of a property that never changes: it is sampled once."""
+    """Mark the getter of a constant property, which is sampled once."""
     return _set_mark("fixed")(member)
 
 
 def capability(member: F) -> F:
-    """Mark the getter of an optional capability: an object with a protocol of its own, or None."""
+    """Mark the getter of an optional capability: an object with its own protocol, or None."""
     return _set_mark("capability")(member)
 
 
 def direct(member: F) -> F:
-    """Mark a member that is the device's own: neither told nor recorded."""
+    """Mark a member that is called on the device itself, neither reported nor recorded."""
     return _set_mark("direct")(member)
 
 
@@ -80,10 +80,10 @@ def _set_mark(mark: object) -> Callable[[F], F]:
 
 @dataclass(frozen=True, slots=True)
 class ProtocolMember:
-    """A member of a protocol. ``kind`` is how a proxy treats it: a ``reading`` is a question without arguments.
+    """Member of a protocol. ``kind`` determines the proxy; a ``reading`` is a query without arguments.
 
-    ``command`` is there for commands alone, ``parameters`` for methods, ``protocol`` for capabilities. ``is_sampled`` is
-    True for what is sampled each time, ``fixed`` for what is sampled once.
+    ``command`` is set for commands only, ``parameters`` for methods, ``protocol`` for capabilities. ``is_sampled`` is
+    True for members that are sampled in each tick, ``is_fixed`` for those that are sampled once.
     """
 
     name: str
@@ -98,20 +98,20 @@ class ProtocolMember:
 
 @cache
 def members(protocol: type) -> Mapping[str, ProtocolMember]:
-    """Return the members of a protocol by name, those of what it inherits first, in the order of the source."""
-    found: dict[str, ProtocolMember] = {}
+    """Return the members of a protocol by name, inherited ones first, in the order of the source."""
+    result: dict[str, ProtocolMember] = {}
     for each in reversed(protocol.__mro__):
         for name, value in vars(each).items():
             if not name.startswith("_") and isinstance(value, FunctionType | property):
-                found[name] = _make_member(name, value)
-    return found
+                result[name] = _make_member(name, value)
+    return result
 
 
 def commands(protocol: type) -> frozenset[str]:
     """Return the names of the command methods of a protocol and of its capabilities; all others are queries."""
-    known = members(protocol).values()
-    own = frozenset(each.name for each in known if each.command is not None)
-    return own.union(*(commands(each.protocol) for each in known if each.protocol is not None))
+    all_members = members(protocol).values()
+    own = frozenset(each.name for each in all_members if each.command is not None)
+    return own.union(*(commands(each.protocol) for each in all_members if each.protocol is not None))
 
 
 def _make_member(name: str, value: FunctionType | property) -> ProtocolMember:

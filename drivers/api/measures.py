@@ -1,8 +1,7 @@
-"""What a robot measures: its dimensions, as annotations, and the arrays that devices deal in, by their names.
+"""Dimensions as type annotations, and names for the array types of devices.
 
-A mission cannot add a length to an angle: a value stays a float in SI units; expressions read of its class what it
-measures. numpy is imported by who computes with arrays, and is not for a check: where a program runs, they all are
-``Array``, which says of a field that it holds one.
+A value is a float in SI units; expressions of missions read its dimension from the annotation, so a length cannot be
+added to an angle. At run time all array types are ``Array``, so that checking a mission need not import numpy.
 """
 
 from math import isfinite
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 
 class Array:
-    """An array of numpy, whatever it holds."""
+    """Placeholder for any numpy array."""
 
 
 if TYPE_CHECKING:

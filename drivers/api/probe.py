@@ -1,7 +1,7 @@
-"""How a device is recognised on a serial port: what it is asked, and what of its answers proves that it is there.
+"""Probe of a device on a serial port: requests to send, and the replies that prove its presence.
 
-A driver declares its probe by a dotted name. A probe is pure: it yields what is to be asked, is sent the bytes that
-came back, and returns what they prove. It asks for nothing that could move or change a device.
+A driver declares its probe by a dotted name. A probe is pure: it yields requests, is sent the received bytes, and
+returns its conclusion. It sends nothing that could move or change a device.
 """
 
 from collections.abc import Callable, Generator, Mapping
@@ -17,10 +17,10 @@ def _never(heard: bytes) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ProbeRequest:
-    """A question: ``send`` these bytes at ``baud``, and listen for ``timeout`` seconds, or until what came is ``is_complete``.
+    """Request of a probe: ``send`` bytes at ``baud``, and receive for ``timeout`` seconds, or until ``is_complete``.
 
-    Without bytes it is only listened. The echo of an adapter is left out of the answer, unless with ``keep_echo``: a
-    device may reply with the very bytes of the question.
+    Without bytes the probe only listens. The echo of the adapter is removed from the reply, unless with ``keep_echo``:
+    a device may reply with the same bytes as the request.
     """
 
     baud: int
@@ -32,7 +32,7 @@ class ProbeRequest:
 
 @dataclass(frozen=True, slots=True)
 class BusDevice:
-    """One of several devices on a wire, such as a servo: its number there, its model, and what is wrong with it."""
+    """Device on a bus, such as a servo: its bus address, its model, and its problem."""
 
     id: int
     model: str
@@ -41,9 +41,9 @@ class BusDevice:
 
 @dataclass(frozen=True, slots=True)
 class ProbeResult:
-    """What answered: ``about`` says it in words; ``keys`` are what its section of a robot file has of it.
+    """Device that was recognised: ``about`` describes it, ``keys`` belong into its section of a robot file.
 
-    ``trouble`` says what is wrong with it, and ``hint`` what to try.
+    ``trouble`` describes a problem of the device, and ``hint`` a fix.
     """
 
     about: str
@@ -54,4 +54,4 @@ class ProbeResult:
 
 
 Probe = Callable[[], Generator[ProbeRequest, bytes, ProbeResult | None]]
-"""Asks a port for one kind of device; returns None where nothing proves that it is there."""
+"""Probes a port for one kind of device; returns None if the device was not recognised."""

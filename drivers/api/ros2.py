@@ -1,4 +1,4 @@
-"""What a behaviour sees of the nodes of ROS 2: topics, services, and actions such as driving to a place by Nav2."""
+"""Protocol of the ROS 2 nodes of a robot: topics, services, and actions such as Nav2's navigation."""
 
 from enum import StrEnum
 from typing import Annotated, Protocol
@@ -8,14 +8,14 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.api.marks import UNSAMPLED, command
 
 MapPose = tuple[float, float, float]
-"""x and y in metres, and a heading in radians: in a frame that is named beside it."""
+"""x and y in metres, and a heading in radians, in a frame that is given separately."""
 
 START_FRAME = "start"
-"""The frame of ``base.x`` and ``base.y``: where the base was when it was first heard."""
+"""Frame of ``base.x`` and ``base.y``, with its origin at the first reported pose of the base."""
 
 
 class GoalState(StrEnum):
-    """How far a request has come."""
+    """State of a request."""
 
     SENT = "sent"
     RUNNING = "running"
@@ -23,16 +23,16 @@ class GoalState(StrEnum):
     SUCCEEDED = "succeeded"
     CANCELLED = "cancelled"
     FAILED = "failed"
-    UNKNOWN = "unknown"  # its server has gone, or does not answer
+    UNKNOWN = "unknown"  # its server is gone, or does not reply
 
 
 FINAL_STATES = frozenset({GoalState.SUCCEEDED, GoalState.CANCELLED, GoalState.FAILED, GoalState.UNKNOWN})
-"""The states after which nothing more comes."""
+"""States after which nothing more is received."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a request has come, why it failed, and the newest feedback and the result, as JSON; empty for none."""
+    """Progress of a request: its state, the reason of a failure, and the latest feedback and result as JSON (or empty)."""
 
     state: GoalState
     reason: str = ""
@@ -41,67 +41,73 @@ class Progress:
 
     @property
     def is_final(self) -> bool:
-        """True once nothing more comes."""
+        """True if nothing more will be received."""
         return self.state in FINAL_STATES
 
 
 class Ros2(Device, Protocol):
-    """The nodes of ROS 2 that a robot is made of. Values go as JSON objects with the fields of their type.
+    """ROS 2 nodes of a robot. Messages are JSON objects with the fields of their type.
 
-    Names that do not begin with "/" are within the robot's namespace. All calls return at once; who has begun something
-    asks for its ``progress`` by the number that it was given.
+    Names that do not begin with "/" are in the robot's namespace. All calls return at once; query the ``progress`` of a
+    request by its number.
     """
 
     def offers(self, name: str) -> bool:
-        """Whether there is an action, a service or a topic of this name now."""
+        """Return whether there is an action, a service or a topic of this name now."""
         ...
 
     def does(self, action: str) -> bool:
-        """Whether there is an action of this name now: neither a service nor a topic."""
+        """Return whether there is an action of this name now."""
         ...
 
     def navigates(self) -> bool:
-        """Whether there is Nav2 to drive by."""
+        """Return whether Nav2 is there."""
         ...
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return the newest message of a topic: none until it was asked for once, and one has come."""
+        """Return the latest message of a topic. The first call subscribes, so it returns none."""
         ...
 
     def progress(self, number: int) -> Progress:
-        """Return how far a request has come."""
+        """Return the progress of a request."""
         ...
 
     @command("after", moves=True)
     def publish(self, topic: str, kind: str, values: str) -> None:
-        """Send a message of a type. Raises BadRequest for values that do not fit it, NotConnected."""
+        """Publish a message. Raises BadRequest for values that do not fit its type, NotConnected."""
         ...
 
     @command("after", moves=True)
     def call(self, service: str, kind: str, values: str) -> int:
-        """Ask a service; an empty ``kind`` is that of who offers it. Raises BadRequest, NotConnected."""
+        """Call a service and return the number of the request. Raises BadRequest, NotConnected.
+
+        An empty ``kind`` is the type of the server.
+        """
         ...
 
     @command("after", moves=True)
     def begin(self, action: str, kind: str, goal: str) -> int:
-        """Begin an action; an empty ``kind`` is that of who offers it. Raises BadRequest, NotConnected."""
+        """Start an action and return the number of the request. Raises BadRequest, NotConnected.
+
+        An empty ``kind`` is the type of the server.
+        """
         ...
 
     @command("after", moves=True, converters={"places": tuple})
     def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
-        """Have Nav2 drive to a place, through others before it. Raises NotConnected where there is no Nav2."""
+        """Let Nav2 drive to the last of ``places`` through the others. Raises NotConnected without Nav2."""
         ...
 
     @command("before")
     def cancel(self, number: int) -> None:
-        """Cancel an action; ``progress`` says when it has ended. Safe from any state, more than once."""
+        """Cancel an action; ``progress`` reports its end. Safe from any state, more than once."""
         ...
 
     @command("before")
     def stop(self) -> None:
-        """Cancel all actions that were begun here. Safe from any state, more than once."""
+        """Cancel all actions that this robot started. Safe from any state, more than once."""
         ...
 
     def nodes(self) -> Annotated[int, UNSAMPLED]:
-        """Return how many nodes there are besides ours."""
+        """Return the number of other nodes."""
         ...

@@ -1,4 +1,4 @@
-"""What a behaviour sees of a screen that shows the robot's face."""
+"""Protocol of a screen that shows the robot's face."""
 
 from enum import StrEnum
 from typing import Protocol
@@ -9,7 +9,7 @@ from drivers.api.marks import command
 
 
 class Mood(StrEnum):
-    """How a face looks."""
+    """Expression of the face."""
 
     NEUTRAL = "neutral"
     HAPPY = "happy"
@@ -22,7 +22,7 @@ class Mood(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ScreenContent:
-    """What the screen shows: a mood, words below the face (empty for none), and how far the mouth is open, 0..1."""
+    """Content of the screen: a mood, a text below the face (or empty), and the opening of the mouth, 0..1."""
 
     mood: Mood = Mood.NEUTRAL
     text: str = ""
@@ -30,23 +30,23 @@ class ScreenContent:
 
 
 class Screen(Device, Protocol):
-    """A face, on the robot's own display. All calls return at once, from any thread, and raise nothing when offline."""
+    """Face on the robot's own display. All calls return at once, from any thread, and never raise when offline."""
 
     @command("before")
     def mood(self, mood: Mood) -> None:
-        """Look like this from now on."""
+        """Set the expression of the face."""
         ...
 
     @command("before")
     def show(self, text: str) -> None:
-        """Show words below the face; an empty text takes them away."""
+        """Show a text below the face; an empty text removes it."""
         ...
 
     @command("never")
     def mouth(self, opening: float) -> None:
-        """Open the mouth so far, 0..1, whatever the mood; it shuts by itself when nothing newer comes for 0.3 s."""
+        """Set the opening of the mouth, 0..1; it closes by itself after 0.3 s without a new value."""
         ...
 
     def content(self) -> ScreenContent:
-        """Return what is to be seen now."""
+        """Return the current content."""
         ...

@@ -1,23 +1,23 @@
-"""Names and passwords in addresses: they belong into robot files, and neither on a terminal nor into a record."""
+"""Mask user names and passwords in addresses, so that they reach neither a terminal nor a record."""
 
 import re
 from collections.abc import Callable
 
 _ADDRESS = re.compile(r"([A-Za-z][\w+.-]+:/+)([^\s'\"]+)")
-"""An address; a path that was made of one has a slash less."""
+"""Address, or a path made from one, which has a slash less."""
 
 _CREDENTIAL_WORDS = "pas|pw|auth|token|key|secret|sig|usr|user|login|session|sid"
 
 _SECRET_PARAMETER = re.compile(rf"([^/?&;#=]*(?:{_CREDENTIAL_WORDS})[^/?&;#=]*=)([^&;#\s'\"]*)", re.IGNORECASE)
-"""A parameter of an address that says who may look: cameras have them behind the question mark, and in the path."""
+"""Parameter of an address with a secret: cameras have them behind the question mark, and in the path."""
 
 MASK = "***"
 
 
 def without_secrets(text: str, *, aligned: bool = False) -> str:
-    """Return a text, such as an address, without the names and passwords of the addresses in it.
+    """Return ``text`` with the user names, passwords and secret parameters of its addresses masked.
 
-    ``aligned`` keeps its length: carets below it stay where they belong.
+    ``aligned`` keeps the length of the text, so that carets below it stay aligned.
     """
 
     def mask(secret: str) -> str:
@@ -27,7 +27,7 @@ def without_secrets(text: str, *, aligned: bool = False) -> str:
 
 
 def _mask_address(rest: str, mask: Callable[[str], str]) -> str:
-    """Hide all up to the last @ of the host's part, or of all, where a password holds a slash."""
+    """Mask everything up to the last @ of the host, or of the whole address if a password contains a slash."""
     host = re.split(r"[/?#]", rest, maxsplit=1)[0]
     torn = "@" not in host and re.search(r":(?![0-9]*$)", host.rpartition("]")[2]) is not None
     names, at, _ = (rest if torn else host).rpartition("@")

@@ -1,6 +1,6 @@
-"""What the sections of a robot file have in common, whichever driver they name, for parts that move or speak.
+"""Common keys of robot file sections, for parts that move, measure ranges or speak.
 
-A driver declares its own keys as a class that extends the one of its kind. The sections of parts that perceive are in
+A driver declares its own keys in a class that extends that of its kind. The keys of cameras and microphones are in
 ``drivers.api.sensor_sections``.
 """
 
@@ -17,18 +17,18 @@ from drivers.api.steering import Footprint, RangeGuardKeys, Reflexes
 from drivers.api.voice import SpeechStyle
 
 Sector = tuple[float, float]
-"""Two bearings on the base in radians; what is between them, anticlockwise from the first to the second."""
+"""Two bearings on the base in radians; the sector extends anticlockwise from the first to the second."""
 
 DEFAULT_RANGE_FINDER_HEIGHT = 0.2
-"""Metres above the floor that a range finder sits, where the file does not say: the middle plate of a TurtleBot 2."""
+"""Metres above the floor: the middle plate of a TurtleBot 2."""
 
 MAX_TRIM = radians(45)
-"""Radians by which an axis of a head may be trimmed at most, as in the Rodney project's node."""
+"""Maximum trim of an axis of a head in radians, as in the Rodney project's node."""
 
 
 @keys
 class SerialKeys:
-    """The keys of a part that sits on a serial port; a driver gives ``baud`` the rate of its own device."""
+    """Keys of a part on a serial port; a driver overrides the default of ``baud``."""
 
     port: str = key(help="The serial port that it is plugged into.")
     baud: int = key(default=115_200, low=1, help="The rate of the port, in bits per second.")
@@ -36,7 +36,7 @@ class SerialKeys:
 
 @keys
 class BaseKeys:
-    """The keys of every base: its limits, what it does by itself, and what long absences do."""
+    """Keys of every base: limits, reflexes, reconnect policy and range guard."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="The highest speed.")
     max_turn: float = key("turn rate", default=1.9, low=0.01, high=12.0, help="The highest turn rate.")
@@ -56,14 +56,14 @@ class BaseKeys:
     )
 
     default_footprint = BASE_RADIUS
-    """Metres: the radius of the body where the file does not say."""
+    """Default radius of the body in metres."""
 
     default_reaction = 0.25
-    """Seconds from a command to its effect where the file does not say: what users measured on a Kobuki, and more."""
+    """Default delay of a command in seconds: a little more than users measured on a Kobuki."""
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Names of the optional capabilities of this base, of ``drivers.api.kinds.CAPABILITIES``."""
+        """Optional capabilities of this base, names of ``drivers.api.kinds.CAPABILITIES``."""
         return frozenset()
 
     @property
@@ -73,20 +73,20 @@ class BaseKeys:
 
     @property
     def footprint(self) -> Footprint:
-        """The outline of the body."""
-        given = None if isinstance(self.range_guard, str) else self.range_guard.footprint
-        return self.default_footprint if given is None else given
+        """Outline of the body."""
+        configured = None if isinstance(self.range_guard, str) else self.range_guard.footprint
+        return self.default_footprint if configured is None else configured
 
     @property
     def reaction(self) -> float:
         """Seconds from a command to its effect."""
-        given = None if isinstance(self.range_guard, str) else self.range_guard.reaction
-        return self.default_reaction if given is None else given
+        configured = None if isinstance(self.range_guard, str) else self.range_guard.reaction
+        return self.default_reaction if configured is None else configured
 
 
 @keys
 class AxisKeys:
-    """The keys of an axis of a head."""
+    """Keys of an axis of a head."""
 
     limits: tuple[float, float] = key("angle", help="How far the head turns by it: [lowest, highest].")
     trim: float = key(
@@ -99,16 +99,16 @@ class AxisKeys:
 
     @property
     def lower(self) -> float:
-        """The lowest angle, in radians."""
+        """Lower limit in radians."""
         return self.limits[0]
 
     @property
     def upper(self) -> float:
-        """The highest angle, in radians."""
+        """Upper limit in radians."""
         return self.limits[1]
 
     def check_reach(self, reach: tuple[float, float], name: str, at: tuple[str, ...] = ()) -> Iterator[KeyDiagnostic]:
-        """Yield a mistake where nothing of the limits is within ``reach`` (radians) of ``what``."""
+        """Yield an error if no part of the limits is within ``reach`` (radians) of the motor called ``name``."""
         if max(self.lower, reach[0]) > min(self.upper, reach[1]):
             low, high = (f"{degrees(end):.0f} deg" for end in reach)
             about = tuple((*at, word) for word in ("limits", "trim"))
@@ -119,7 +119,7 @@ class AxisKeys:
 
 @keys
 class HeadKeys:
-    """The keys of every head: how fast each axis turns."""
+    """Keys of every head: maximum speed and acceleration of each axis."""
 
     speed: float = key("turn rate", default=2.0, low=0.01, help="The highest turn rate of each axis.")
     acceleration: float = key(
@@ -128,13 +128,13 @@ class HeadKeys:
 
     @property
     def led_joints(self) -> tuple[str, ...]:
-        """The joints of the arm that it is made of: who turns one of them turns the head."""
+        """Joints of the arm that the head consists of; moving one of them moves the head."""
         return ()
 
 
 @keys
 class ArmKeys:
-    """The keys of every arm: names for several joints. A driver says what its joints are."""
+    """Keys of every arm: groups of joints. A driver adds the joints."""
 
     groups: Mapping[str, Annotated[tuple[str, ...], inside(wrong="group '{}' needs a list of joints")]] = key(
         default={}, help="Names for several joints, each with a list of them: missions take them for a joint."
@@ -142,20 +142,20 @@ class ArmKeys:
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
-        """How far and fast each joint goes, by its name; a driver without it is refused when it is found."""
+        """Limits of each joint by name. Raises TypeError unless the driver overrides it."""
         raise TypeError(f"{type(self).__name__} does not say which joints there are: give it the property `limits`")
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """The lower and the upper limit of each joint, in radians."""
+        """Lower and upper limit of each joint, in radians."""
         return {name: (each.lower, each.upper) for name, each in self.limits.items()}
 
     def resolution(self, joint: str) -> float:  # noqa: ARG002 - a driver's arm may know
-        """Return the smallest angle (rad) by which a joint can be sent on; 0 where that is not known."""
+        """Return the smallest step of a joint's goal in radians; 0 if unknown."""
         return 0.0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what is wrong with the groups."""
+        """Yield the errors in the groups."""
         known = self.limits
         for group, members in self.groups.items():
             inside = ("groups", group)
@@ -175,7 +175,7 @@ class ArmKeys:
 
 @keys
 class Ros2Keys:
-    """The keys of every way to the nodes of ROS 2: which of them are meant, and the places of their map."""
+    """Keys of every connection to ROS 2 nodes: domain, namespace, and the places of their map."""
 
     domain: int | None = key(
         default=None, low=0, high=232, help="The domain; else that of ROS_DOMAIN_ID in the environment, or 0."
@@ -188,7 +188,7 @@ class Ros2Keys:
 
 @keys
 class RangeKeys:
-    """The keys of every range finder: where it sits, and what of the robot it sees."""
+    """Keys of every range finder: its mounting, and the sectors that the robot itself blocks."""
 
     position: tuple[float, float, float] = key(
         "length",
@@ -206,13 +206,13 @@ class RangeKeys:
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """Where it sits on the base: x and y in metres, and its yaw in radians."""
+        """Mounting pose on the base: x and y in metres, yaw in radians."""
         return self.position[0], self.position[1], self.yaw
 
 
 @keys
 class ImuKeys:
-    """The keys of every IMU."""
+    """Keys of every IMU."""
 
     level: tuple[float, float] = key(
         "angle",
@@ -224,7 +224,7 @@ class ImuKeys:
 
 @keys
 class VoiceKeys:
-    """The keys of every voice: how it speaks, unless a mission says otherwise."""
+    """Keys of every voice: the default style of its speech."""
 
     voice: str = key(default="", help="The voice, as the synthesiser calls it.")
     speed: float = key(default=150.0, low=80, high=450, help="Words per minute.")
@@ -234,12 +234,12 @@ class VoiceKeys:
 
     @property
     def style(self) -> SpeechStyle:
-        """How the robot speaks, unless its mission says otherwise."""
+        """Default style of speech, unless the mission sets another."""
         return SpeechStyle(self.voice, self.speed, self.language)
 
 
 @keys
 class ScreenKeys:
-    """The keys of every screen."""
+    """Keys of every screen."""
 
     mood: str = key(default="neutral", among=[*Mood], help="How the face looks before a mission says otherwise.")

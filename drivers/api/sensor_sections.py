@@ -1,6 +1,6 @@
-"""What the sections of a robot file have in common for parts that perceive: the camera and the microphone.
+"""Common keys of the robot file sections of cameras and microphones.
 
-The words that only perception understands stand here too, as its modules have them: tests hold the two together.
+The words that only perception interprets are repeated here; a test compares them with its modules.
 """
 
 import re
@@ -14,19 +14,19 @@ from drivers.api.image_orientation import ImageOrientation
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 MARKER_FAMILIES = ("4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11")
-"""The families of markers."""
+"""Families of markers."""
 
 RECOGNISERS = ("pocketsphinx", "vosk", "sherpa")
-"""What understands speech; all but the first need a model of the user's."""
+"""Speech recognisers; all but the first need a model from the user."""
 
 PHONES = (
     "AA", "AE", "AH", "AO", "AW", "AY", "B", "CH", "D", "DH", "EH", "ER", "EY", "F", "G", "HH", "IH", "IY", "JH", "K",
     "L", "M", "N", "NG", "OW", "OY", "P", "R", "S", "SH", "T", "TH", "UH", "UW", "V", "W", "Y", "Z", "ZH",
 )  # fmt: skip
-"""The sounds of which pronunciations are made."""
+"""Phones of pronunciations."""
 
 MAX_THRESHOLD = 10.0
-"""The highest threshold: so sure it never is."""
+"""Highest threshold; no score reaches it."""
 
 _APOSTROPHES = str.maketrans({"\u2019": "'", "\u02bc": "'"})
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)*")
@@ -34,7 +34,7 @@ _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)*")
 
 @keys
 class DistortionKeys:
-    """How a lens bends a picture: the coefficients of OpenCV, in its order."""
+    """Lens distortion: the coefficients of OpenCV, in its order."""
 
     k1: float = key(default=0.0, low=-20.0, high=20.0, help="Radial, of the second power.")
     k2: float = key(default=0.0, low=-20.0, high=20.0, help="Radial, of the fourth power.")
@@ -43,13 +43,13 @@ class DistortionKeys:
     k3: float = key(default=0.0, low=-20.0, high=20.0, help="Radial, of the sixth power.")
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return them as OpenCV takes them."""
+        """Return the coefficients in the order of OpenCV."""
         return self.k1, self.k2, self.p1, self.p2, self.k3
 
 
 @keys
 class MarkerKeys:
-    """The markers that other robots wear: their family, the side of the black frame in metres, and whose is which."""
+    """Markers on other robots: their family, the side of the black frame in metres, and the robot of each number."""
 
     family: str = key(default=MARKER_FAMILIES[0], among=MARKER_FAMILIES, help="The family of the markers.")
     size: float = key("length", default=0.15, low=0.01, high=2.0, help="The side of the black frame.")
@@ -57,11 +57,11 @@ class MarkerKeys:
 
     @property
     def robots(self) -> Mapping[int, str]:
-        """Whose each marker is, by its number."""
+        """Name of the robot of each marker, by number."""
         return {int(number): name for number, name in self.names.items()}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what is no number."""
+        """Yield invalid marker numbers and empty names."""
         for number, name in self.names.items():
             if not name.strip():
                 yield KeyDiagnostic(f"'{number}' needs a text", ("robots", number))
@@ -72,7 +72,7 @@ class MarkerKeys:
 
 @keys
 class IdentityKeys:
-    """How people are recognised, and where their pictures are."""
+    """Method by which people are recognised, and the folder of their pictures."""
 
     people: str = key(default="", help="The folder of their pictures; else that of the user.")
     method: str = key(
@@ -83,7 +83,7 @@ class IdentityKeys:
     model: str = key(default="", help="The file of the network, for `sface`.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what a method lacks."""
+        """Yield an error if the model of a method is missing."""
         if self.method == "sface" and not self.model:
             message = "'sface' needs 'model', the file of its network"
             yield KeyDiagnostic(message, ("method",), hint="model: ~/sface.onnx")
@@ -91,7 +91,7 @@ class IdentityKeys:
 
 @keys
 class CameraKeys:
-    """The keys of every camera: its view, where it sits, and what is looked for in its pictures."""
+    """Keys of every camera: its view, its mounting, and the objects to detect."""
 
     source: str = key(default="0", help="An index, a device, a file, a URL, or a folder of pictures.")
     rotate: float | Literal["0", "90", "180", "270"] = key(
@@ -137,17 +137,17 @@ class CameraKeys:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Where the optical axis meets the picture, as shares of its sides."""
+        """Principal point, as shares of the picture's sides."""
         return self.centre_x, self.centre_y
 
     @property
     def distortion_coefficients(self) -> tuple[float, ...]:
-        """The coefficients by which the lens bends a picture; empty where nothing is known of that."""
+        """Distortion coefficients of the lens; empty if unknown."""
         return () if self.distortion is None else self.distortion.coefficients()
 
     @property
     def orientation(self) -> ImageOrientation:
-        """How its pictures are turned and mirrored."""
+        """Rotation and mirroring of the pictures."""
         quarters = int(self.rotate) / 90 if isinstance(self.rotate, str) else self.rotate / (pi / 2)
         both = self.flip == "both"
         return ImageOrientation(
@@ -155,7 +155,7 @@ class CameraKeys:
         )
 
     def upright(self) -> "CameraKeys":
-        """Return the camera of the turned pictures: its size, angle of view, centre and distortion."""
+        """Return the keys of a camera that takes the rotated pictures: size, angle of view, centre and distortion."""
         turn, distortion = self.orientation, self.distortion
         width, height = turn.size(self.width, self.height)
         centre_x, centre_y = turn.point(*self.centre)
@@ -175,14 +175,14 @@ class CameraKeys:
         )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a turn that is none by right angles."""
+        """Yield a rotation that is not a multiple of 90 degrees."""
         if isinstance(self.rotate, float) and abs(self.rotate / (pi / 2) - round(self.rotate / (pi / 2))) > 1e-3:
             yield KeyDiagnostic("'rotate' must be 0, 90, 180 or 270 deg", ("rotate",), hint="rotate: 90 deg")
 
 
 @keys
 class MicrophoneKeys:
-    """The keys of every microphone: how what is heard is understood."""
+    """Keys of every microphone: its source, and the recognition of speech."""
 
     source: str = key(default="", help="A part of the sound card's name, or the path of a WAV file.")
     recogniser: str = key(default="pocketsphinx", among=RECOGNISERS, help="What understands speech.")
@@ -200,13 +200,13 @@ class MicrophoneKeys:
 
     @property
     def pronunciations(self) -> Mapping[str, str]:
-        """Phones with blanks between, by word in small letters: as perception listens for it."""
+        """Phones separated by spaces, by word in lower case, as perception uses them."""
         return {
             _normalize_word(word): " ".join(phones.upper().split()) for word, phones in self.pronunciation_texts.items()
         }
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what the recogniser lacks, and words and phones that are none."""
+        """Yield a missing model, and invalid words and phones."""
         if self.recogniser != RECOGNISERS[0] and not self.model:
             message = f"a microphone with 'recogniser: {self.recogniser}' needs 'model'"
             yield KeyDiagnostic(message, hint="model: FOLDER, where its model is unpacked (docs/speech.md)")

@@ -1,4 +1,4 @@
-"""Parts that only sense: the camera, the microphone, the range finder (a turn is one value), and the attitude (IMU)."""
+"""Protocols of sensors: camera, microphone, range finder, and IMU."""
 
 from collections.abc import Mapping, Sequence
 from math import inf, tau
@@ -12,7 +12,7 @@ from drivers.api.measures import Angles, Image, Ranges, Samples
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFrame:
-    """One picture, when it was taken (driver's clock), and its number since the camera was opened, from 0."""
+    """Picture with the time when it was taken (driver's clock), and its number since the camera was opened, from 0."""
 
     image: Image
     stamp: float
@@ -20,30 +20,30 @@ class CameraFrame:
 
 
 class Camera(Device, Protocol):
-    """A source of pictures."""
+    """Source of pictures."""
 
     @property
     def field_of_view(self) -> float:
-        """The horizontal angle of view in radians."""
+        """Horizontal angle of view in radians."""
         ...
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Wait up to ``timeout`` seconds for a frame newer than the last one read; None when none came.
+        """Wait up to ``timeout`` seconds for a frame newer than the last one read; return None if there was none.
 
-        The newest frame wins: frames that nobody read in time are dropped. For a reader's own thread, not for a tick.
+        Only the latest frame is kept; older ones are dropped. For a thread of its own, not for a tick.
         """
         ...
 
 
 SOUND_RATE = 16_000
-"""Samples a second that every microphone gives, whatever its hardware does."""
+"""Samples per second of every microphone, resampled if the hardware differs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sound:
-    """A piece of sound: ``number`` counts the pieces of a microphone, so that a gap shows.
+    """Chunk of sound; ``number`` counts the chunks of a microphone, so that a gap can be detected.
 
-    ``stamp`` is the time of its first sample, in seconds on the driver's clock.
+    ``stamp`` is the time of the first sample, in seconds on the driver's clock.
     """
 
     number: int
@@ -52,15 +52,15 @@ class Sound:
 
     @property
     def end(self) -> float:
-        """The time at which it ends."""
+        """Time of the end of the chunk, in seconds on the driver's clock."""
         return self.stamp + len(self.samples) / SOUND_RATE
 
 
 class Microphone(Device, Protocol):
-    """What the robot hears with. It keeps what it has heard for a few seconds, and drops what nobody fetches."""
+    """Microphone of the robot. It buffers the last few seconds, and drops chunks that are not read in time."""
 
     def read(self, after: int) -> Sequence[Sound]:
-        """Return the pieces with a larger number than ``after``, oldest first; at most the last 5 s are kept."""
+        """Return the chunks with a larger number than ``after``, oldest first; at most the last 5 s are buffered."""
         ...
 
 
@@ -68,10 +68,10 @@ class Microphone(Device, Protocol):
 class RangeScan:
     """One turn of a range finder.
 
-    ``ranges``: shape (n,), float32, metres from the finder, NaN where nothing came back. Beam i points ``start + i *
-    step`` radians from straight ahead of the *base*, anticlockwise positive (REP 103): how the finder is built in is
-    worked in already. ``stamp`` (seconds of the driver's clock) is the middle of the turn, ``number`` counts from 0.
-    It measures from ``least`` to ``most`` metres.
+    ``ranges``: shape (n,), float32, metres from the range finder, NaN without an echo. Beam i points ``start + i *
+    step`` radians from the front of the *base*, anticlockwise positive (REP 103), corrected for the mounting. ``stamp``
+    (seconds of the driver's clock) is the middle of the turn, ``number`` counts from 0. The measuring range is
+    ``least`` to ``most`` metres.
     """
 
     ranges: Ranges
@@ -83,66 +83,67 @@ class RangeScan:
     most: float
 
     def figures(self) -> Mapping[str, float]:
-        """Return what is shown of it, in metres."""
+        """Return the figures for displays, by name, in metres."""
         return {"nearest": self.nearest()}
 
     def bearings(self) -> Angles:
-        """Return where each beam points: shape (n,), radians, wrapped to -pi..pi."""
+        """Return the bearing of each beam: shape (n,), radians, wrapped to -pi..pi."""
         import numpy as np  # noqa: PLC0415 - see drivers.api.measures
 
         return wrap_angles(self.start + self.step * np.arange(len(self.ranges), dtype=np.float64))
 
     def nearest(self, centre: float = 0.0, width: float = tau) -> float:
-        """Return the least distance (m) within ``width`` radians about the bearing ``centre``; infinity for none."""
+        """Return the smallest distance (m) within ``width`` radians about bearing ``centre``; infinity if none."""
         import numpy as np  # noqa: PLC0415
 
         off = np.abs(wrap_angles(self.bearings() - centre))
         inside = self.ranges[off <= width / 2 + 1e-9]
-        seen = inside[np.isfinite(inside)]
-        return float(seen.min()) if seen.size else inf
+        ranges = inside[np.isfinite(inside)]
+        return float(ranges.min()) if ranges.size else inf
 
 
 def wrap_angles(angles: Angles) -> Angles:
-    """Return the same directions as angles from -pi to pi."""
+    """Return ``angles`` wrapped to -pi..pi."""
     import numpy as np  # noqa: PLC0415
 
-    turned: Angles = np.remainder(angles + tau / 2, tau) - tau / 2
-    return turned
+    wrapped: Angles = np.remainder(angles + tau / 2, tau) - tau / 2
+    return wrapped
 
 
 class Ranger(Device, Protocol):
-    """A range finder that turns; its part of the robot is ``range``."""
+    """Range finder that rotates; its part of the robot is ``range``."""
 
     @property
     @fixed
     def place(self) -> tuple[float, float, float]:
-        """Where it sits on the base: x forward and y left in metres, and its yaw in radians."""
+        """Mounting pose on the base: x forward and y left in metres, yaw in radians."""
         ...
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the newest whole turn; stale after half a second without another."""
+        """Return the latest complete turn; stale after half a second without another."""
         ...
 
 
 @runtime_checkable
 class Guardable(Protocol):
-    """A base that keeps away from what a range finder sees, whoever commands; those on ``drivers.base`` do."""
+    """Base that can use a range guard, for all sources of commands; bases on ``drivers.base`` can."""
 
     def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
         """Limit every velocity by the scans of ``ranger``, unless the robot file switches that off.
 
-        To be called before ``open``. ``blind`` are sectors, pairs of bearings of the base in radians, anticlockwise, in
-        which it sees nothing.
+        Call it before ``open``. ``blind`` are sectors, pairs of bearings of the base in radians, anticlockwise, in
+        which the range finder sees nothing.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Attitude:
-    """How the robot leans, and how that changes; axes of REP 103, which are the robot's own.
+    """Attitude of the robot, its rates and accelerations; axes of REP 103.
 
-    ``roll`` to its right and ``pitch`` ahead are above 0 (rad), ``yaw`` to its left: it drifts, and begins anywhere.
-    ``rates`` (rad/s) are those about x, y, z; ``forces`` (m/s2) the acceleration along them, with gravity's 9.81 up.
+    ``roll`` to the right and ``pitch`` ahead are positive, as is ``yaw`` to the left (rad); yaw drifts and has an
+    arbitrary zero. ``rates`` (rad/s) are those about x, y, z; ``forces`` (m/s2) are accelerations along x, y, z, with
+    gravity's 9.81 up.
     """
 
     roll: float
@@ -152,7 +153,7 @@ class Attitude:
     forces: tuple[float, float, float]
 
     def figures(self) -> Mapping[str, float]:
-        """Return what is shown of it, in radians."""
+        """Return the figures for displays, by name, in radians."""
         return {"roll": self.roll, "pitch": self.pitch}
 
 
@@ -160,14 +161,14 @@ class Imu(Device, Protocol):
     """An IMU; its part of the robot is ``imu``."""
 
     def attitude(self) -> Reading[Attitude]:
-        """Return the newest attitude; stale after 0.1 s without another."""
+        """Return the latest attitude; stale after 0.1 s without another."""
         ...
 
 
 @runtime_checkable
 class WitnessedBase(Protocol):
-    """A base whose progress monitor compares its motion with other instruments; those on ``drivers.base`` do."""
+    """Base whose progress monitor can compare its motion with other sensors; bases on ``drivers.base`` can."""
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """Compare its motion with what these see, where they can tell; to be called before ``open``."""
+        """Compare the motion of the base with these sensors, where they can measure it. Call it before ``open``."""
         ...

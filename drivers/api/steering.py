@@ -1,4 +1,4 @@
-"""Who may tell a base how to move, what came of it, and what a base does by itself whoever commands."""
+"""Velocity commands of a base: their sources, limits, reflexes, and the result of arbitration."""
 
 from collections.abc import Callable, Iterator
 from enum import StrEnum
@@ -9,26 +9,26 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 BUTTON_COUNT = 3
-"""The buttons of a base are numbered from 0 to one less."""
+"""Number of buttons of a base; they are numbered from 0."""
 
 COMMAND_TIMEOUT = 0.3
-"""Seconds for which a velocity command is valid; a base that hears no newer one stops."""
+"""Seconds for which a velocity command is valid; a base that receives no newer one stops."""
 
 
 @dataclass(frozen=True, slots=True)
 class Velocity:
-    """``linear`` in m/s along x, ``angular`` in rad/s about z."""
+    """Velocity of a base: ``linear`` in m/s along x, ``angular`` in rad/s about z."""
 
     linear: float
     angular: float
 
 
 ZERO_VELOCITY = Velocity(0.0, 0.0)
-"""Standing."""
+"""Velocity of a base at rest."""
 
 
 class Source(StrEnum):
-    """Who commands the wheels, most important first."""
+    """Source of velocity commands, highest priority first."""
 
     SAFETY = "safety"  # the base's own reflexes
     TELEOP = "teleop"  # a person with keys or a game pad
@@ -37,12 +37,12 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Steering:
-    """What a base is told now, and why; compared by value, so that a driver tells only what is new.
+    """Current command of a base and the velocity in force; drivers report it only if it has changed.
 
-    ``requested`` is what ``source`` asked for, ``allowed`` what of it is in force: within the limits, and what the reflexes
-    permit, but before the ramp that leads there. ``reason`` says in words why they differ ("limited", "cliff left"),
-    and is empty where they do not. ``source`` is None while nobody commands. ``fault`` says why ``source`` was stopped
-    because the base did not do what it was told; it stands until that source lets go, and commands anew.
+    ``requested`` is the velocity that ``source`` requests. ``allowed`` is the velocity in force: after limits and
+    reflexes, but before the ramp. ``reason`` is the reason of a difference ("limited", "cliff left"), or empty.
+    ``source`` is None without a command. ``fault`` is the reason for which ``source`` was stopped since the base did
+    not move as commanded; it stays until that source stops and sends a new command.
     """
 
     source: Source | None
@@ -53,17 +53,17 @@ class Steering:
 
 
 SteeringCallback = Callable[[Steering], None]
-"""Where a driver tells of a new ``Steering``; called from the driver's own thread, must return at once."""
+"""Receives each change of ``Steering``; called from the driver's own thread, must return at once."""
 
 
 @keys
 class Reflexes:
-    """What a base does by itself, whoever commands. What it touches always stops it; the rest can be chosen.
+    """Reflexes of a base, independent of the source of commands. Contacts always stop it; the rest is configurable.
 
-    ``stop`` forbids what would make it worse for as long as it is felt; ``latch`` stands still until somebody enables
-    the base again; ``back_off`` drives ``back_off_distance`` metres back at ``back_off_speed`` (m/s). Beyond a cliff the
-    base may only go straight back, and nowhere else until it is ``back_off_distance`` from there. A battery counts as low or
-    critical below so many percent, 0 for never. The buttons (0..2) latch and enable it; None for no button.
+    ``stop`` forbids motion that would make the contact worse while it lasts; ``latch`` stops until a person enables the
+    base; ``back_off`` drives back by ``back_off_distance`` metres at ``back_off_speed`` (m/s). At a cliff the base may
+    only drive straight back until it is ``back_off_distance`` away. The battery is low or critical below these
+    percentages, 0 for never. The buttons (0..2) latch and enable the base; None for no button.
     """
 
     cliff: Literal["stop", "latch"] = key(
@@ -92,7 +92,7 @@ class Reflexes:
     enable_button: int | None = key(default=None, low=0, high=BUTTON_COUNT - 1, help="The button that enables it.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what does not go together."""
+        """Yield contradictions between keys."""
         if 0 < self.battery_low < self.battery_critical:
             low, least = f"{self.battery_low:g} %", f"{self.battery_critical:g} %"
             message = f"'battery_critical' ({least}) is above 'battery_low' ({low})"
@@ -102,10 +102,10 @@ class Reflexes:
             yield KeyDiagnostic(message, ("enable_button",))
 
 
-# The range guard of a base: its section of a robot file, and the reasons that it gives for slowing the base down.
+# Range guard of a base: its keys, and its reasons for slowing the base down.
 
 OBSTACLE_REASON = "something is in the way"
-"""Begins the reason of a base that is slowed down for what the range finder sees; distance and direction follow."""
+"""First words of the reason for which the range guard slows the base down; distance and direction follow."""
 
 SCANS_LATE_REASON = "the range finder's scans are late"
 SCANS_MISSING_REASON = "the range finder does not report"
@@ -115,20 +115,20 @@ GUARD_FAILED_REASON = "the range guard failed"
 _GUARD_REASONS = (OBSTACLE_REASON, SCANS_LATE_REASON, SCANS_MISSING_REASON, OUT_OF_SIGHT_REASON, GUARD_FAILED_REASON)
 
 MIN_GAP = 0.02
-"""Metres: the smallest gap, which covers the noise of a range finder."""
+"""Smallest gap in metres: the noise of a range finder."""
 
 Footprint = float | tuple[tuple[float, float], ...]
-"""The radius of a round body about the middle of the base, or the corners of its outline, in metres."""
+"""Radius of a round body about the middle of the base, or the corners of its outline, in metres."""
 
 
 def is_guarded(steering: Steering) -> bool:
-    """Return True while the range guard slows the base down or stops it."""
+    """Return whether the range guard slows the base down or stops it."""
     return steering.reason.startswith(_GUARD_REASONS)
 
 
 @keys
 class RangeGuardKeys:
-    """How a base keeps away from what its range finder sees."""
+    """Keys of the range guard: the body of the base, and its distance from obstacles."""
 
     footprint: (
         float | tuple[Annotated[tuple[float, float], inside("length", wrong="'{}' needs [x, y]")], ...] | None

@@ -1,4 +1,4 @@
-"""What a behaviour sees of a voice."""
+"""Protocol of a voice."""
 
 from collections.abc import Sequence
 from enum import IntEnum, StrEnum
@@ -11,7 +11,7 @@ from drivers.api.marks import UNSAMPLED, command
 
 
 class Priority(IntEnum):
-    """What breaks off what: higher words break off lower ones, which are said again from their beginning afterwards."""
+    """Priority of an utterance: a higher one interrupts a lower one, which is repeated from its beginning afterwards."""
 
     LOW = 0
     NORMAL = 1
@@ -20,7 +20,7 @@ class Priority(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SpeechStyle:
-    """How to speak: a synthesiser's voice, words per minute, a language; empty and 0 as the robot file says."""
+    """Style of speech: synthesiser voice, words per minute, language; empty and 0 are the defaults of the robot file."""
 
     voice: str = ""
     speed: float = 0.0
@@ -28,7 +28,7 @@ class SpeechStyle:
 
 
 class Mouth(StrEnum):
-    """How the mouth is shaped for a sound."""
+    """Shape of the mouth for a phone."""
 
     CLOSED = "closed"
     NARROW = "narrow"
@@ -40,60 +40,60 @@ class Mouth(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class MouthShape:
-    """A shape of the mouth, from ``at`` seconds after the beginning of the sound until the next."""
+    """Shape of the mouth, valid from ``at`` seconds after the start of the sound until the next one."""
 
     at: float
     shape: Mouth
 
 
 DEFAULT_STYLE = SpeechStyle()
-"""As the robot file says."""
+"""Style of the robot file."""
 
 
 class Utterance(Protocol):
-    """Something being said or played, or waiting to be."""
+    """Speech or sound that is playing or queued."""
 
     def done(self) -> bool:
-        """True once it was heard to the end, or cancelled."""
+        """Return whether the utterance was played to its end, or cancelled."""
         ...
 
     @command("never")
     def cancel(self) -> None:
-        """Fall silent now. Safe more than once."""
+        """Stop the sound now. Safe more than once."""
         ...
 
     @property
     def cancelled(self) -> bool:
-        """True once it was cancelled before it was heard to the end: also by a voice that rests or has gone."""
+        """True if the utterance was cancelled before its end, also by a voice that rests or is offline."""
         ...
 
     @property
     def started(self) -> float | None:
-        """When its first sample was heard, on the driver's clock; None while it waits, also to be said again."""
+        """Time of the first sample, on the driver's clock; None while queued, also for a repetition."""
         ...
 
     @property
     def mouth(self) -> Sequence[MouthShape]:
-        """How the mouth moves with it, from ``started`` on; empty while it waits, and where that is not known."""
+        """Movement of the mouth from ``started`` on; empty while queued, or if unknown."""
         ...
 
 
 class Voice(Device, Protocol):
-    """What the robot speaks with. One thing is heard at a time: what has the highest priority, else the oldest."""
+    """Voice of the robot. It plays one utterance at a time: the one with the highest priority, else the oldest."""
 
     @command("before")
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Start to speak ``text`` in its turn; returns at once. Raises NotConnected before ``open``."""
+        """Queue ``text`` for speech; returns at once. Raises NotConnected before ``open``."""
         ...
 
     @command("before")
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Start to play a file (WAV, MP3, FLAC or Ogg Vorbis) in its turn; returns at once.
+        """Queue an audio file (WAV, MP3, FLAC or Ogg Vorbis); returns at once.
 
-        Raises BadRequest where there is no such file, or it is no sound, and NotConnected before ``open``.
+        Raises BadRequest if the file is missing or no audio file, and NotConnected before ``open``.
         """
         ...
 
     def speaking(self) -> Annotated[Utterance | None, UNSAMPLED]:
-        """Return what is heard now; None while it is silent."""
+        """Return the utterance that is playing; None while silent."""
         ...
