@@ -1,1 +1,1 @@
-"""Byte transports: serial lines, ports, pipes to processes of ours, and loops that read them."""
+"""Byte transports: serial ports, pipes to worker processes, and the loops that read them."""

@@ -1,4 +1,4 @@
-"""The serial adapter of a bus: bytes out, and bytes in as soon as they are there."""
+"""Transport of a servo bus: a serial adapter with the lowest possible latency."""
 
 import errno
 import os
@@ -18,32 +18,32 @@ if TYPE_CHECKING:  # a simulated bus opens no port
 _ADAPTERS = Path("/sys/bus/usb-serial/devices")
 
 _WRITE_TIMEOUT = 0.5
-"""Seconds for which a line may take no bytes before it counts as gone."""
+"""Seconds without progress of a write after which the port counts as gone."""
 
 _READ_SIZE = 4096
 
 
 class BusTransport(Protocol):
-    """An open line with servos on it. All but ``close`` raise NotConnected when it is gone."""
+    """Open transport to a servo bus. All methods but ``close`` raise NotConnected if it is gone."""
 
     @property
     def latency(self) -> float:
-        """Seconds for which the adapter may hold back what it has received."""
+        """Maximum seconds by which the adapter delays received bytes."""
         ...
 
     def send(self, data: bytes) -> None:
-        """Send ``data`` whole."""
+        """Send ``data`` completely."""
         ...
 
     def receive(self, until: float) -> bytes:
-        """Return what has arrived, as soon as there is something; nothing when the clock shows ``until`` first.
+        """Return received bytes as soon as there are some; empty if the clock reaches ``until`` first.
 
-        With a time that is over it returns what is there already.
+        With a time in the past, return the bytes that are already buffered.
         """
         ...
 
     def set_baud(self, baud: int) -> None:
-        """Go on at another rate."""
+        """Change the baud rate."""
         ...
 
     def close(self) -> None:
@@ -52,11 +52,11 @@ class BusTransport(Protocol):
 
 
 TransportOpener = Callable[[str, str, int, Clock], BusTransport]
-"""Opens a line for somebody: who, which port, baud rate, clock. Raises NotConnected, with what to try."""
+"""Opens a transport: name of the part, port, baud rate, clock. Raises NotConnected, with a hint."""
 
 
 class SerialTransport:
-    """A serial port that this process alone has open: a ``BusTransport`` that waits in ``select``, never in a loop."""
+    """Serial port, opened exclusively: a ``BusTransport`` that waits in ``select``, without polling."""
 
     def __init__(self, part: str, port: "serial.Serial", clock: Clock) -> None:
         self.latency = 0.0
@@ -66,7 +66,7 @@ class SerialTransport:
         self._clock = clock
 
     def send(self, data: bytes) -> None:
-        """Send ``data`` whole. A line that takes none of it for ``_WRITE_TIMEOUT`` seconds is gone."""
+        """Send ``data`` completely. Raises NotConnected after ``_WRITE_TIMEOUT`` seconds without progress."""
         try:
             while data:
                 with suppress(BlockingIOError):
@@ -77,24 +77,24 @@ class SerialTransport:
             raise self._port_error(error) from error
 
     def receive(self, until: float) -> bytes:
-        """Return what has arrived by ``until``.
+        """Return the bytes received before ``until``.
 
-        The line is looked at once more when that is over: it may be we who are late, not the servo.
+        The port is checked once more after that time: this process may be late, and not the servo.
         """
         try:
             while not select.select([self._number], [], [], max(0.0, until - self._clock.now()))[0]:
-                if self._clock.now() >= until:  # else the clock waits, for a virtual servo that is held up
+                if self._clock.now() >= until:  # else the clock has stopped, for a delayed virtual servo
                     return b""
             if data := os.read(self._number, _READ_SIZE):
                 return data
-            raise OSError(errno.EIO, "it was unplugged")  # readable, and nothing to read: the other end is gone
+            raise OSError(errno.EIO, "it was unplugged")  # ready, but without data: the device is gone
         except BlockingIOError:
             return b""
         except OSError as error:
             raise self._port_error(error) from error
 
     def set_baud(self, baud: int) -> None:
-        """Go on at another rate, without letting go of the port."""
+        """Change the baud rate without closing the port."""
         try:
             self._port.baudrate = baud
             self._port.reset_input_buffer()
@@ -102,12 +102,12 @@ class SerialTransport:
             raise self._port_error(error) from error
 
     def close(self) -> None:
-        """Release the port, which may be gone already."""
+        """Close the port, which may be gone already."""
         with suppress(OSError, termios.error):
             self._port.close()
 
     def reduce_latency(self) -> None:
-        """Ask the adapter not to hold bytes back, and note for how long it still may."""
+        """Set the adapter to low latency, and read the latency that remains."""
         self.latency = reduce_latency(self._port)
 
     def _port_error(self, error: BaseException) -> NotConnected:
@@ -117,7 +117,7 @@ class SerialTransport:
 
 
 def open_transport(part: str, port: str, baud: int, clock: Clock) -> SerialTransport:
-    """Open a serial port for this process alone. Raises NotConnected, with what to try."""
+    """Open a serial port exclusively. Raises NotConnected, with a hint."""
     from drivers.transport.ports import open_port  # noqa: PLC0415 - a simulated bus opens no port
 
     line = SerialTransport(part, open_port(part, port, baud, timeout=0), clock)
@@ -126,13 +126,13 @@ def open_transport(part: str, port: str, baud: int, clock: Clock) -> SerialTrans
 
 
 def latency_timer_path(port: str, *, adapters: Path = _ADAPTERS) -> Path:
-    """Return the file with the milliseconds for which a USB adapter may hold bytes back; many have none."""
+    """Return the file with the latency timer of a USB adapter in milliseconds; many adapters have none."""
     return adapters / Path(port).resolve().name / "latency_timer"
 
 
 def reduce_latency(port: "serial.Serial", *, adapters: Path = _ADAPTERS) -> float:
-    """Ask a USB adapter not to hold bytes back; return for how long it still may, in seconds (0 if it has no timer)."""
-    with suppress(ValueError, OSError, NotImplementedError):  # only some know how; the timer tells what came of it
+    """Set a USB adapter to low latency; return the latency that remains in seconds (0 without a latency timer)."""
+    with suppress(ValueError, OSError, NotImplementedError):  # not supported by all; the timer shows the result
         port.set_low_latency_mode(True)
     try:
         return int(latency_timer_path(port.port or "", adapters=adapters).read_text()) / 1000

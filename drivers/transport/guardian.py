@@ -1,4 +1,4 @@
-"""The keeper's end of the line, whatever is in its hands: on a Raspberry Pi a process, in a simulation a device."""
+"""Actuator guardian: executes commands, and stops its actuators when the driver is silent."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -7,31 +7,31 @@ from drivers.transport import guardian_wire
 from drivers.transport.lines import LineFinder
 
 SERVO_SPEED = 300.0
-"""Degrees per second at which a keeper lets a servo go at most, whatever it is sent."""
+"""Maximum speed in degrees per second at which a guardian moves a servo, independent of the setpoints."""
 
 
 class Actuators(Protocol):
-    """What a keeper holds. Raises OSError where the hardware has gone."""
+    """Two actuators of a guardian. Methods raise OSError if the hardware is gone."""
 
     def set_goals(self, first: int, second: int, now: float) -> None:
-        """Go there."""
+        """Set the goals of both actuators."""
         ...
 
     def rest(self, now: float) -> None:
-        """Go nowhere any more: wheels stand, servos stay where they are."""
+        """Stop: wheels stand, servos stay at their angles."""
         ...
 
     def advance(self, now: float) -> None:
-        """Let the time pass."""
+        """Advance to time ``now``."""
         ...
 
     def positions(self) -> tuple[int, int]:
-        """Return where both are."""
+        """Return the current values of both actuators."""
         ...
 
 
 class ActuatorGuardian:
-    """Obeys lines, and lets what is in its ``hands`` rest after ``wire.WATCHDOG_TIMEOUT`` seconds without one."""
+    """Executes commands; stops ``actuators`` after ``WATCHDOG_TIMEOUT`` seconds without a line."""
 
     def __init__(self, actuators: Actuators, boot: int, now: float) -> None:
         self.boot = boot
@@ -41,33 +41,33 @@ class ActuatorGuardian:
         self._resting = True
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take what has come at time ``now``; return the answers."""
+        """Handle bytes received at time ``now``; return the replies."""
         self.poll(now)
         return b"".join(self._execute(line, now) for line in self._lines.feed(data))
 
     def poll(self, now: float) -> None:
-        """Let the time pass until ``now``."""
+        """Advance to time ``now``, and stop the actuators if the watchdog has expired."""
         if not self._resting and now - self.received_at > guardian_wire.WATCHDOG_TIMEOUT:
             self.rest(now)
         self._actuators.advance(now)
 
     def rest(self, now: float) -> None:
-        """Let all rest."""
+        """Stop the actuators."""
         self._resting = True
         self._actuators.rest(now)
 
     def _execute(self, line: bytes, now: float) -> bytes:
         try:
-            found = guardian_wire.parse_line(line)
+            message = guardian_wire.parse_line(line)
         except ValueError:
             return b""
         self.received_at = now
-        if isinstance(found, guardian_wire.GuardianCommand) and found.boot == self.boot:
+        if isinstance(message, guardian_wire.GuardianCommand) and message.boot == self.boot:
             self._resting = False
-            self._actuators.set_goals(found.first, found.second, now)
+            self._actuators.set_goals(message.first, message.second, now)
         return (
             guardian_wire.pack_report(self.boot, *self._actuators.positions())
-            if isinstance(found, guardian_wire.ReportRequest)
+            if isinstance(message, guardian_wire.ReportRequest)
             else b""
         )
 
@@ -81,32 +81,32 @@ class GuardianWheels:
         turn(0.0, 0.0)
 
     def set_goals(self, first: int, second: int, now: float) -> None:  # noqa: ARG002 - motors obey at once
-        """Turn so."""
-        wanted = (
+        """Set the power of both motors, clamped to full power."""
+        setpoint = (
             min(max(first, -guardian_wire.FULL_POWER), guardian_wire.FULL_POWER),
             min(max(second, -guardian_wire.FULL_POWER), guardian_wire.FULL_POWER),
         )
-        if wanted != self._setpoint:
-            self._setpoint = wanted
-            self._turn(wanted[0] / guardian_wire.FULL_POWER, wanted[1] / guardian_wire.FULL_POWER)
+        if setpoint != self._setpoint:
+            self._setpoint = setpoint
+            self._turn(setpoint[0] / guardian_wire.FULL_POWER, setpoint[1] / guardian_wire.FULL_POWER)
 
     def rest(self, now: float) -> None:  # noqa: ARG002
-        """Stand, also where they are believed to stand."""
+        """Stop the motors, even if they are assumed to be stopped."""
         self._setpoint = (0, 0)
         self._turn(0.0, 0.0)
 
     def advance(self, now: float) -> None:
-        """Do nothing: they turn by themselves."""
+        """Do nothing: motors keep their speed."""
 
     def positions(self) -> tuple[int, int]:
-        """Return what they were told."""
+        """Return the current setpoints."""
         return self._setpoint
 
 
 class GuardianServos:
-    """Two hobby servos, led no faster than ``SERVO_SPEED``: ``pulse`` sends a servo (0, 1) to a degree.
+    """Two hobby servos, moved at ``SERVO_SPEED`` at most: ``pulse`` sets a servo (0, 1) to a degree.
 
-    ``standing`` is where they have been sent already by who has gone; None for one that has got no pulse yet.
+    ``angles`` are their setpoints by an earlier program; None for a servo without a pulse so far.
     """
 
     def __init__(self, pulse: Callable[[int, int], None], angles: tuple[int | None, int | None]) -> None:
@@ -117,7 +117,7 @@ class GuardianServos:
         self._stamp: float | None = None
 
     def set_goals(self, first: int, second: int, now: float) -> None:
-        """Lead both there; one that has got no pulse yet goes at once, for nobody knows from where."""
+        """Set the goals of both servos; a servo without a pulse so far moves at once, since its angle is unknown."""
         self.advance(now)
         for number, goal in enumerate((first, second)):
             if 0 <= goal <= 180:
@@ -127,13 +127,13 @@ class GuardianServos:
                     self._send(number)
 
     def rest(self, now: float) -> None:
-        """Stay where they are."""
+        """Stop at the current setpoints."""
         self.advance(now)
         self._goals = [None if each is None else float(each) for each in self._sent]
         self._exact = list(self._goals)
 
     def advance(self, now: float) -> None:
-        """Go on."""
+        """Move the servos towards their goals."""
         reach = SERVO_SPEED * (0.0 if self._stamp is None else min(max(now - self._stamp, 0.0), 0.1))
         self._stamp = now
         for number, (exact, goal) in enumerate(zip(self._exact, self._goals, strict=True)):
@@ -142,7 +142,7 @@ class GuardianServos:
                 self._send(number)
 
     def positions(self) -> tuple[int, int]:
-        """Return where they have been sent."""
+        """Return the current setpoints."""
         first, second = (guardian_wire.UNKNOWN_ANGLE if each is None else each for each in self._sent)
         return first, second
 

@@ -1,11 +1,11 @@
-"""The lines between a driver and a keeper, both ways. Pure.
+"""Protocol between a driver and an actuator guardian, both directions. Pure.
 
-A keeper has two actuators: two wheels (thousandths of full power, backwards negative), or two servos (whole degrees).
-``?`` asks it how they are; ``g BOOT FIRST SECOND`` sends them somewhere; it says ``r BOOT FIRST SECOND`` when it is
-asked: where they are now, ``-1`` for a servo that has got no pulse yet. ``BOOT`` is another number after each start,
-and what is sent for another one is not obeyed: so nothing of before moves a keeper that has begun anew.
+A guardian has two actuators: two wheels (thousandths of full power, backwards negative), or two servos (whole degrees).
+``?`` requests a report; ``g BOOT FIRST SECOND`` sets both; the guardian replies ``r BOOT FIRST SECOND``: the current
+values, ``-1`` for a servo without a pulse so far. ``BOOT`` is a new number at each start, and commands with another
+number are ignored, so that commands from before a restart move nothing.
 
-Behind ``*`` stands the CRC-16 of what is before it (CCITT, from 0xFFFF), as four hexadecimal digits.
+``*`` precedes the CRC-16 of the text before it (CCITT, from 0xFFFF), as four hexadecimal digits.
 """
 
 from binascii import crc_hqx
@@ -14,23 +14,23 @@ from dataclasses import dataclass
 BAUD = 57_600
 
 WATCHDOG_TIMEOUT = 0.3
-"""Seconds without a line after which a keeper lets its actuators rest."""
+"""Seconds without a line after which a guardian stops its actuators."""
 
 FULL_POWER = 1000
-"""What stands for full power of a wheel."""
+"""Value for full power of a wheel."""
 
 UNKNOWN_ANGLE = -1
-"""Where a servo is that has got no pulse yet."""
+"""Angle of a servo without a pulse so far."""
 
 MAX_LINE_LENGTH = 40
-"""Bytes of a line at most, but for the last words."""
+"""Maximum bytes of a line, except for the last error message."""
 
 VALUE_RANGE = range(-9999, 32768)
 
 
 @dataclass(frozen=True, slots=True)
 class GuardianCommand:
-    """Send both to somewhere."""
+    """Setpoints of both actuators."""
 
     boot: int
     first: int
@@ -39,7 +39,7 @@ class GuardianCommand:
 
 @dataclass(frozen=True, slots=True)
 class GuardianReport:
-    """Where both are."""
+    """Current values of both actuators."""
 
     boot: int
     first: int
@@ -48,7 +48,7 @@ class GuardianReport:
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
-    """How are they?"""
+    """Request for a report."""
 
 
 def _make_line(body: str) -> bytes:
@@ -60,26 +60,26 @@ REPORT_REQUEST = _make_line("?")
 
 
 def pack_command(boot: int, first: int, second: int) -> bytes:
-    """Return the line that sends both."""
+    """Return the line that sets both actuators."""
     return _make_line(f"g {boot} {first} {second}")
 
 
 def pack_report(boot: int, first: int, second: int) -> bytes:
-    """Return the line that says where both are."""
+    """Return the line that reports both actuators."""
     return _make_line(f"r {boot} {first} {second}")
 
 
 def parse_line(line: bytes) -> GuardianCommand | GuardianReport | ReportRequest:
-    """Return what a line says. Raises ValueError for one that says nothing, or was damaged."""
-    body, star, told = line.rpartition(b"*")
-    if not star or len(line) > MAX_LINE_LENGTH or told != b"%04X" % crc_hqx(body, 0xFFFF):
+    """Return the message of a line. Raises ValueError for an invalid or damaged line."""
+    body, separator, checksum = line.rpartition(b"*")
+    if not separator or len(line) > MAX_LINE_LENGTH or checksum != b"%04X" % crc_hqx(body, 0xFFFF):
         raise ValueError("no line of a keeper")
     if body == b"?":
         return ReportRequest()
-    word, *figures = body.split(b" ")
-    if word not in (b"g", b"r") or len(figures) != 3:
+    word, *values = body.split(b" ")
+    if word not in (b"g", b"r") or len(values) != 3:
         raise ValueError("no line of a keeper")
-    boot, first, second = map(int, figures)
-    if not all(figure in VALUE_RANGE for figure in (boot, first, second)):
+    boot, first, second = map(int, values)
+    if not all(value in VALUE_RANGE for value in (boot, first, second)):
         raise ValueError("no figures of a keeper")
     return (GuardianCommand if word == b"g" else GuardianReport)(boot, first, second)

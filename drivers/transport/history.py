@@ -1,21 +1,21 @@
-"""What a value was a moment ago: so that a picture can be matched with the pose in which it was taken."""
+"""History of values, to match a picture with the pose at its time, and statistics of delays."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
 from threading import Lock
 
-# How long something takes that is done again and again, as figures of a device's health.
+# Statistics of delays, for the health of a device.
 
 
 class DelayStatistics:
-    """Adds up times. For one thread that adds; any may ask for the figures."""
+    """Sums of delays. One thread adds, any thread may read."""
 
     def __init__(self) -> None:
         self._count = 0
         self._sum = self._longest = 0.0
 
     def add(self, seconds: float) -> None:
-        """Take in one more."""
+        """Add one delay in seconds."""
         self._sum += seconds
         self._longest = max(self._longest, seconds)
         self._count += 1
@@ -23,7 +23,7 @@ class DelayStatistics:
     def counters(self, name: str) -> Mapping[str, int]:
         """Return totals for ``drivers.api.Health``, in microseconds: ``NAMEs``, ``NAME_us`` and ``longest_NAME_us``.
 
-        What lies between two looks at them has a mean: the difference of the times by that of the counts.
+        The mean delay between two readings is the difference of the times divided by that of the counts.
         """
         return {
             f"{name}s": self._count,
@@ -33,7 +33,7 @@ class DelayStatistics:
 
 
 class ValueHistory:
-    """The last seconds of a few numbers, looked up by time with linear interpolation. Safe between threads."""
+    """History of the last seconds of a few numbers, with linear interpolation. Thread-safe."""
 
     def __init__(self, seconds: float = 3.0) -> None:
         self._seconds = seconds
@@ -41,7 +41,7 @@ class ValueHistory:
         self._lock = Lock()
 
     def add(self, stamp: float, values: Sequence[float]) -> None:
-        """Remember ``values`` at ``stamp``; stamps that do not rise replace the newest entry."""
+        """Add ``values`` at ``stamp``; entries that are not older are replaced."""
         with self._lock:
             while self._entries and self._entries[-1][0] >= stamp:
                 self._entries.pop()
@@ -50,7 +50,7 @@ class ValueHistory:
                 self._entries.popleft()
 
     def at(self, stamp: float) -> tuple[float, ...] | None:
-        """Return the values at ``stamp``: interpolated, the newest for a later time, None before the first entry."""
+        """Return the values at ``stamp``: interpolated, the latest for a later time, None before the first entry."""
         with self._lock:
             later: tuple[float, tuple[float, ...]] | None = None
             for entry in reversed(self._entries):
@@ -63,11 +63,11 @@ class ValueHistory:
             return None
 
     def newest(self) -> tuple[float, tuple[float, ...]] | None:
-        """Return the newest entry, with its stamp; None before the first."""
+        """Return the latest entry, with its stamp; None before the first."""
         with self._lock:
             return self._entries[-1] if self._entries else None
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all entries."""
         with self._lock:
             self._entries.clear()

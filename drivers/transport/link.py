@@ -1,4 +1,4 @@
-"""A serial line that is owned, read on a thread of its own, and found again after it was lost."""
+"""Serial link that owns its port, reads it on a thread of its own, and reconnects."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,71 +13,72 @@ from drivers.transport.loop import LoopFactory, ThreadLoop, guard_callback
 from drivers.transport.ports import SerialPort, make_port_error, open_port
 
 POLL_INTERVAL = 0.02
-"""Seconds for which bytes are waited for at most: how often ``on_poll`` is called when nothing arrives."""
+"""Maximum seconds to wait for bytes: the interval of ``on_poll`` on a silent port."""
 
 
 class LinkHandler(Protocol):
-    """The protocol on top of a link. All four are called from the link's thread.
+    """Protocol handler of a link. All methods are called from the link's thread.
 
-    Whatever they raise does not end that thread: NotConnected makes the link look for the port again, anything else
-    is reported as a fault when it is new.
+    An exception does not end that thread: after NotConnected the link opens the port again, any other new error is
+    reported as a fault.
     """
 
     def on_connected(self) -> None:
-        """The port has just been opened: forget old state, say hello. If this raises, the port is given up again."""
+        """Reset the state and start the session: the port was just opened. An exception closes it again."""
         ...
 
     def on_data(self, data: bytes) -> None:
-        """Bytes have arrived, cut anywhere."""
+        """Handle received bytes, in chunks of any size."""
         ...
 
     def on_poll(self) -> float | None:
-        """Called at least every ``POLL_INTERVAL`` seconds while the port is open: time-outs and renewals go here.
+        """Handle timeouts and renewals; called every ``POLL_INTERVAL`` seconds at least while the port is open.
 
-        May return for how many seconds it need not be called again, and bytes may gather, unless the link is woken.
+        May return the seconds until the next call is needed; bytes are buffered in that time, unless the link is woken.
         """
         ...
 
     def on_closing(self) -> None:
-        """The thread ends, whatever the reason, and the port is released next: say the last word."""
+        """Send the last commands: the thread ends, for whatever reason, and the port is closed next."""
         ...
 
 
 class LinkPort(Protocol):
-    """What a link needs of an open serial port. All but ``close`` raise OSError when it has gone."""
+    """Open serial port of a link. All methods but ``close`` raise OSError if it is gone."""
 
     def read_available(self, timeout: float) -> bytes:
-        """Return what has arrived; wait up to ``patience`` seconds for the first byte of it."""
+        """Return received bytes; wait up to ``timeout`` seconds for the first one."""
         ...
 
     def write(self, data: bytes) -> object:
-        """Send ``data`` whole."""
+        """Send ``data`` completely."""
         ...
 
     def set_dtr(self, *, on: bool) -> None:
-        """Set the modem line DTR, so that it stays when the port is closed."""
+        """Set the modem line DTR, and keep it when the port is closed."""
         ...
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the port."""
         ...
 
 
 PortOpener = Callable[[str, str, int], LinkPort]
-"""Opens a port for somebody: who, which port, baud rate. Raises NotConnected, with what to try."""
+"""Opens a port: name of the part, port, baud rate. Raises NotConnected, with a hint."""
 
 
 def open_link_port(part: str, port: str, baud: int) -> SerialPort:
-    """Open a serial port for a link. Raises NotConnected, with what to try."""
+    """Open a serial port for a link. Raises NotConnected, with a hint."""
     return open_port(part, port, baud, timeout=POLL_INTERVAL)
 
 
 class SerialLink:
-    """Owns one serial port. Starts without it, opens it when it appears, and again whenever it comes back.
+    """Owner of a serial port: opens it when it appears, and again after each disconnect.
 
-    Only the link's own thread opens and closes the port: who meets trouble on another one leaves it in ``_offline_cause``.
-    ``gather`` is for how many seconds bytes may gather once the first has come: a device that talks without a pause
-    otherwise wakes the thread a thousand times a second. ``open_link_port`` opens the port, ``loop`` makes what serves it.
+    Only the link's own thread opens and closes the port; an error on another thread is left in ``_offline_cause``.
+    ``gather_time`` are the seconds in which bytes are buffered after the first one: a device that sends continuously
+    would otherwise wake the thread a thousand times per second. ``opener`` opens the port, ``make_loop`` makes the loop
+    that serves it.
     """
 
     def __init__(
@@ -101,46 +102,46 @@ class SerialLink:
         self._opener = opener
         self._handler: LinkHandler | None = None
         self._port: LinkPort | None = None
-        self._gathered = b""  # what came first; more may gather
-        self._paused = False  # bytes have gathered since the last pulse
-        self._offline_cause: NotConnected | None = None  # why there is no port, or why the one that is open must go
-        self._fault = ""  # the newest that was reported
-        self._was_connected = False  # the talker has made its beginning on this port
-        self._lock = RLock()  # over the port while it is written, opened and closed
+        self._gathered = b""  # first bytes, while more are gathered
+        self._paused = False  # bytes were buffered since the last poll
+        self._offline_cause: NotConnected | None = None  # why the port is not open, or must be closed
+        self._fault = ""  # last reported one
+        self._was_connected = False  # the handler's ``on_connected`` has returned on this port
+        self._lock = RLock()  # held while the port is written, opened and closed
         self._loop = make_loop(f"link {name}", self._run_once, self._finish)
         self._connections = 0
 
     def open(self, handler: LinkHandler) -> None:
-        """Start the thread that looks for the port and serves ``talker``."""
+        """Start the thread that opens the port and calls ``handler``."""
         self._handler = handler
         self._loop.start()
 
     def close(self) -> None:
-        """End the thread and release the port. Safe from any state, more than once, from any thread but its own."""
+        """End the thread and close the port. Safe from any state, more than once, from any thread but its own."""
         self._loop.end()
 
     def wake(self) -> None:
-        """Call ``on_poll`` now, however long it need not be called. From any thread."""
+        """Call ``on_poll`` now, before its time. Callable from any thread."""
         self._loop.wake()
 
     @property
     def online(self) -> bool:
-        """True while the port is open and sound. The thread leaves none open when it ends."""
+        """True while the port is open without an error. It is closed when the thread ends."""
         return self._port is not None and self._offline_cause is None
 
     def health(self) -> Health:
-        """Say whether the port is open, and if not, why."""
+        """Return whether the port is open, and if not, the reason."""
         if self.online:
             return Health(online=True, counters={"connections": self._connections})
-        trouble = self._offline_error()
-        return Health(online=False, detail=str(trouble), hint=trouble.hint)
+        error = self._offline_error()
+        return Health(online=False, detail=str(error), hint=error.hint)
 
     def write(self, data: bytes) -> None:
-        """Send ``data`` whole; at most one writer at a time. Raises NotConnected when the port is not there."""
+        """Send ``data`` completely; not for concurrent writers. Raises NotConnected if the port is not open."""
         self._use(lambda port: port.write(data))
 
     def set_dtr(self, *, on: bool) -> None:
-        """Set the modem line DTR, which stays so when the port is closed. Raises NotConnected as ``write``."""
+        """Set the modem line DTR, and keep it when the port is closed. Raises NotConnected if the port is not open."""
         self._use(lambda port: port.set_dtr(on=on))
 
     def _use(self, action: Callable[[LinkPort], object]) -> None:
@@ -154,30 +155,30 @@ class SerialLink:
                 raise self._offline_error() from error
 
     def _offline_error(self) -> NotConnected:
-        """Return a new error that says why there is no port: several threads may raise one at once."""
-        trouble = self._offline_cause
-        if trouble is None:
+        """Return a new error with the reason why the port is not open: several threads may raise one at once."""
+        cause = self._offline_cause
+        if cause is None:
             return NotConnected(f"{self.name}: {self.port}: not opened yet")
-        return NotConnected(str(trouble), hint=trouble.hint)
+        return NotConnected(str(cause), hint=cause.hint)
 
     # --- the link's thread --------------------------------------------------------------------------------------------
 
     def _run_once(self) -> float:
-        talker = self._handler
+        handler = self._handler
         try:
-            if talker is None:
+            if handler is None:
                 return POLL_INTERVAL
             if self._port is None:
-                return self._connect(talker)
+                return self._connect(handler)
             if self._offline_cause is None:
-                return self._serve(talker, self._port)
+                return self._serve(handler, self._port)
             self._release()
             if self._was_connected:
                 self._report(DeviceStatus(self.name, "offline", str(self._offline_cause), self._offline_cause.hint))
             return self._retry_interval
         except NotConnected:
-            return 0.0  # the next turn lets the port go, if it has gone
-        except BaseException as error:  # SystemExit too: this thread alone can stop what it has set in motion
+            return 0.0  # the next pass closes the port, if it is gone
+        except BaseException as error:  # SystemExit too: only this thread can stop the motion that it has started
             self._report_fault(error)
             return POLL_INTERVAL
 
@@ -194,9 +195,9 @@ class SerialLink:
         try:
             handler.on_connected()
         except BaseException as error:
-            # Half a beginning is none: the next turn lets the port go.
-            unfit = NotConnected(f"{self.name}: {self.port}: {_error_text(error)}")
-            self._offline_cause = error if isinstance(error, NotConnected) else unfit
+            # An incomplete start is unusable: the next pass closes the port.
+            port_error = NotConnected(f"{self.name}: {self.port}: {_error_text(error)}")
+            self._offline_cause = error if isinstance(error, NotConnected) else port_error
             raise
         self._was_connected = True
         self._report(DeviceStatus(self.name, "online", f"{self.port} is open at {self.baud} baud"))
@@ -215,24 +216,24 @@ class SerialLink:
         try:
             if data:
                 handler.on_data(data)
-        finally:  # data that cannot be read must not keep a driver from renewing what it sends
+        finally:  # invalid data must not keep a driver from renewing its commands
             pause = handler.on_poll() or 0.0
             self._paused = pause > 0
         return pause
 
     def _report_fault(self, error: BaseException) -> None:
-        """Report a fault, unless it is the same as before: it may come with every pulse."""
+        """Report a fault unless it is the last one: it may occur at every poll."""
         if (fault := _error_text(error)) != self._fault:
             self._fault = fault
             self._report(DeviceStatus(self.name, "fault", fault))
 
     def _finish(self) -> None:
-        """Let the talker say its last word, and release the port whatever comes of that."""
+        """Let the handler send its last commands, then close the port in any case."""
         try:
             if self._port is not None and self._handler is not None:
                 self._handler.on_closing()
         except NotConnected:
-            return  # nobody is there to hear it
+            return  # the device is unreachable
         except BaseException as error:
             self._report_fault(error)
         finally:

@@ -1,4 +1,4 @@
-"""Turn after turn of the same work: on a thread of its own, or by whoever else has the time in hand."""
+"""Loops that call a function repeatedly: on a thread of their own, or on simulated time."""
 
 import logging
 from collections.abc import Callable
@@ -6,16 +6,16 @@ from contextlib import suppress
 from threading import Event, Thread
 from typing import ParamSpec, Protocol
 
-# Listeners that cannot hurt a driver: what a report or a callback raises ends no thread that moves a robot.
+# Callbacks that cannot harm a driver: their exceptions end no thread that moves a robot.
 
 P = ParamSpec("P")
 
 
 def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
-    """Return ``listener`` as one that never raises; the first error of it is logged, those that follow are not.
+    """Return ``listener`` as a callback that never raises; its first error is logged, later ones are not.
 
-    SystemExit too is kept away from the driver: a terminal whose pipe has broken raises it in whatever thread prints.
-    KeyboardInterrupt alone passes, for it is not the listener's: it comes to the main thread wherever that is.
+    SystemExit is suppressed as well: a terminal with a broken pipe raises it in any thread that prints.
+    KeyboardInterrupt passes, since it is not an error of the listener.
     """
     failed = False
 
@@ -28,44 +28,45 @@ def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
         except BaseException as error:
             if not failed:
                 failed = True
-                with suppress(Exception, SystemExit):  # the log may end at the very terminal that has gone
-                    what = f"{type(error).__name__}: {error}"
-                    logging.getLogger(__name__).error("a listener failed and is not logged again: %s", what)
+                with suppress(Exception, SystemExit):  # the log may go to the same broken terminal
+                    message = f"{type(error).__name__}: {error}"
+                    logging.getLogger(__name__).error("a listener failed and is not logged again: %s", message)
 
     return guard
 
 
 LoopBody = Callable[[], float]
-"""Does what is due, and returns the seconds until more is. It raises nothing: a loop has nobody to tell."""
+"""Does the work that is due, and returns the seconds until the next call. It must not raise: nothing would catch that.
+"""
 
 
 class Loop(Protocol):
-    """Takes turns from ``start`` to ``end``."""
+    """Calls a function repeatedly from ``start`` to ``end``."""
 
     @property
     def is_alive(self) -> bool:
-        """Whether turns are taken."""
+        """Whether the loop runs."""
         ...
 
     def start(self) -> None:
-        """Take turns from now on, until ``end``; does nothing while they are taken."""
+        """Start the loop; does nothing while it runs."""
         ...
 
     def wake(self) -> None:
-        """Take the next turn now, whatever the pause was to be. From any thread."""
+        """Make the next call now, before its time. Callable from any thread."""
         ...
 
     def end(self) -> None:
-        """Take no turn any more, and wait for the one that is under way. Safe more than once, but not in a turn."""
+        """End the loop, and wait for a call in progress. Safe more than once, but not from the loop itself."""
         ...
 
 
 LoopFactory = Callable[[str, LoopBody, Callable[[], object]], Loop]
-"""Makes a loop from its name, its turn, and what is done once after the last turn."""
+"""Makes a loop from its name, its body, and a function that is called once at the end."""
 
 
 class ThreadLoop:
-    """A ``Loop`` on a daemon thread called ``name``, which does ``last`` too; ``end`` cuts a pause short."""
+    """``Loop`` on a daemon thread called ``name``, which also calls ``on_end``; ``end`` interrupts a pause."""
 
     def __init__(self, name: str, body: LoopBody, on_end: Callable[[], object]) -> None:
         self._name = name
@@ -81,14 +82,14 @@ class ThreadLoop:
         return self._thread is not None and self._thread.is_alive()
 
     def start(self) -> None:
-        """Start the thread; does nothing if it was started and not ended."""
+        """Start the thread; does nothing while it runs."""
         if self._thread is None:
             self._ending = False
             self._thread = Thread(target=self._run, name=self._name, daemon=True)
             self._thread.start()
 
     def wake(self) -> None:
-        """Cut a pause short."""
+        """Interrupt the pause."""
         self._woken.set()
 
     def end(self) -> None:

@@ -1,6 +1,6 @@
-"""Serial ports: opened for one owner, with an error that says who holds them or what is missing.
+"""Serial ports: open one exclusively, with an error that names its holder or the missing device.
 
-What stands at the place of one is found out without opening it: that alone resets some boards.
+The kind of a device file is checked without opening it, since opening resets some boards.
 """
 
 import errno
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 PORTS_HINT = "mission ports  (what is plugged in, and what answers there)"
-"""What to type where a port is not what it should be."""
+"""Hint for a wrong port."""
 
 _FILE_KINDS = {
     stat.S_ISREG: "a file",
@@ -32,13 +32,13 @@ _FILE_KINDS = {
     stat.S_ISSOCK: "a socket",
     stat.S_ISBLK: "a disk",
 }
-"""What stands in a file system besides devices of characters, which serial ports are."""
+"""Kinds of files that are no character devices, unlike serial ports."""
 
 
 def find_non_serial_kind(port: str) -> str | None:
-    """Say what stands at ``port`` where that is of no kind that a serial port can be.
+    """Return the kind of the file at ``port`` if it cannot be a serial port.
 
-    None for one that may be, and where there is nothing: it may be plugged in yet.
+    None for a possible port, and if there is no file: it may be plugged in later.
     """
     try:
         status = Path(port).stat()
@@ -56,28 +56,28 @@ def find_non_serial_kind(port: str) -> str | None:
 
 
 def require_serial_ports(ports: Mapping[str, str]) -> None:
-    """Raise NotConnected where a part's port can never be one, with all that are not."""
-    wrong = {part: what for part, port in ports.items() if (what := find_non_serial_kind(port)) is not None}
-    if wrong:
-        found = (f"{part}: {ports[part]}: no serial port, but {what}" for part, what in wrong.items())
-        raise NotConnected("\n".join(found), hint=PORTS_HINT)
+    """Raise NotConnected if ports of parts can never be serial ports; the message has all of them."""
+    kinds = {part: what for part, port in ports.items() if (what := find_non_serial_kind(port)) is not None}
+    if kinds:
+        messages = (f"{part}: {ports[part]}: no serial port, but {what}" for part, what in kinds.items())
+        raise NotConnected("\n".join(messages), hint=PORTS_HINT)
 
 
 DEBUG_CONNECTOR, PINS_PORT = "/dev/ttyAMA10", "/dev/ttyAMA0"
-"""Serial ports of a Raspberry Pi 5: of its debug connector, where /dev/serial0 leads, and of GPIO 14 and 15."""
+"""Serial ports of a Raspberry Pi 5: its debug connector, to which /dev/serial0 leads, and GPIO 14 and 15."""
 
 UART_SETTING = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
-"""The setting that switches the port of the pins on."""
+"""Setting that enables the port of the pins."""
 
 DEBUG_CONNECTOR_PROBLEM = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
 PINS_HINT = f"port: {PINS_PORT}  (GPIO 14 and 15, after {UART_SETTING})"
-"""The message about a link to the debug connector, and its hint."""
+"""Message about a link to the debug connector, and its hint."""
 
 _PI_5 = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
 
 
 def is_raspberry_pi_5(root: Path = Path("/")) -> bool:
-    """Return whether the machine whose files lie under ``root`` has the chip of a Raspberry Pi 5."""
+    """Return whether the machine whose files are under ``root`` has the chip of a Raspberry Pi 5."""
     tree = root / "proc/device-tree"
     with suppress(OSError):
         if _PI_5.search((tree / "model").read_text(errors="replace")):
@@ -90,26 +90,26 @@ def is_raspberry_pi_5(root: Path = Path("/")) -> bool:
 def leads_to_debug_connector(port: str, root: Path = Path("/")) -> bool:
     """Return whether a port is a link, such as /dev/serial0, to the debug connector of a Raspberry Pi 5.
 
-    ``DEBUG_CONNECTOR`` itself is none: a device may be wired to it on purpose.
+    False for ``DEBUG_CONNECTOR`` itself: a device may be wired to it on purpose.
     """
     link = root / port.lstrip("/")
     return link.is_symlink() and link.resolve().name == Path(DEBUG_CONNECTOR).name and is_raspberry_pi_5(root)
 
 
 _CONTROL_FLAGS_INDEX = 2
-"""Where ``termios.tcgetattr`` has the control modes in its list."""
+"""Index of the control modes in the list of ``termios.tcgetattr``."""
 
 READ_SIZE = 4096
-"""Bytes that are read at once at most: all that Linux keeps of a serial line."""
+"""Maximum bytes of a read: the size of Linux' buffer of a serial line."""
 
 
 class SerialPort(serial.Serial):
-    """A serial port that asks the system no more often than it must, and leaves DTR as it was set when it is closed."""
+    """Serial port with few system calls, which keeps DTR as it was set when it is closed."""
 
     def read_available(self, timeout: float) -> bytes:
-        """Return what has arrived; wait up to ``patience`` seconds for the first byte of it.
+        """Return received bytes; wait up to ``timeout`` seconds for the first one.
 
-        Raises OSError when the port has gone, which an empty read of one that is ready says too.
+        Raises OSError if the port is gone, which shows as an empty read of a ready port.
         """
         if not select.select([self.fileno()], [], [], timeout)[0]:
             return b""
@@ -119,21 +119,21 @@ class SerialPort(serial.Serial):
         return data
 
     def write(self, data: "ReadableBuffer", /) -> int:
-        """Send ``data`` whole, as pyserial does, but without asking whether there was room for what has gone out."""
-        whole = memoryview(data)
+        """Send ``data`` completely, as pyserial does, but without a ``select`` after a successful write."""
+        view = memoryview(data)
         try:
-            sent = os.write(self.fileno(), whole)
+            sent = os.write(self.fileno(), view)
         except BlockingIOError:
             sent = 0
-        if sent < len(whole):
-            super().write(whole[sent:])
-        return len(whole)
+        if sent < len(view):
+            super().write(view[sent:])
+        return len(view)
 
     def set_dtr(self, *, on: bool) -> None:
         """Set the modem line DTR.
 
-        Linux drops the line with the last close unless HUPCL is off (termios(3)). A pseudo-terminal has no such line,
-        and that is no error. Raises OSError when the port has gone.
+        Linux drops the line with the last close unless HUPCL is off (termios(3)). On a pseudo-terminal, which has no
+        DTR, this does nothing. Raises OSError if the port is gone.
         """
         try:
             settings = termios.tcgetattr(self.fileno())
@@ -151,13 +151,13 @@ class SerialPort(serial.Serial):
 def open_port(part: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
     """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
 
-    Raises NotConnected, with what to try: nothing there, no serial port, no right to it, or held by another
-    process; a name of the debug connector of a Raspberry Pi 5.
+    Raises NotConnected, with a hint, if the port is missing, no serial port, not permitted, held by another process, or
+    the debug connector of a Raspberry Pi 5.
     """
     if leads_to_debug_connector(port):
         raise NotConnected(f"{part}: {port}: {DEBUG_CONNECTOR_PROBLEM}", hint=PINS_HINT)
     require_serial_ports({part: port})
-    # Before it is opened: that sets the baud rate of whoever holds it, too, and would part a robot from its program.
+    # Before it is opened: opening would change the baud rate for its holder, and disconnect a running robot.
     if holders := device_holders(port):
         raise _make_in_use_error(part, port, holders)
     try:
@@ -167,7 +167,7 @@ def open_port(part: str, port: str, baud: int, *, timeout: float = 0.02) -> Seri
 
 
 class PortLostError(OSError):
-    """A port that has gone, of a kind for which there is something better to try than to look at it."""
+    """Loss of a port with a hint of its own."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -175,7 +175,7 @@ class PortLostError(OSError):
 
 
 def make_port_error(part: str, port: str, error: BaseException) -> NotConnected:
-    """Turn what the operating system says of ``port`` into an error with a cure."""
+    """Return an error with a hint for an error of the operating system at ``port``."""
     number = _errno_of(error)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return NotConnected(
@@ -183,13 +183,13 @@ def make_port_error(part: str, port: str, error: BaseException) -> NotConnected:
             hint=PORTS_HINT,
         )
     if number == errno.EACCES:
-        what, hint = explain_denied(Path(port))
-        return NotConnected(f"{part}: {port}: {what}", hint=hint)
+        message, hint = explain_denied(Path(port))
+        return NotConnected(f"{part}: {port}: {message}", hint=hint)
     if number in (errno.EAGAIN, errno.EBUSY):
         return _make_in_use_error(part, port, device_holders(port))
-    what = str(error).removeprefix(f"{part}: {port}: ")  # which opening it may have said
+    message = str(error).removeprefix(f"{part}: {port}: ")  # a prefix that the opener may have added
     return NotConnected(
-        f"{part}: {port}: {what}", hint=error.hint if isinstance(error, PortLostError) else f"ls -l {port}"
+        f"{part}: {port}: {message}", hint=error.hint if isinstance(error, PortLostError) else f"ls -l {port}"
     )
 
 
@@ -200,7 +200,7 @@ def _make_in_use_error(part: str, port: str, holders: Sequence[Program]) -> NotC
 
 
 def _errno_of(error: BaseException) -> int | None:
-    """Pyserial sometimes carries the number in the exception's arguments, sometimes only in the one it wraps."""
+    """Return the error number: pyserial sometimes has it in the exception, sometimes only in the wrapped one."""
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno
     return _errno_of(error.__context__) if error.__context__ is not None else None

@@ -1,4 +1,4 @@
-"""Programs that hold a port: named as the user started them, with the command that ends them."""
+"""Programs that hold a port: their names as the user typed them, and the commands that end them."""
 
 import os
 import stat
@@ -8,16 +8,16 @@ from pathlib import Path
 
 from drivers.api.fast_dataclass import dataclass
 
-# Advice for a device that the user may not open: the group to join, or what gives the right where no group does.
+# Hints for a device that the user may not open: the group to join, or another way to get the permission.
 
 DEVICE_GROUPS = frozenset({"audio", "dialout", "input", "plugdev", "uucp", "video"})
-"""The groups that systems made for devices. To join another one, such as root or disk, gives far more away."""
+"""Groups that systems create for devices. Joining another one, such as root or disk, grants far more."""
 
 
 def explain_denied(device: Path, path: str = "", groups: Collection[int] | None = None) -> tuple[str, str]:
     """Return why the user may not open ``device``, and the next command to type.
 
-    ``path`` is the name to show, ``groups`` holds the group numbers of this login; by default those of this process.
+    ``path`` is the name to show, ``groups`` are the group numbers of this login, by default those of this process.
     """
     import grp  # noqa: PLC0415 - Python in a browser does not have it
 
@@ -34,8 +34,8 @@ def explain_denied(device: Path, path: str = "", groups: Collection[int] | None 
         return f"no permission, though you are in its group {group}", f"ls -l {path}"
     if _user_name(os.geteuid()) in grp.getgrgid(status.st_gid).gr_mem:
         return f"no permission: you have joined its group {group}, but not in this login", "log out, and in again"
-    what = f"no permission: it belongs to group {group}, which you are not in"
-    return what, f"sudo usermod -a -G {group} $USER  (then log in again)"
+    reason = f"no permission: it belongs to group {group}, which you are not in"
+    return reason, f"sudo usermod -a -G {group} $USER  (then log in again)"
 
 
 def _grant_command(path: str, group: str) -> str:
@@ -57,20 +57,20 @@ def _user_name(number: int) -> str:
 
 
 STOPPABLE_COMMANDS = ("run", "servo", "head", "teleop")
-"""Commands of ours that move a robot: `mission stop` ends them with all at rest."""
+"""Commands that move a robot, and that `mission stop` ends with all actuators at rest."""
 
 TCP_LISTEN = "0A"
-"""State of a TCP socket that waits for connections, as /proc/net/tcp writes it."""
+"""State of a listening TCP socket in /proc/net/tcp."""
 
 MAX_NAME_LENGTH = 60
 
 PTY_MAJORS = range(136, 144)
-"""Major numbers of pseudo-terminals, by the kernel's list of devices; fdinfo has the index of one at its other end."""
+"""Major numbers of pseudo-terminals, by the kernel's list of devices; the index is in the fdinfo of the other end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A running program: its process, and ``name``, which is the command that was typed if it is one of ours."""
+    """Running program: its process id, and ``name``, which is the typed command for programs of MissionTree."""
 
     pid: int
     name: str
@@ -80,7 +80,7 @@ class Program:
 
     @property
     def end_command(self) -> str:
-        """The command that ends it; empty for a program that is none of ours."""
+        """Command that ends the program; empty if it is not a program of MissionTree."""
         words = self.name.split()
         if words[:1] != ["mission"]:
             return ""
@@ -94,11 +94,11 @@ def read_program(pid: int, root: Path = Path("/")) -> Program:
 
 
 def identify_program(pid: int, comm: str, cmdline: str) -> Program:
-    """Return the program of a process by what its files ``comm`` and ``cmdline`` in /proc hold."""
+    """Return the program of a process from the contents of ``comm`` and ``cmdline`` in /proc."""
     name, words = comm.strip() or "a program", cmdline.rstrip("\0").split("\0")
-    ours = next((at for at, word in enumerate(words) if _is_ours(words, at, word)), None)
-    if ours is not None:
-        name = " ".join(["mission", *words[ours + 1 :]])
+    index = next((at for at, word in enumerate(words) if _is_ours(words, at, word)), None)
+    if index is not None:
+        name = " ".join(["mission", *words[index + 1 :]])
     elif name.startswith("python"):
         name = " ".join([name, *(Path(word).name for word in words[1:] if word.endswith(".py"))][:2])
     return Program(pid, name if len(name) <= MAX_NAME_LENGTH else f"{name[: MAX_NAME_LENGTH - 1]}…")
@@ -109,14 +109,14 @@ def _is_ours(words: list[str], at: int, word: str) -> bool:
 
 
 def end_command(holders: Sequence[Program], otherwise: str) -> str:
-    """Return the command that ends those of ``holders`` that are ours; ``otherwise`` if none is."""
+    """Return the command that ends those of ``holders`` that belong to MissionTree; ``otherwise`` if there are none."""
     return "; ".join(each.end_command for each in holders if each.end_command) or otherwise
 
 
 def device_holders(port: str) -> list[Program]:
-    """Return the other programs that have a device open, as far as the user may look (Linux only).
+    """Return the other programs that have a device open, as far as the user may see them (Linux only).
 
-    The program at the other end of a pseudo-terminal is none of them.
+    The program at the other end of a pseudo-terminal is not included.
     """
     try:
         device = Path(port).stat().st_rdev
@@ -136,7 +136,7 @@ def device_holders(port: str) -> list[Program]:
 
 
 def tcp_holders(port: int) -> list[Program]:
-    """Return the programs that wait for connections at a TCP port of this computer, as far as the user may look."""
+    """Return the programs that listen on a TCP port of this computer, as far as the user may see them."""
     inodes = set()
     for table in ("tcp", "tcp6"):
         for line in _read(Path("/proc/net") / table).splitlines()[1:]:
@@ -147,21 +147,21 @@ def tcp_holders(port: int) -> list[Program]:
 
 
 def _holders(holds: Callable[["os.DirEntry[str]"], bool]) -> Iterator[Program]:
-    """Yield the other programs with an open file that ``holds`` accepts, in the order of their numbers.
+    """Yield the other programs with an open file that ``holds`` accepts, in the order of their process ids.
 
-    Each port that is opened looks through all files of all programs: ``pathlib`` would take ten times as long.
+    Opening a port scans all files of all programs: ``pathlib`` would take ten times as long.
     """
-    found = set()
+    pids = set()
     for process in _entries("/proc"):
         for descriptor in _entries(f"{process.path}/fd") if process.name.isdecimal() else ():
             with suppress(OSError):
                 if holds(descriptor):
-                    found.add(int(process.name))
-    yield from (read_program(pid) for pid in sorted(found - {os.getpid()}))
+                    pids.add(int(process.name))
+    yield from (read_program(pid) for pid in sorted(pids - {os.getpid()}))
 
 
 def _entries(folder: str) -> "list[os.DirEntry[str]]":
-    """Return what is in a folder; nothing where the user may not look, or the process has ended."""
+    """Return the entries of a folder; empty if it cannot be read, or the process has ended."""
     try:
         with os.scandir(folder) as entries:
             return list(entries)

@@ -1,4 +1,4 @@
-"""How long a part that moves was away, and what follows from that when it is back. Its time is handed in."""
+"""Reconnect tracking of an actuator: detects absences, and applies its reconnect policy. Times are arguments."""
 
 from math import inf
 
@@ -7,10 +7,10 @@ from drivers.errors import DeviceFault
 
 
 class ReconnectTracker:
-    """Told whenever the part is heard; not safe between threads.
+    """Tracks the absences of a part, and latches it after a long one. Not thread-safe.
 
-    ``reconnected_at`` is when it was last back from an absence after which nothing of before goes on, None if there was none;
-    ``latched`` says why it stays at rest until it is enabled, and is empty while it need not.
+    ``reconnected_at`` is the time of the last reconnect after which earlier commands are dropped, None if there was
+    none; ``latched`` is the reason of the latch, or empty.
     """
 
     def __init__(self, policy: ReconnectPolicy | None = None) -> None:
@@ -21,20 +21,23 @@ class ReconnectTracker:
 
     @property
     def min_absence(self) -> float:
-        """Seconds from which on it counts as having been away."""
+        """Shortest absence in seconds after which earlier commands are dropped."""
         return self._policy.decide_after
 
     def restart(self) -> None:
-        """Begin anew: what is heard next is the first of it."""
+        """Reset the state: the next report is the first one."""
         self.reconnected_at, self.latched, self._reported_at = None, "", -inf
 
     def on_report(self, now: float, *, restarted: bool = False) -> bool:
-        """Note that it is there at ``now`` seconds, and may have started ``anew``; say if nothing of before goes on."""
+        """Note that the part is online at ``now`` and may have ``restarted``; return whether to drop earlier commands."""
         before, self._reported_at = self._reported_at, now
         return before > -inf and self.on_return(now, now - before, restarted=restarted)
 
     def on_return(self, now: float, absence: float, *, name: str = "it", restarted: bool = False) -> bool:
-        """Note that it, or one servo of it (``who``), is back at ``now`` after ``lasted`` seconds; say as ``on_report``."""
+        """Note that the part, or the servo ``name`` of it, is back at ``now`` after ``absence`` seconds.
+
+        Return whether to drop earlier commands: after a restart, or a long absence.
+        """
         if not (restarted or absence > self._policy.decide_after):
             return False
         self.reconnected_at = now
@@ -43,37 +46,37 @@ class ReconnectTracker:
         return True
 
     def is_silent(self, now: float) -> bool:
-        """Whether it was silent for so long by ``now`` that it is to be heard again before anything moves."""
+        """Return whether the part was silent for so long by ``now`` that it must report before it moves."""
         return -inf < self._reported_at < now - self._policy.decide_after
 
     def is_from_before(self, requested_at: float) -> bool:
-        """Whether what was ``asked`` at that time is from before its last return."""
+        """Return whether a command at ``requested_at`` is from before the last reconnect."""
         return self.reconnected_at is not None and requested_at < self.reconnected_at
 
     def require_unlatched(self, part: str) -> None:
-        """Raise DeviceFault while it is latched; ``who`` is the part."""
+        """Raise DeviceFault while latched; ``part`` is the name in the message."""
         if self.latched:
             raise DeviceFault(f"{part}: stopped: {self.latched}", hint=f"look at it, then enable the {part}")
 
     def latch(self, reason: str, *, replace: bool = False) -> None:
-        """Let it rest until it is enabled; a ``graver`` reason is told in place of one that was there."""
+        """Latch the part with a reason; ``replace`` overwrites an earlier reason."""
         self.latched = reason if replace else self.latched or reason
 
     def enable(self) -> None:
-        """Let it be moved again."""
+        """Release the latch."""
         self.latched = ""
 
 
 class LatchingPart:
-    """A ``drivers.api.Latchable`` part, by its ``_reconnect``."""
+    """Implements ``drivers.api.Latchable`` by the part's ``_reconnect``."""
 
     _reconnect: ReconnectTracker
 
     @property
     def latched(self) -> str:
-        """Why it moves no more until it is enabled; empty while it does."""
+        """Reason of the latch; empty if not latched."""
         return self._reconnect.latched
 
     def enable(self) -> None:
-        """Let it move again, after it was away for long."""
+        """Release the latch after a long absence."""
         self._reconnect.enable()

@@ -1,1 +1,1 @@
-"""The devices at wire level on pseudo-terminals, so that the real drivers are what runs."""
+"""Virtual devices at wire level on pseudo-terminals, for the real drivers."""

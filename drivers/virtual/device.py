@@ -1,4 +1,4 @@
-"""A virtual device as it is plugged in: what is on its wire, and what it truly does."""
+"""Virtual device with its wire, and its true state for the simulated world."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -11,19 +11,19 @@ T = TypeVar("T")
 
 
 class VirtualPort(Protocol):
-    """Where virtual devices are plugged in: a ``drivers.virtual.terminal.PseudoTerminal``, or what does for it elsewhere."""
+    """Port of virtual devices: a ``drivers.virtual.terminal.PseudoTerminal``, or a replacement."""
 
     @property
     def path(self) -> str:
-        """Where they are to be found."""
+        """Path of the port."""
         ...
 
     def open(self) -> None:
-        """Plug in."""
+        """Plug the devices in."""
         ...
 
     def close(self) -> None:
-        """Unplug. Safe more than once."""
+        """Unplug the devices for good. Safe more than once."""
         ...
 
     def unplug(self) -> None:
@@ -31,22 +31,20 @@ class VirtualPort(Protocol):
         ...
 
     def replug(self) -> None:
-        """Put it in again."""
+        """Plug in again."""
         ...
 
     def call_paused(self, question: Callable[[], T]) -> T:
-        """Ask the devices something while they stand still."""
+        """Call ``question`` while the devices are paused, and return its result."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class VirtualDevice:
-    """A ``device`` on a wire, whose pseudo-terminal is called after ``port_name``; None for a part on the wire of another.
+    """Virtual device with a port of the name ``port_name``; ``device`` is None for a part on the wire of another.
 
-    ``port`` is where it is plugged in, if that is no pseudo-terminal; its device is then its own.
-
-    A base tells its true ``pose`` at a time, a head where it truly ``head_pose``, and each its ``state`` in plain values.
-    All are called while the terminal waits: the device is theirs alone.
+    ``port`` is its port if that is not a pseudo-terminal. A base returns its true ``pose`` at a time, a head its true
+    ``head_pose``, and each its ``state`` as plain values. All three are called while the device is paused.
     """
 
     device: WireDevice | None
@@ -58,7 +56,7 @@ class VirtualDevice:
 
 
 class WireBase(WireDevice, Protocol):
-    """A virtual base with a simulated ``body``."""
+    """Virtual base with a simulated ``body``."""
 
     body: Any
 
@@ -68,7 +66,7 @@ class WireBase(WireDevice, Protocol):
 
 
 def make_virtual_base(device: WireBase, wire: str) -> VirtualDevice:
-    """Return a virtual base on a wire; its state are pose and velocity."""
+    """Return a virtual base on a wire; its state is pose and velocity."""
 
     def state(now: float) -> object:
         return asdict(device.pose(now)) | asdict(device.body.velocity)

@@ -1,4 +1,4 @@
-"""Who holds two actuators, as its wire shows it: the house's own keeper, with simulated wheels or servos."""
+"""Virtual actuator guardian at wire level: MissionTree's own guardian, with simulated wheels or servos."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from drivers.virtual.device import VirtualDevice
 
 
 class VirtualGuardian(ABC):
-    """A ``drivers.virtual.terminal.WireDevice``. Safe between threads. It has its power from no plug."""
+    """Virtual guardian: a ``drivers.virtual.terminal.WireDevice``. Thread-safe. Its power does not come from the plug."""
 
     def __init__(self, baud: int) -> None:
         self.baud = baud
@@ -25,15 +25,15 @@ class VirtualGuardian(ABC):
 
     @abstractmethod
     def make_actuators(self) -> GuardianWheels | GuardianServos:
-        """Take them in its hands, as after a start."""
+        """Return its actuators, as after a boot."""
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take lines; return the answers."""
+        """Handle lines; return the replies."""
         with self._lock:
             return self._get_guardian(now).feed(data, now)
 
     def poll(self, now: float) -> bytes:
-        """Let time pass; it says nothing unasked."""
+        """Advance to time ``now``; a guardian sends nothing by itself."""
         with self._lock:
             self._get_guardian(now).poll(now)
             self.advance(now)
@@ -41,10 +41,10 @@ class VirtualGuardian(ABC):
 
     @abstractmethod
     def advance(self, now: float) -> None:
-        """Let what it holds go on until ``now``."""
+        """Advance the simulated actuators to time ``now``."""
 
     def reset(self) -> None:
-        """Have it begin anew."""
+        """Restart the guardian."""
         with self._lock:
             self.guardian = None
 
@@ -56,7 +56,7 @@ class VirtualGuardian(ABC):
 
 
 class VirtualCar(VirtualGuardian):
-    """One whose motors turn the wheels of a ``body``: ``wheels.fastest`` at full power."""
+    """Guardian whose motors turn the wheels of a ``body``, at ``wheels.fastest`` at full power."""
 
     def __init__(self, body: BaseBody, wheels: TwoWheels, *, baud: int = guardian_wire.BAUD) -> None:
         super().__init__(baud)
@@ -65,16 +65,15 @@ class VirtualCar(VirtualGuardian):
         self._wheels = wheels
 
     def make_actuators(self) -> GuardianWheels:
-        """Take both motors."""
         return GuardianWheels(self._turn)
 
     def advance(self, now: float) -> None:
-        """Turn the wheels: those of the body forget what they were told, and these do not."""
+        """Command the wheels of the body again: they forget their command, and those of the guardian do not."""
         velocity = self._wheels.velocity(*(share * self._wheels.fastest for share in self.shares))
         self.body.command(velocity.linear, velocity.angular, now)
 
     def pose(self, now: float) -> Pose2D:
-        """Where it really is at time ``now``."""
+        """Return the true pose at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
@@ -83,10 +82,10 @@ class VirtualCar(VirtualGuardian):
 
 
 class VirtualServos(VirtualGuardian):
-    """One that has two servos, which stand at ``standing`` (degrees).
+    """Guardian with two servos, initially at ``angles`` (degrees).
 
-    It knows where where it is ``knows_angles``: somebody before us has sent them there, and it has had power ever since.
-    ``max_step`` is the widest step (degrees) that a servo was sent, from where it was sent before, or stood.
+    With ``knows_angles`` an earlier program has set the servos, and the guardian has had power since. ``max_step`` is
+    the widest step of a servo in degrees, from its previous setpoint or initial angle.
     """
 
     def __init__(self, angles: Sequence[float], *, baud: int = guardian_wire.BAUD, knows_angles: bool = True) -> None:
@@ -97,22 +96,20 @@ class VirtualServos(VirtualGuardian):
         self._shafts = [Shaft(each, each, SERVO_SPEED) for each in angles]
 
     def make_actuators(self) -> GuardianServos:
-        """Take both servos."""
         first, second = (round(shaft.goal) if self.knows_angles else None for shaft in self._shafts)
         return GuardianServos(self._pulse, (first, second))
 
     def advance(self, now: float) -> None:
-        """Let the shafts turn."""
         for shaft in self._shafts:
             shaft.advance(now)
 
     def angle(self, number: int, now: float) -> float:
-        """Where a servo stands, in degrees."""
+        """Return the angle of a servo, in degrees."""
         with self._lock:
             return self._shafts[number].advance(now)
 
     def reset(self) -> None:
-        """Have it begin anew: it knows nothing of its servos any more."""
+        """Restart the guardian, which forgets the angles of its servos."""
         with self._lock:
             self.knows_angles = False
             super().reset()
@@ -125,7 +122,7 @@ class VirtualServos(VirtualGuardian):
 
 
 def make_virtual_servos(device: VirtualServos, pan: ServoAxis, tilt: ServoAxis, wire: str) -> VirtualDevice:
-    """Return two servos that a guardian holds; the state is their degrees."""
+    """Return two servos behind a guardian; the state is their angles in degrees."""
 
     def looks(time: float) -> HeadPose:
         return HeadPose(pan.to_radians(device.angle(0, time)), tilt.to_radians(device.angle(1, time)))

@@ -1,8 +1,8 @@
-"""The machine's clock for a robot that is simulated in real time: it waits for the virtual devices.
+"""Clock for simulation in real time, which stops while a virtual device is delayed.
 
-A real device has a processor of its own. A virtual one shares this machine with everything else on it, and is late when
-that is busy: it would seem to have been silent, or without power. On this clock no time passes while one is held up, so
-that a simulation on a busy machine becomes slow, and not wrong.
+A real device has a processor of its own. A virtual one shares this machine with all other programs, and is late when it
+is busy: it would seem silent, or without power. On this clock no time passes meanwhile, so a simulation on a busy
+machine is slow, but correct.
 """
 
 from threading import Lock
@@ -10,31 +10,31 @@ from threading import Lock
 from drivers.clock import Clock, SystemClock
 
 MAX_DEVICE_DELAY = 0.03
-"""Seconds that a device may be late before time stands still: less than any driver waits for an answer on a wire."""
+"""Seconds by which a device may be late before the clock stops: less than any driver's reply timeout."""
 
 
 class PatientClock:
-    """Seconds since it was made, but for those in which somebody whom it waits for was held up; thread-safe."""
+    """Seconds since its creation, minus those in which a registered device was delayed; thread-safe."""
 
     def __init__(self, machine: Clock | None = None) -> None:
         self._machine = SystemClock() if machine is None else machine
         self._lock = Lock()
-        self._stopped_time = 0.0  # seconds in which somebody was held up
+        self._stopped_time = 0.0  # total seconds in which a device was delayed
         self._last = 0.0
-        self._heartbeats: dict[object, float] = {}  # when each whom it waits for was last there
+        self._heartbeats: dict[object, float] = {}  # time of the last heartbeat by device
 
     def now(self) -> float:
-        """Return the time in seconds: at most ``MAX_DEVICE_DELAY`` after everybody whom it waits for was last there."""
+        """Return the time in seconds: at most ``MAX_DEVICE_DELAY`` after the oldest heartbeat."""
         with self._lock:
             return self._now()
 
     def heartbeat(self, device: object) -> None:
-        """Wait for ``who`` from now on; to be said again and again, as long as it is not held up."""
+        """Register ``device``, and note that it is not delayed; to be called repeatedly."""
         with self._lock:
             self._heartbeats[device] = self._now()
 
     def unregister(self, device: object) -> None:
-        """Wait for ``who`` no more."""
+        """Remove ``device``."""
         with self._lock:
             self._heartbeats.pop(device, None)
 

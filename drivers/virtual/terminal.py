@@ -1,7 +1,7 @@
-"""A pseudo-terminal with a device behind it: the real driver opens it as it would open a serial port.
+"""Pseudo-terminal with a virtual device, which a real driver opens as a serial port.
 
-The device itself is pure: bytes and the time go in, bytes come out. So the same device runs here in real time, in a
-unit test without any terminal, and in simulated time.
+The device itself is pure: it maps bytes and time to bytes. So the same device runs here in real time, in a unit test
+without a terminal, and in simulated time.
 """
 
 import contextlib
@@ -25,71 +25,70 @@ from drivers.virtual.patient_clock import PatientClock
 T = TypeVar("T")
 
 SPIN_TIME = 150e-6
-"""Seconds before something is due that are waited for without sleeping: no sleep ends on time to less than that."""
+"""Seconds before a due time that are waited for in a busy loop: no sleep is that precise."""
 
 BAUD_TOLERANCE = 0.03
-"""How far, as a share, two rates may be apart and still understand each other."""
+"""Maximum relative difference of two baud rates that understand each other."""
 
 _TCGETS2 = 0x802C542A
-"""Asks Linux for ``struct termios2``, which unlike termios gives any rate as a number, in its last four bytes."""
+"""Request of Linux for ``struct termios2``, which has any baud rate as a number, in its last four bytes."""
 _TERMIOS2_SIZE = 44
 
 
 class WireDevice(Protocol):
-    """A device as its wire shows it."""
+    """Device at wire level."""
 
     @property
     def baud(self) -> int:
-        """The rate it listens at; at any other rate it hears nothing."""
+        """Baud rate; bytes at another rate are ignored."""
         ...
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take bytes from the computer at time ``now``; return the answer, often empty."""
+        """Handle bytes from the computer at time ``now``; return the reply, often empty."""
         ...
 
     def poll(self, now: float) -> bytes:
-        """Let time pass until ``now``; return what the device says unasked."""
+        """Advance to time ``now``; return the bytes that the device sends by itself."""
         ...
 
 
 @runtime_checkable
 class TimedDevice(Protocol):
-    """A device that keeps the times of its wire: the terminal polls it on the moment, not merely now and then."""
+    """Device with exact times on its wire: the terminal polls it at these times, not only periodically."""
 
     def next_poll_time(self) -> float | None:
-        """Return when ``poll`` will have something to say; None while nothing is under way."""
+        """Return the time at which ``poll`` will return bytes; None if no bytes are pending."""
         ...
 
 
 @runtime_checkable
 class MultiRateDevice(Protocol):
-    """A device made of parts that run at several rates: it is told the computer's, and decides who hears."""
+    """Device of parts with different baud rates: it gets the computer's rate, and decides which parts receive."""
 
     def set_baud(self, baud: int) -> None:
-        """Take note that the computer runs at ``baud``."""
+        """Set the baud rate of the computer."""
 
 
 @runtime_checkable
 class PoweredDevice(Protocol):
-    """A device that has its power from the plug."""
+    """Device that has its power from the plug."""
 
     def power_on(self, now: float) -> None:
-        """The plug was put in, at time ``now``."""
+        """Switch the power on at time ``now``."""
 
 
 def baud_rates_match(one: int, other: int) -> bool:
-    """Whether two ends of a wire at these rates understand each other."""
+    """Return whether two ends of a wire with these rates understand each other."""
     return abs(one - other) <= BAUD_TOLERANCE * max(one, other)
 
 
 class PseudoTerminal:
-    """Runs a device on a pseudo-terminal, on a thread of its own; one that is ``TimedDevice`` is heard on time.
+    """Runs a device on a pseudo-terminal, on a thread of its own; a ``TimedDevice`` is polled on time.
 
     ``path`` is a stable name (a symbolic link) that survives ``unplug`` and ``replug``, as a udev name does.
-    ``distort`` may be set at any time: it sees all bytes that the device sends, and returns what arrives instead
-    (nothing for silence, flipped bits for noise). For ``awake`` seconds after bytes have passed it watches the line
-    without sleeping, at the price of a processor: a wire that is to keep its times has nobody to wake up. A
-    ``PatientClock`` waits for it.
+    ``distort`` may be set at any time: it maps the bytes that the device sends to those that arrive (none for silence,
+    flipped bits for noise). For ``busy_wait`` seconds after an exchange the port is polled without sleeping, which
+    occupies a processor: waking from a sleep is too slow for exact times. A ``PatientClock`` waits for the device.
     """
 
     def __init__(
@@ -108,7 +107,7 @@ class PseudoTerminal:
         self._folder = Path(tempfile.gettempdir()) / f"missiontree-{secrets.token_hex(8)}"
         self.path = str(self._folder / name)
         self._remove_folder: weakref.finalize[[Path], PseudoTerminal] | None = (
-            None  # removes the folder, at exit if nobody did
+            None  # removes the folder, at exit at the latest
         )
         self._lock = RLock()
         self._master = self._slave = -1
@@ -116,7 +115,7 @@ class PseudoTerminal:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Plug the device in and start it. Does nothing while it is open."""
+        """Plug the device in and start it. Does nothing while open."""
         if self._thread is not None:
             return
         self._folder.mkdir(mode=0o700)
@@ -127,7 +126,7 @@ class PseudoTerminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Unplug, end the thread and remove the name. Safe more than once."""
+        """Unplug, end the thread and remove the path. Safe more than once."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
@@ -137,7 +136,7 @@ class PseudoTerminal:
             self._remove_folder()
 
     def unplug(self) -> None:
-        """Pull the plug: the port vanishes under whoever has it open. The device goes on without a wire."""
+        """Pull the plug: the port disappears, even if it is open. The device continues without a wire."""
         with self._lock:
             Path(self.path).unlink(missing_ok=True)
             for descriptor in (self._master, self._slave):
@@ -146,7 +145,7 @@ class PseudoTerminal:
             self._master = self._slave = -1
 
     def replug(self) -> None:
-        """Put the plug in again: a new port under the same name."""
+        """Plug in again: a new port with the same path."""
         with self._lock:
             if self._master >= 0:
                 return
@@ -160,12 +159,12 @@ class PseudoTerminal:
             Path(self.path).symlink_to(os.ttyname(self._slave))
 
     def call_paused(self, question: Callable[[], T]) -> T:
-        """Ask the device something while it stands still: its own thread waits until ``question`` is answered."""
+        """Call ``question`` while the device is paused, and return its result."""
         with self._lock:
             return question()
 
     def client_baud(self) -> int | None:
-        """The rate that the computer has set on its side; None when unplugged, or where the system will not tell."""
+        """Return the baud rate that the computer has set; None when unplugged, or if the system does not report it."""
         try:
             settings = fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2_SIZE))
         except (OSError, ValueError):  # ValueError: the descriptor is -1, unplugged
@@ -183,7 +182,7 @@ class PseudoTerminal:
                 self._patient_clock.unregister(self)
 
     def _run_once(self) -> None:
-        """Wait until something has come, or is due, and pass it on."""
+        """Wait until bytes arrive or are due, and exchange them."""
         with self._lock:
             master, due = self._master, self._timed_device.next_poll_time() if self._timed_device else None
         rest = self._poll_interval if due is None else min(self._poll_interval, due - self._clock.now())
@@ -197,27 +196,27 @@ class PseudoTerminal:
             self._exchange()
 
     def _spin(self, due: float | None) -> None:
-        """Wait for ``due`` on the moment if it is near; not if bytes have come long before it."""
+        """Wait for ``due`` in a busy loop if it is near; not if bytes have arrived long before it."""
         while due is not None and 0 < due - self._clock.now() <= SPIN_TIME and not self._ending.is_set():
             pass
 
     def _exchange(self) -> None:
-        """Pass on what has arrived, and what the device has to say."""
+        """Pass received bytes to the device, and send its bytes."""
         now = self._clock.now()
         data = b""
         if self._master >= 0:
             with contextlib.suppress(OSError):
                 data = os.read(self._master, 4096)
-        heard = data if self._baud_matches() else b""
-        answer = (self.device.feed(heard, now) if heard else b"") + self.device.poll(now)
+        received = data if self._baud_matches() else b""
+        answer = (self.device.feed(received, now) if received else b"") + self.device.poll(now)
         if self._busy_wait and (data or answer):
             self._busy_until = now + self._busy_wait
         if answer and self._master >= 0 and self._baud_matches():
-            with contextlib.suppress(OSError):  # nobody reads: the buffer is full, and the bytes are lost as on a wire
+            with contextlib.suppress(OSError):  # the buffer is full: the bytes are lost, as on a wire
                 os.write(self._master, self.distort(answer))
 
     def _baud_matches(self) -> bool:
-        """Whether computer and device run at the same rate, as far as the system tells."""
+        """Return whether computer and device have the same baud rate, as far as the system reports it."""
         rate = self.client_baud()
         if rate is not None and self._multi_rate_device is not None:
             self._multi_rate_device.set_baud(rate)
