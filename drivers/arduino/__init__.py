@@ -1,1 +1,1 @@
-"""The Rodney head: pan and tilt servos on an Arduino that speaks rosserial."""
+"""Rodney head: pan and tilt servos on an Arduino with rosserial."""

@@ -1,4 +1,4 @@
-"""The board of the Rodney head: one wire, and up to two pan/tilt devices and a pair of wheel encoders behind it."""
+"""Board of the Rodney head: one serial link for up to two pan/tilt devices and a pair of wheel encoders."""
 
 import math
 from collections import Counter
@@ -20,19 +20,18 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import ReconnectTracker
 
 IDLE_POLL_INTERVAL = 0.1
-"""Seconds from one look at the wire to the next while nothing is to be sent; a sketch with encoders tells of them more
-often than that."""
+"""Seconds between two polls of the link without setpoints to send; encoder messages are more frequent."""
 
 STALE_AFTER = 0.5
-"""Seconds after which what the encoders measured is stale: the sketch says it every 50 ms."""
+"""Seconds after which an encoder measurement is stale; the sketch sends one every 50 ms."""
 
 
 class ServoKnowledge(Enum):
-    """How a ``ArduinoBoard`` knows where its servos stand."""
+    """Source of a board's servo angles."""
 
     NONE = auto()  # the board has not answered yet
-    FROM_SKETCH = auto()  # it has reset: they stand where its sketch puts them
-    FROM_MEMORY = auto()  # it has been running: they stand where this program, or one before, left them
+    FROM_SKETCH = auto()  # it was reset: the start angles of its sketch
+    FROM_MEMORY = auto()  # it has been running: the last angles of this program, or of an earlier one
     LOST = auto()  # a reset is possible: the board is latched
 
 
@@ -47,51 +46,51 @@ TRANSITIONS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class WheelRates:
-    """How fast the wheels turn, in rad/s, forward positive."""
+    """Turn rates of the wheels in rad/s, forward positive."""
 
     left: float
     right: float
 
 
 class BoardDevice(Protocol):
-    """A pan/tilt device on the board. One of the three is called at a time, mostly from the link's thread."""
+    """Pan/tilt device on the board. Only one method runs at a time, mostly on the link's thread."""
 
     @property
     def servos(self) -> frozenset[int]:
-        """The numbers of its servos."""
+        """Numbers of its servos."""
         ...
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:
-        """Set the angles of its servos to these ``degrees``, by their numbers, else to where the sketch puts them.
+        """Set the servo angles to ``degrees``, by number, or to the start angles of the sketch; return them.
 
-        ``later`` selects the sketch with encoders. Unless they are ``known``, it stays until it is commanded. Returns
-        the angles.
+        ``has_encoders`` selects the sketch with encoders. Unless the angles are ``known``, the device stays there until
+        it is commanded.
         """
         ...
 
     def drop_goal(self) -> None:
-        """Nobody hears commands at present, or what was commanded before is not to go on."""
+        """Drop the goal: the board is offline, or earlier commands must not continue."""
         ...
 
     def pause_until(self, now: float) -> bool:
-        """At time ``now`` nothing may be sent: stand still; say whether there is something to be sent."""
+        """Stay still until time ``now``, since nothing may be sent; return whether setpoints are waiting."""
         ...
 
     def next_angles(self, now: float) -> list[wire.ServoAngle]:
-        """Return what is to be sent at time ``now``; it will be."""
+        """Return the setpoints to send at time ``now``; they count as sent."""
         ...
 
 
 class ArduinoBoard:
-    """An Arduino or Teensy with a Rodney sketch, found again whenever it was lost: the talker of ``link``.
+    """Arduino or Teensy with a Rodney sketch, which reconnects by itself: the handler of ``link``.
 
-    Angles are sent only while it is sure that the board has not begun anew since its servos were known to stand where
-    they do: see ``drivers.arduino.session``. One that does not answer at once when its port was opened is
-    starting, and asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we
-    left them, or ``remembered`` says; else that is not known, they are taken to stand where the sketch puts them, and
-    stay there until they are commanded. An assumed angle is not remembered until it was sent. DTR stays on when the
-    port is closed, so that the next program does not reset the board. After it was away ``away`` says what of before
-    goes on. The port is open while any of its devices is.
+    Setpoints are sent only while a reset of the board since the last known servo angles is excluded: see
+    ``drivers.arduino.session``. A board that does not reply when its port is opened is booting, and is probed again
+    after ``boot_delay`` seconds. A board that replies has been running: its servos have the last angles of this
+    program, or those in ``angle_store``. Without either, the start angles of the sketch are assumed, and the servos
+    stay until they are commanded; an assumed angle is stored only after it was sent. DTR stays on when the port is
+    closed, so that the next program does not reset the board. ``away`` is the reconnect policy. The port is open while
+    any device is.
     """
 
     name = "head"
@@ -110,37 +109,37 @@ class ArduinoBoard:
         self._clock = clock
         self._boot_delay = boot_delay
         self._report = guard_callback(report)
-        self._lock = RLock()  # over what the devices have sent, whoever makes them send it
-        self._devices: tuple[BoardDevice, ...] = ()  # replaced whole: the link's thread walks through it
+        self._lock = RLock()  # held while setpoints are computed and sent, on any thread
+        self._devices: tuple[BoardDevice, ...] = ()  # replaced, never modified: the link's thread iterates over it
         self._session: RosserialSession | None = None
         self._past_counters: Counter[str] = Counter()
         self._reconnect = ReconnectTracker(away)
         self._angle_store = angle_store
-        self._sent: dict[int, int] = {}  # the degrees that each servo was sent last, as far as that holds
-        self._servo_count = 0  # how many it is to be known of
-        self._assumed: set[int] = set()  # servos whose angles are a guess until they are sent one
+        self._sent: dict[int, int] = {}  # last setpoint of each servo, while it is valid
+        self._servo_count = 0  # number of servos with known or assumed angles
+        self._assumed: set[int] = set()  # servos whose angles are a guess until their first setpoint
         self._knowledge = ServoKnowledge.NONE
-        self._has_unsaved_angles = False  # angles were sent since they were kept last
+        self._has_unsaved_angles = False  # setpoints were sent since the last save
         self.first_boot_state: BootState | None = None
-        """What the board had done when it was met first; None before that."""
+        """Boot state at the first reply; None before that."""
 
     @property
     def latched(self) -> str:
-        """Why nothing of it moves until it is enabled; empty while it may."""
+        """Reason of the latch; empty if not latched."""
         return self._reconnect.latched
 
     def enable(self) -> None:
-        """Let its devices move again."""
+        """Release the latch."""
         self._reconnect.enable()
 
     @property
     def is_ready(self) -> bool:
-        """True while the board takes angles."""
+        """True while the board accepts setpoints."""
         session = self._session
         return self._link.online and session is not None and session.topic is not None
 
     def open(self, device: BoardDevice) -> None:
-        """Serve ``device``; the first one starts the search for the board."""
+        """Add ``device``; the first one starts the search for the board."""
         if device not in self._devices:
             if not self._devices:
                 self._reconnect.restart()
@@ -148,7 +147,7 @@ class ArduinoBoard:
         self._link.open(self)
 
     def close(self, device: BoardDevice) -> None:
-        """Serve ``device`` no more; with the last one, tell the board to stop sending and release the port."""
+        """Remove ``device``; with the last one, tell the board to stop sending and release the port."""
         self._devices = tuple(each for each in self._devices if each is not device)
         if not self._devices:
             self._link.close()
@@ -156,7 +155,7 @@ class ArduinoBoard:
                 self._angle_store.close()
 
     def send(self, device: BoardDevice) -> None:
-        """Send what is due for ``device`` now, from whatever thread. Raises NotConnected when the port has gone."""
+        """Send the due setpoints of ``device``, from any thread. Raises NotConnected if the port is gone."""
         with self._lock:
             session = self._session
             if session is not None and session.topic is not None and self.can_send:
@@ -166,22 +165,19 @@ class ArduinoBoard:
 
     @property
     def can_send(self) -> bool:
-        """Whether angles may be sent now: it is sure that the board has not begun anew."""
+        """Whether setpoints may be sent now: a reset of the board is excluded."""
         session = self._session
         return session is not None and session.boot_state is None and session.detector.is_fresh(self._clock.now())
 
     def require_ready(self) -> None:
-        """Raise NotConnected, with what is missing and what to try, unless the board takes angles.
-
-        Raises DeviceFault while it is latched.
-        """
+        """Raise NotConnected, with a hint, unless the board accepts setpoints; DeviceFault while latched."""
         if not self.is_ready:
             health = self.health()
             raise NotConnected(health.detail, hint=health.hint)
         self._reconnect.require_unlatched(self.name)
 
     def health(self) -> Health:
-        """Say whether the board takes angles, and what it is waiting for if not."""
+        """Return whether the board accepts setpoints, and if not, the reason."""
         port, session = self._link.health(), self._session
         counters = Counter(self._past_counters)
         if session is not None:
@@ -196,7 +192,7 @@ class ArduinoBoard:
         return Health(False, where, hint, figures, self._reconnect.reconnected_at)
 
     def wheels(self) -> Reading[WheelRates]:
-        """How fast the wheels turn, by the encoders of the later sketches; none with a sketch that has none."""
+        """Return the turn rates of the wheels; no value with a sketch without encoders."""
         session, now = self._session, self._clock.now()
         tacho = None if session is None else session.tacho
         if tacho is None or tacho.value is None:
@@ -208,7 +204,7 @@ class ArduinoBoard:
     # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
 
     def on_connected(self) -> None:
-        """Begin a session with a board that may be booting."""
+        """Start a session with a board that may be booting."""
         self._link.set_dtr(on=True)
         self._drop_goals()
         before = self._session
@@ -227,12 +223,11 @@ class ArduinoBoard:
         self._session = session
 
     def on_data(self, data: bytes) -> None:
-        """Pass the board's bytes on."""
         if self._session is not None:
             self._session.on_data(data)
 
     def on_poll(self) -> float | None:
-        """Let the session do what is due, and every device say what to send; doze while that is nothing."""
+        """Run the session and send due setpoints; return the idle interval if there are none."""
         session = self._session
         if session is None:
             return None
@@ -255,13 +250,13 @@ class ArduinoBoard:
         return session.detector.idle_period
 
     def on_closing(self) -> None:
-        """Tell the board to stop sending, and remember where it was left."""
+        """Tell the board to stop sending, and store the servo angles."""
         if self._knowledge is not ServoKnowledge.NONE:
             self._save_angles()
         self._link.write(wire.STOP_SENDING)
 
     def _save_angles(self) -> None:
-        """Keep where the servos are, also for after a `kill -9`. For the link's thread: a disk may be slow."""
+        """Store the servo angles, so that they survive a `kill -9`. For the link's thread: a disk may be slow."""
         self._has_unsaved_angles = False
         if self._angle_store is not None:
             if len(self._sent) == self._servo_count and not self._assumed:
@@ -270,28 +265,28 @@ class ArduinoBoard:
                 self._angle_store.delete()
 
     def _apply_boot_state(self, boot_state: BootState, session: RosserialSession) -> None:
-        """Set the angles of the servos after an answer of the board, or latch where nobody knows them."""
+        """Set the servo angles after a reply of the board, or latch if they are unknown."""
         before, self._knowledge = self._knowledge, TRANSITIONS[self._knowledge, boot_state]
         if boot_state is BootState.UNCHANGED and before is not ServoKnowledge.NONE:
             return
         if self._knowledge is ServoKnowledge.LOST:
-            unknown = "nobody knows whether its board has started anew, and where its servos stand"
-            self._reconnect.latch(unknown, replace=True)
+            reason = "nobody knows whether its board has started anew, and where its servos stand"
+            self._reconnect.latch(reason, replace=True)
             self._drop_goals()
-            self._sent = {}  # the next program is not to believe it
+            self._sent = {}  # the next program must not use it
             self._save_angles()
             return
-        left = self._angle_store.pop() if self._angle_store is not None and before is ServoKnowledge.NONE else {}
+        stored = self._angle_store.pop() if self._angle_store is not None and before is ServoKnowledge.NONE else {}
         known, self._sent = True, {}
         if self._knowledge is ServoKnowledge.FROM_MEMORY:
-            self._sent = left
-            known = self._angle_store is None or all(device.servos <= left.keys() for device in self._devices)
+            self._sent = stored
+            known = self._angle_store is None or all(device.servos <= stored.keys() for device in self._devices)
             if not known:
-                what = (
+                message = (
                     "its board has been running, and nobody knows where its servos stand: the first movement may leap"
                 )
-                cure = "keep clear of it now; from then on let one program alone move it, and end that in good order"
-                self._report(DeviceStatus(self.name, "fault", what, cure))
+                hint = "keep clear of it now; from then on let one program alone move it, and end that in good order"
+                self._report(DeviceStatus(self.name, "fault", message, hint))
         self.first_boot_state = self.first_boot_state or boot_state
         self._sent = {
             index: angle
@@ -303,10 +298,7 @@ class ArduinoBoard:
         self._save_angles()
 
     def _send(self, session: RosserialSession, topic: int, devices: tuple[BoardDevice, ...]) -> bool:
-        """Send what is due, if it is sure that the board is the one that we know; else ask the board first.
-
-        Say whether it rests: nothing is to be sent, and nothing was a moment ago.
-        """
+        """Send the due setpoints if a reset is excluded; else probe the board. Return whether the devices are idle."""
         now = self._clock.now()
         if self._knowledge is ServoKnowledge.NONE:
             return False

@@ -1,4 +1,4 @@
-"""The Rodney head on an Arduino as a driver of heads, and its keys in a robot file."""
+"""Declaration and keys of the Rodney head."""
 
 from collections.abc import Iterator, Mapping
 from typing import Literal
@@ -12,7 +12,7 @@ from drivers.head.keys import ServoKeys, TwoServoKeys
 
 @keys
 class PanKeys(ServoKeys):
-    """The servo that turns the head left and right."""
+    """Servo that turns the head left and right."""
 
     servo: int = key(default=0, low=0, high=3, help="The output of the board that it is on.")
     joint: str = key(default="head_pan", help="What the axis is called, as in the Rodney project.")
@@ -20,7 +20,7 @@ class PanKeys(ServoKeys):
 
 @keys
 class TiltKeys(ServoKeys):
-    """The servo that turns the head up and down."""
+    """Servo that turns the head up and down."""
 
     servo: int = key(default=1, low=0, high=3, help="The output of the board that it is on.")
     joint: str = key(default="head_tilt", help="What the axis is called, as in the Rodney project.")
@@ -28,7 +28,7 @@ class TiltKeys(ServoKeys):
 
 @keys
 class ArduinoKeys(TwoServoKeys, SerialKeys):
-    """The ``head`` section of a robot with a pan/tilt head on an Arduino with the Rodney sketch, or with ours."""
+    """Keys of a pan/tilt head on an Arduino, with a Rodney sketch or MissionTree's own."""
 
     protocol: Literal["rosserial", "lines"] = key(
         default="rosserial", help="What its sketch speaks: `lines` is that of docs/keeper_head, which needs no ROS."
@@ -44,26 +44,28 @@ class ArduinoKeys(TwoServoKeys, SerialKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield servos that our sketch numbers otherwise."""
+        """Yield servo numbers that MissionTree's own sketch does not have."""
         yield from super().diagnostics()
         if self.protocol == "lines":
-            for word, servo, its in (("pan", self.pan.servo, 0), ("tilt", self.tilt.servo, 1)):
-                if servo != its:
-                    message = f"'{word}' is servo {its} of the sketch that speaks lines: change its pins there"
+            for word, servo, number in (("pan", self.pan.servo, 0), ("tilt", self.tilt.servo, 1)):
+                if servo != number:
+                    message = f"'{word}' is servo {number} of the sketch that speaks lines: change its pins there"
                     yield KeyDiagnostic(message, (word, "servo"))
 
 
 @keys
 class SecondPanTiltKeys(TwoServoKeys):
-    """A section of one more pan/tilt on the board of the ``head``, such as a mast."""
+    """Keys of a second pan/tilt device on the board of the ``head``, such as a mast."""
 
 
 def check_board_servos(second: SecondPanTiltKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield a board that is not there, and servos of it that the head has."""
+    """Yield an error if the head has no such board, and servos that are already in use."""
     head = others.get("head")
     if not isinstance(head, ArduinoKeys):
-        told = "'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino', which this robot has not"
-        yield KeyDiagnostic(told, ("driver",))
+        message = (
+            "'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino', which this robot has not"
+        )
+        yield KeyDiagnostic(message, ("driver",))
         return
     if head.protocol == "lines":
         yield KeyDiagnostic("the sketch that speaks lines has two servos, both of the 'head'", ("driver",))
@@ -71,13 +73,13 @@ def check_board_servos(second: SecondPanTiltKeys, others: Mapping[str, object]) 
     taken = {head.pan.servo: "the pan of the 'head'", head.tilt.servo: "the tilt of the 'head'"}
     for name, other in others.items():
         if other is second:
-            break  # the one that stands further down is told
+            break  # only the later section is reported
         if isinstance(other, SecondPanTiltKeys):
             taken |= {other.pan.servo: f"the pan of '{name}'", other.tilt.servo: f"the tilt of '{name}'"}
-    for axis, its in (("pan", second.pan), ("tilt", second.tilt)):
-        if its.servo in taken:
+    for axis, axis_keys in (("pan", second.pan), ("tilt", second.tilt)):
+        if axis_keys.servo in taken:
             at = (axis, "servo")
-            yield KeyDiagnostic(f"servo {its.servo} is {taken[its.servo]}", at, about=(at,))
+            yield KeyDiagnostic(f"servo {axis_keys.servo} is {taken[axis_keys.servo]}", at, about=(at,))
 
 
 ARDUINO = Driver(

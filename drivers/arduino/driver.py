@@ -1,4 +1,4 @@
-"""The head's driver: turns goals into small steps of two hobby servos, sent to a board with the Rodney sketch."""
+"""Driver of the Rodney head: turns goals into setpoints of two hobby servos."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -17,18 +17,17 @@ from drivers.transport.link import SerialLink
 
 
 class ArduinoHead(ProfiledHead[ServoAxis]):
-    """A ``drivers.api.Head`` of two hobby servos on ``board``, which may carry a second one.
+    """Head of two hobby servos on ``board``, which may carry a second pan/tilt device: a ``drivers.api.Head``.
 
-    The servos tell nothing and turn as fast as they can, so the driver leads them: from the angle commanded last it
-    goes to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), each axis for itself, and sends an axis
-    the next whole degree whenever it has come to the one before. The pose is what was sent, hence in whole degrees; a
-    servo lags behind it by a few hundredths of a second.
+    Hobby servos report nothing and turn at full speed, so the driver moves them in steps along a motion profile: each
+    axis goes from its last setpoint to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), and gets the
+    next whole degree when it has reached the previous one. The pose is the last setpoint, hence in whole degrees; a
+    servo lags a few hundredths of a second behind.
 
-    The sketch sends its servos to positions of its own when it starts. From there the head goes to ``start`` at first
-    (unless it is to ``stay``, or nobody knows where it stands), and later nowhere before it is commanded; a goal does
-    not survive the loss of the connection.
-    After ``close`` the board keeps its servos where they are.
-    ``changed`` is called whenever the pose has changed, mostly from the link's thread.
+    The sketch moves its servos to start angles of its own. From there the head first moves to ``start``, unless that is
+    switched off or the angles are unknown; later it moves only on command. A goal does not survive a disconnect. After
+    ``close`` the board holds the servos. ``changed`` is called with each change of the pose, mostly from the link's
+    thread.
     """
 
     LAG = SERVO_LAG
@@ -53,35 +52,35 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         super().__init__(
             clock, PanTiltMotion(name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
         )
-        self._sent: tuple[int, ...] = ()  # degrees; empty before it is known where the servos stand
+        self._sent: tuple[int, ...] = ()  # degrees; empty until the servo angles are known
         self._last_pose: Reading[HeadPose] | None = None
-        self._is_guess = False  # the degrees are a guess, and no goal has been accepted since
-        self._resend = False  # send both servos their degrees, also where the guess equals the goal
+        self._is_guess = False  # the angles are a guess, and there was no goal since
+        self._resend = False  # send both setpoints, even if the guess equals the goal
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected until the board has said that it takes angles, DeviceFault
-        while the head is latched.
+        Raises BadRequest if it is not finite, NotConnected until the board accepts setpoints, DeviceFault while the
+        head is latched.
         """
         self._motion.check(target)
         self.board.require_ready()
         accepted = self.limits.clamp(target)
         pan, tilt = self._motion.axes
-        # The way ends where the servos will stand. From between two degrees the next one would first have to make up
-        # for the part of a degree that they never went, and its beginning would wait for that and for a pulse.
+        # The motion ends at whole degrees of the servos. From between two degrees the next motion would have to cover the
+        # missing part of a degree first, so its start would be delayed until the next poll.
         self._motion.look(
             HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._sync_time()
         )
         self._is_settled = False
         self._is_guess, self._resend = False, self._resend or self._is_guess
-        self.board.send(self)  # the first degree does not wait for the next pulse
+        self.board.send(self)  # the first degree does not wait for the next poll
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
-        """Where the servos were sent last; stale while the board is not there, and none before it first was."""
+        """Pose of the last setpoints; stale while the board is offline, and none before its first connection."""
         newest = self._last_pose
         if newest is None:
             return Reading(None, self._clock.now(), Quality.NONE)
@@ -89,37 +88,37 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
 
     @property
     def latched(self) -> str:
-        """Why it moves no more until it is enabled; empty while it does."""
+        """Reason of the latch; empty if not latched."""
         return self.board.latched
 
     def enable(self) -> None:
-        """Let it move again, after it was away for long."""
+        """Release the latch after a long absence."""
         self.board.enable()
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Start looking for the board."""
+        """Start the search for the board."""
         self.board.open(self)
 
     def close(self) -> None:
-        """Hold at once, and let the board go."""
+        """Hold at once, and release the board."""
         self._hold()
         self.board.close(self)
 
     def health(self) -> Health:
-        """Say whether the board takes angles, and what it is waiting for if not."""
+        """Return whether the board accepts setpoints, and if not, the reason."""
         return self.board.health()
 
     # --- on the board: see drivers.arduino.board.BoardDevice ---------------------------------------------------------
 
     @property
     def servos(self) -> frozenset[int]:
-        """The numbers of its servos."""
+        """Numbers of its servos."""
         return frozenset(axis.index for axis in self._motion.axes)
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:
-        """Go on from where the servos stand; stay there, but for the first time that it is known where that is."""
+        """Continue from the current servo angles; move to the start pose the first time that they are known."""
         now = self._clock.now()
         axes = self._motion.axes
         self._sent = tuple(
@@ -136,20 +135,20 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         return {axis.index: sent for axis, sent in zip(axes, self._sent, strict=True)}
 
     def drop_goal(self) -> None:
-        """Give up the goal; the first goal is yet to come."""
+        """Drop the goal, except the start pose before the first connection."""
         if self._has_start:
             self._hold()
 
     def pause_until(self, now: float) -> bool:
-        """Stand still until time ``now``; say whether a degree is to be sent."""
+        """Stay still until time ``now``; return whether a setpoint is waiting."""
         self._motion.pause_until(now)
         if self._last_pose is not None and self._last_pose.value is not None:
             self._record_pose(self._last_pose.value, now)
         return not self._is_settled
 
     def next_angles(self, now: float) -> list[ServoAngle]:
-        """Move on; return each axis whose whole degree has changed, and both at the first goal after a guess."""
-        self._is_settled = self._motion.is_still  # the last degree is sent now, and no other unless somebody wants one
+        """Advance; return the setpoints whose whole degree has changed, or both at the first goal after a guess."""
+        self._is_settled = self._motion.is_still  # the last degree is sent now, and no other without a new goal
         pan, tilt = way = self._motion.advance(now)
         degrees = next_degrees(self._motion, way, self._sent)
         pose = HeadPose(pan.axis.to_radians(degrees[0]), tilt.axis.to_radians(degrees[1]))
@@ -160,7 +159,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         return angles
 
     def _record_pose(self, pose: HeadPose, now: float) -> None:
-        """Take note of where the servos stand at time ``now``."""
+        """Record the pose of the servos at time ``now``."""
         turned = self._last_pose is None or pose != self._last_pose.value
         self._last_pose = Reading(pose, now, Quality.GOOD)
         self._history.add(now, (pose.pan, pose.tilt))
@@ -168,26 +167,26 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
             self._changed()
 
     def _hold(self) -> None:
-        """Give up the goal: the servos stay at the degrees sent last, of which the profile may be a little short."""
+        """Drop the goal: the servos hold the last setpoints, which may be slightly ahead of the profile."""
         if self._last_pose is not None and self._last_pose.value is not None:
             sent = self._last_pose.value
             self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
-        """Return the time, until which nothing has moved if nothing may be sent."""
+        """Return the current time, after pausing the profile if nothing may be sent."""
         now = self._clock.now()
         if not self.board.can_send:
             self._motion.pause_until(now, 0.0)
         return now
 
 
-# From the keys of a robot file to the driver of a Rodney head.
+# Factories of a Rodney head from the keys of a robot file.
 
 OFFLINE_HINT = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
 
 
 def make(keys: ArduinoKeys, site: DriverContext) -> Head:
-    """Return the driver; where its servos were left is kept, but for a virtual one."""
+    """Return the driver; servo angles are stored, except of a virtual head."""
     link = SerialLink(site.part, site.port, keys.baud, report=site.report)
     remembered = None if site.state_folder is None else ServoAngleStore(site.state_folder, site.port)
     if keys.protocol == "lines":
@@ -218,7 +217,7 @@ def make(keys: ArduinoKeys, site: DriverContext) -> Head:
 
 
 def make_second(keys: SecondPanTiltKeys, site: DriverContext) -> ArduinoHead:
-    """Return the driver of a second pan/tilt on the board of the robot's head."""
+    """Return the driver of a second pan/tilt device on the board of the robot's head."""
     first: ArduinoHead = site.needed_parts["head"]
     return _make_head(first.board, keys, site)
 

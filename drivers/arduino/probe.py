@@ -1,4 +1,4 @@
-"""A board with a sketch of rosserial is recognised by the topics that it says it has."""
+"""Probe of a board with rosserial, recognised by its topics, or with MissionTree's own sketch."""
 
 from collections.abc import Generator
 from contextlib import suppress
@@ -9,36 +9,36 @@ from drivers.transport import guardian_wire as lines
 from drivers.transport.lines import LineFinder
 
 BAUD_RATES = (57_600, 500_000, 115_200)
-"""The rate of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
+"""Rates of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
 
 BOOT_TIME = 2.0
-"""Seconds that a board needs to start, where the opening of its port has reset it."""
+"""Seconds for the boot of a board that was reset as its port was opened."""
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Ask for its topics, at each of its rates; and again once it has started."""
+    """Request a report and the topics, at each rate; and once more after the boot time."""
     for boot in (False, True):
         if boot:
             yield ProbeRequest(BAUD_RATES[0], timeout=BOOT_TIME)
-        heard = yield ProbeRequest(lines.BAUD, lines.REPORT_REQUEST, 0.25, _has_guardian_report)
-        if _has_guardian_report(heard):
+        data = yield ProbeRequest(lines.BAUD, lines.REPORT_REQUEST, 0.25, _has_guardian_report)
+        if _has_guardian_report(data):
             return ProbeResult("a head with the sketch of MissionTree", {"protocol": "lines"})
         for baud in BAUD_RATES:
-            heard = yield ProbeRequest(baud, wire.PROBE, 0.25, lambda heard: wire.SERVO_TOPIC in _topics(heard))
-            if topics := _topics(heard):
+            data = yield ProbeRequest(baud, wire.PROBE, 0.25, lambda data: wire.SERVO_TOPIC in _topics(data))
+            if topics := _topics(data):
                 names = ", ".join(topic.name for topic in topics)
-                lacks = (
+                problem = (
                     ""
                     if wire.SERVO_TOPIC in topics
                     else f"it has no topic {wire.SERVO_TOPIC.name} as Rodney's sketch has it"
                 )
-                hint = "flash the Rodney sketch" if lacks else ""
-                return ProbeResult(f"a board with rosserial: {names}", {"baud": baud}, trouble=lacks, hint=hint)
+                hint = "flash the Rodney sketch" if problem else ""
+                return ProbeResult(f"a board with rosserial: {names}", {"baud": baud}, trouble=problem, hint=hint)
     return None
 
 
 def _has_guardian_report(data: bytes) -> bool:
-    """Whether somebody holds two servos there."""
+    """Return whether the data contain a report of MissionTree's own sketch."""
     for line in LineFinder(lines.MAX_LINE_LENGTH).feed(data):
         with suppress(ValueError):
             if isinstance(lines.parse_line(line), lines.GuardianReport):

@@ -1,4 +1,4 @@
-"""The computer's end of rosserial: waits for the board to boot, asks what topics it has, and tells it the time."""
+"""Session of rosserial, computer side: waits for the boot, requests the topics, and replies with the time."""
 
 import math
 from collections import Counter, deque
@@ -224,31 +224,30 @@ class ResetDetector:
 
 
 TIME_REQUEST_TIMEOUT = 2.7
-"""Seconds without a question for the time after which the board is probed: in step it asks every 2.5 s."""
+"""Seconds without a time request after which the board is probed; a board in a session sends one every 2.5 s."""
 
 TACHO_TIMEOUT = 0.2
-"""Seconds without a word of the encoders after which it is: a sketch that has them tells of them every 50 ms."""
+"""Seconds without an encoder message after which the board is probed; a sketch with encoders sends one every 50 ms."""
 
 TOPIC_REQUEST_INTERVAL = 1.0
-"""Seconds between two requests for the topics; a board that runs answers one within a tenth of a second."""
+"""Seconds between two requests for the topics; a running board replies within a tenth of a second."""
 
 FRAME_TIMEOUT = 0.1
-"""Seconds of silence after which the rest of a frame is no longer waited for."""
+"""Seconds of silence after which an incomplete frame is dropped."""
 
 WARNING_LEVEL = 2
-"""The level of a log line from which it is a fault."""
+"""Lowest level of a log line that is reported as a fault."""
 
 
 class RosserialSession:
-    """One connection to a board, from the opening of the port until it is lost. Served by the link's thread.
+    """Session with a board, from the opening of the port to the disconnect. For the link's thread.
 
-    ``topic`` is the number by which the board knows the ``wanted`` topic: None until it has said so, when it means
-    something else by it, and once it has fallen silent.
-    ``tacho`` is the newest that its encoders have measured, on the clock's time; the first sketch has none.
-    ``boot_state`` is set whenever the board has said whether it has begun anew; who has taken account of it clears it.
-    ``detector`` says whether it is sure that it has not: it is asked on opening the port, which resets most boards, and
-    one that is starting does not answer; then it has ``boot_delay`` seconds until it is asked again.
-    The board is told the clock's own time: a monotonic one, not the time of day.
+    ``topic`` is the board's number of ``expected_topic``; None before the board has announced it, after a mismatch of
+    the definitions, and while the board is silent. ``tacho`` is the latest encoder message, in the clock's time; the
+    first sketch sends none. ``boot_state`` is set by each reply that tells whether the board has restarted, and cleared
+    by the caller. ``detector`` excludes resets. Opening the port resets most boards, and a booting board does not reply
+    to the first probe; it is probed again after ``boot_delay`` seconds. Time replies carry the monotonic time of the
+    clock, not the time of day.
     """
 
     def __init__(
@@ -272,7 +271,7 @@ class RosserialSession:
         self._clock = clock
         self._report = report
         self._boot_delay = boot_delay
-        self._booted_at: float | None = None  # when the board will have booted
+        self._booted_at: float | None = None  # end of the boot time
         self._probed_at = self._received_at = self._time_requested_at = self._tacho_at = -math.inf
         self._finder = wire.RosserialFrameFinder()
         self._topics: dict[int, wire.RosserialTopic] = {}
@@ -282,18 +281,18 @@ class RosserialSession:
         )
 
     def counters(self) -> Counter[str]:
-        """Return what has been counted in this session."""
+        """Return the counters of this session."""
         found = {"skipped bytes": self._finder.skipped, "checksum errors": self._finder.checksum_errors}
         return Counter({**self._counters, **found})
 
     def on_data(self, data: bytes) -> None:
-        """Take bytes of the board, and answer what it asks. Raises NotConnected when the port has gone."""
+        """Handle bytes from the board, and reply to its requests. Raises NotConnected if the port is gone."""
         self._received_at = now = self._clock.now()
         self.detector.on_poll(now)
         self._handle_frames(self._finder.feed(data))
 
     def poll(self) -> None:
-        """Do what is due: ask for the topics, notice silence. Raises NotConnected when the port has gone."""
+        """Request the topics if that is due, and detect silence. Raises NotConnected if the port is gone."""
         now = self._clock.now()
         self.detector.on_poll(now)
         if self._booted_at is None:
@@ -319,14 +318,14 @@ class RosserialSession:
 
     @property
     def has_encoders(self) -> bool:
-        """Whether it is one of the later sketches, which have encoders."""
-        return wire.TACHO_TOPIC in list(self._topics.values())  # the link's thread may add some
+        """Whether the sketch is one of the later ones, with encoders."""
+        return wire.TACHO_TOPIC in list(self._topics.values())  # a copy: the link's thread may add some
 
     def probe_if_needed(self) -> None:
-        """Ask the board whether it has begun anew, unless it is about to tell. Raises NotConnected."""
+        """Probe the board, unless it is about to send a proof by itself. Raises NotConnected."""
         now, detector = self._clock.now(), self.detector
-        tells = detector.expects_ack(now) or (self.has_encoders and now - self._tacho_at <= TACHO_TIMEOUT)
-        if detector.state is DetectorState.SUSPECT or not tells:
+        expects_proof = detector.expects_ack(now) or (self.has_encoders and now - self._tacho_at <= TACHO_TIMEOUT)
+        if detector.state is DetectorState.SUSPECT or not expects_proof:
             self._probe_unless_pending()
 
     def _probe_unless_pending(self) -> None:
@@ -334,14 +333,16 @@ class RosserialSession:
             self._probe(self._clock.now())
 
     def offline_reason(self) -> tuple[str, str]:
-        """Say what is still missing before the board takes angles, and what to try."""
+        """Return why the board does not accept setpoints yet, and a hint."""
         look = f"python3 -m serial.tools.miniterm {self._link.port} {self._link.baud}"
         if self._booted_at is None or self._clock.now() < self._booted_at:
             return "waiting for the board to boot", ""
         if any(self._trouble):
             return self._trouble
         if self._topics:
-            names = ", ".join(topic.name for topic in list(self._topics.values()))  # the link's thread may add some
+            names = ", ".join(
+                topic.name for topic in list(self._topics.values())
+            )  # a copy: the link's thread may add some
             return f"the board has the topics {names}, but no {self._expected_topic.name}", "flash the Rodney sketch"
         if self._finder.skipped and not self._counters["frames"]:
             noise = f"{self._finder.skipped} bytes heard at {self._link.baud} baud, none of them rosserial"
@@ -350,7 +351,7 @@ class RosserialSession:
         return waiting, f"{look}  (is this the sketch's baud rate? 57600 on a Nano, 500000 on a Teensy)"
 
     def _request_topics(self, now: float) -> None:
-        """Request the topics, unless that was done a moment ago or the board is still booting."""
+        """Request the topics, unless that was done recently or the board is booting."""
         if self._booted_at is not None and now >= self._booted_at and now - self._probed_at >= TOPIC_REQUEST_INTERVAL:
             self._probe(now)
 
@@ -373,11 +374,11 @@ class RosserialSession:
             case wire.TIME:
                 self._time_requested_at = self._clock.now()
                 self._counters["times"] += 1
-                again = self.detector.on_time_request(self._time_requested_at)
+                must_probe = self.detector.on_time_request(self._time_requested_at)
                 self._link.write(
                     wire.RosserialFrame(wire.TIME, wire.RosserialTime(self._time_requested_at).pack()).pack()
                 )
-                if again:
+                if must_probe:
                     self._probe_unless_pending()
             case wire.PUBLISHER:
                 info = wire.TopicInfo.unpack(frame.data)
@@ -397,15 +398,15 @@ class RosserialSession:
                 self._counters["tachos"] += 1
 
     def _on_subscriber(self, info: wire.TopicInfo) -> None:
-        """Remember what the board listens to; take the wanted topic only if both mean the same by it."""
+        """Record a topic of the board; accept the expected topic only if its definition matches."""
         self._topics[info.id] = info.topic
         if info.topic.name != self._expected_topic.name:
             return
         if info.topic == self._expected_topic:
-            now, asked = self._clock.now(), self.detector.probe_pending
+            now, was_probed = self._clock.now(), self.detector.probe_pending
             self.boot_state = self.detector.on_answer(now)
-            if self.topic is not None and not asked and now - self._probed_at > TOPIC_REQUEST_INTERVAL:
-                self.boot_state = BootState.RESET  # nobody had asked: it is telling a newcomer, as after a reset
+            if self.topic is not None and not was_probed and now - self._probed_at > TOPIC_REQUEST_INTERVAL:
+                self.boot_state = BootState.RESET  # unsolicited: it announces its topics, as after a reset
             if self.topic is not None and self.boot_state is BootState.RESET:
                 self._report(
                     DeviceStatus(self._name, "fault", "the board has started anew", "look at its power supply")
@@ -416,17 +417,17 @@ class RosserialSession:
                 )
             self.topic, self._trouble, self._time_requested_at = info.id, ("", ""), now
             return
-        found = _topic_mismatch(info.topic, self._expected_topic)
-        cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's servo_msgs; then flash the sketch again)"
-        if self._trouble != (found, cure):
-            self._report(DeviceStatus(self._name, "fault", found, cure))
-        self.topic, self._trouble = None, (found, cure)
+        mismatch = _topic_mismatch(info.topic, self._expected_topic)
+        hint = "rosrun rosserial_arduino make_libraries.py  (with Rodney's servo_msgs; then flash the sketch again)"
+        if self._trouble != (mismatch, hint):
+            self._report(DeviceStatus(self._name, "fault", mismatch, hint))
+        self.topic, self._trouble = None, (mismatch, hint)
 
     def _check_tacho(self, topic: wire.RosserialTopic) -> None:
-        """Say it when encoders cannot be read because the board means something else by their message."""
+        """Report encoders whose message definition does not match."""
         if topic.name == wire.TACHO_TOPIC.name and topic != wire.TACHO_TOPIC:
-            cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's tacho_msgs; then flash the sketch again)"
-            self._report(DeviceStatus(self._name, "fault", _topic_mismatch(topic, wire.TACHO_TOPIC), cure))
+            hint = "rosrun rosserial_arduino make_libraries.py  (with Rodney's tacho_msgs; then flash the sketch again)"
+            self._report(DeviceStatus(self._name, "fault", _topic_mismatch(topic, wire.TACHO_TOPIC), hint))
 
     def _log(self, line: wire.RosserialLog) -> None:
         self.detector.on_log_line()
@@ -436,7 +437,7 @@ class RosserialSession:
 
 
 def _topic_mismatch(topic: wire.RosserialTopic, expected: wire.RosserialTopic) -> str:
-    """Say that the board means something else by a topic."""
+    """Return the message about a topic with another definition."""
     return (
         f"the board's topic {topic.name} is {topic.type} (md5 {topic.md5}), "
         f"expected {expected.type} (md5 {expected.md5})"

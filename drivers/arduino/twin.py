@@ -1,4 +1,4 @@
-"""Twins of the heads on an Arduino."""
+"""Simulated heads on an Arduino."""
 
 from drivers.arduino.declared import ArduinoKeys, SecondPanTiltKeys
 from drivers.head.twin import ServoHeadTwin, make_head_twin
@@ -11,6 +11,6 @@ def make(keys: ArduinoKeys, stage: SimContext) -> ServoHeadTwin:
 
 
 def make_second(keys: SecondPanTiltKeys, stage: SimContext) -> ServoHeadTwin:
-    """Return the twin of a second pan/tilt on the board of a head."""
+    """Return the twin of a second pan/tilt device on the board of a head."""
     board: ArduinoKeys = stage.part_keys["head"]
     return make_head_twin(keys, board.away, stage)

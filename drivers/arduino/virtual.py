@@ -1,4 +1,4 @@
-"""The Arduino of the Rodney head as its wire shows it: the sketch's end of rosserial, and four hobby servos."""
+"""Virtual Rodney head at wire level: the board's side of rosserial, and four hobby servos."""
 
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
@@ -16,14 +16,14 @@ from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.virtual.device import VirtualDevice
 from drivers.virtual.guardian import VirtualServos, make_virtual_servos
 
-# How a board of rosserial reads: byte by byte, with its order of doing things and its limits of time.
+# Receiver of a rosserial board: byte by byte, with the checks and the timeout of its library.
 
 FRAME_TIMEOUT = 0.02
 """Seconds in which a frame must be complete."""
 
 
 class RosserialReceiver:
-    """Reads what comes; frames of more than ``buffer`` bytes, and those with wrong sums, are lost."""
+    """Receiver of a rosserial board; drops frames of more than ``buffer`` bytes, and those with wrong checksums."""
 
     def __init__(self, buffer: int) -> None:
         self._buffer = buffer
@@ -31,7 +31,7 @@ class RosserialReceiver:
         self._began = 0.0
 
     def feed(self, data: bytes, now: float) -> Iterator[RosserialFrame | None]:
-        """Yield the frames that are complete at time ``now``, and None for each header that was none."""
+        """Yield the frames that are complete at time ``now``, and None for each invalid header."""
         if self._frame and now - self._began > FRAME_TIMEOUT:
             self._frame.clear()
         for byte in data:
@@ -56,27 +56,27 @@ class RosserialReceiver:
 
 
 ATTACHED_ANGLE = 92.7
-"""Degrees at which a servo stands that was attached and sent nowhere: pulses of 1500 microseconds."""
+"""Angle in degrees of a servo that is attached but has no setpoint: pulses of 1500 microseconds."""
 
 FIRST_SKETCH_ANGLES = (*FIRST_SKETCH_STARTS[:2], ATTACHED_ANGLE, ATTACHED_ANGLE)
-"""Where the first sketch (Parts 01 to 04) has its servos when it starts: it sends 0 and 1 to 90 and 120 degrees."""
+"""Start angles of the first sketch (Parts 01 to 04): it moves servos 0 and 1 to 90 and 120 degrees."""
 
 ENCODER_SKETCH_ANGLES = (*ENCODER_SKETCH_STARTS[:2], ATTACHED_ANGLE, ATTACHED_ANGLE)
-"""The same of the sketches with encoders for a Nano, which send 0 and 1 only; that for a Teensy sends all."""
+"""Start angles of the sketches with encoders for a Nano, which move only servos 0 and 1; the Teensy's moves all."""
 
 EARLY_SKETCH_ANGLES = (90, 40, ATTACHED_ANGLE, ATTACHED_ANGLE)
-"""The same of a sketch that the project's pages showed before Part 01."""
+"""Start angles of a sketch on the project's pages before Part 01."""
 
 UNSENT_SKETCH_ANGLES = (ATTACHED_ANGLE, ATTACHED_ANGLE, ATTACHED_ANGLE, ATTACHED_ANGLE)
-"""The same of the oldest ones, which send them nowhere."""
+"""Start angles of the oldest sketches, which send no setpoints."""
 
-TIME_REQUEST_INTERVAL = 2.5  # seconds between two questions for the time
-SESSION_TIMEOUT = 11.0  # seconds without an answer after which the board no longer counts as configured
+TIME_REQUEST_INTERVAL = 2.5  # seconds between two time requests
+SESSION_TIMEOUT = 11.0  # seconds without a reply after which the session expires
 TACHO_INTERVAL = 0.05
 MIN_PULSE_MICROSECONDS, MAX_PULSE_MICROSECONDS = (
     544,
     2400,
-)  # the pulses that the Servo library makes for 0 and 180 degrees
+)  # pulses of the Servo library for 0 and 180 degrees
 
 
 class SketchState(Enum):
@@ -102,18 +102,16 @@ TRANSITIONS: Final = {
 
 
 class VirtualRodney:
-    """A ``drivers.virtual.terminal.WireDevice`` that plays the sketch, as flashed on a Nano or (``tacho``) a Teensy.
+    """Virtual board with the sketch for a Nano or (``tacho``) a Teensy: a ``drivers.virtual.terminal.WireDevice``.
 
-    It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``. From then on it
-    obeys angles, whether it was asked for its topics or not. ``starts`` is where its servos go when it starts, such as
-    ``FIRST_SKETCH_ANGLES``. With ``logs`` it writes a line for each angle, as the sketches for a Nano do.
-    A Nano starts anew when DTR rises as its port is ``open_port``, unless the line stayed on when the port was ``close_port``;
-    a board with native USB (``keeps``) does not. While it is without power or starts, its servos stay.
-    ``servo`` is what it calls its topic: another one plays a sketch built from other message definitions.
-    ``commands`` keeps the (index, angle) that it took, as sent, and ``max_step`` the degrees of the widest step among
-    them: from where it had sent that servo last, or the sketch when it started. ``max_start_step`` is the widest step
-    that the sketch itself took as it started.
-    ``wheels`` is what its encoders measure.
+    The board neither receives nor sends for ``boot_delay`` seconds after its first poll, and after each ``reset``. From
+    then on it obeys setpoints, with or without a session. ``start_angles`` are those of the sketch, such as
+    ``FIRST_SKETCH_ANGLES``. With ``logs_angles`` it logs each setpoint, as the sketches for a Nano do. A Nano is reset
+    when DTR rises as its port is opened, unless DTR stayed on after the last close; a board with ``native_usb`` is not.
+    Without power and during the boot the servos stay. ``servo_topic`` may be replaced to simulate other message
+    definitions. ``commands`` lists the received (index, angle) pairs. ``max_step`` is the widest step in degrees from a
+    servo's previous setpoint, ``max_start_step`` the widest step of the sketch itself at boot. ``wheels`` are the turn
+    rates that the encoders report.
     """
 
     def __init__(
@@ -138,26 +136,26 @@ class VirtualRodney:
         self._tacho_info = wire.TopicInfo(wire.FIRST_USER_TOPIC + 25, wire.TACHO_TOPIC, buffer) if tacho else None
         self._start_angles, self._logs_angles, self._native_usb = start_angles, logs_angles, native_usb
         self._shafts = [Shaft(start, start, SERVO_SPEED) for start in start_angles]
-        self._lock = Lock()  # the world looks at the shafts from a thread of its own
+        self._lock = Lock()  # the simulated world reads the shafts from its own thread
         self._boots_until: float | None = None
         self._state = SketchState.BOOTING
         self._dtr = False
         self._restart()
 
     def _restart(self) -> None:
-        """Forget what the sketch keeps in memory."""
+        """Reset the memory of the sketch."""
         self._receiver = RosserialReceiver(self._buffer)
         self._state = TRANSITIONS[self._state, SketchEvent.RESET]
         self._time_requested_at = self._replied_at = self._tacho_sent_at = 0.0
         self._logs: list[wire.RosserialLog] = []
 
     def angle(self, index: int, now: float) -> float:
-        """Where servo ``index`` stands at time ``now``, in degrees."""
+        """Return the angle of servo ``index`` at time ``now``, in degrees."""
         with self._lock:
             return self._shafts[index].advance(now)
 
     def log(self, line: wire.RosserialLog) -> None:
-        """Let the sketch write a line to its log; it is said as soon as the board is configured."""
+        """Queue a log line; it is sent as soon as the board is configured."""
         with self._lock:
             self._logs.append(line)
 
@@ -168,22 +166,22 @@ class VirtualRodney:
             self._boots_until = now + self._boot_delay
 
     def open_port(self, now: float) -> None:
-        """The computer has opened the port at time ``now``, which raises DTR."""
+        """Open the port on the computer at time ``now``, which raises DTR."""
         rises, self._dtr = not self._dtr, True
         if rises and not self._native_usb:
             self.reset(now)
 
     def close_port(self, *, hangs_up: bool) -> None:
-        """The computer has closed the port: DTR falls if it ``hangs_up``, as Linux does unless HUPCL is off."""
+        """Close the port on the computer: DTR falls if ``hangs_up``, as on Linux unless HUPCL is off."""
         self._dtr = self._dtr and not hangs_up
 
     def power_on(self, now: float) -> None:
-        """The computer was plugged in at time ``now``, which it has its power from."""
+        """Plug the board in at time ``now``; it has its power from the plug."""
         self._dtr = False
         self.reset(now)
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take bytes from the computer; return the answers."""
+        """Handle bytes from the computer; return the replies."""
         with self._lock:
             if not self._run_sketch(now):
                 return b""
@@ -191,30 +189,30 @@ class VirtualRodney:
             return b"".join(self._handle_frame(frame, now) for frame in self._receiver.feed(data, now))
 
     def poll(self, now: float) -> bytes:
-        """Let time pass; return what is due."""
+        """Return the messages that are due."""
         with self._lock:
             if not self._run_sketch(now):
                 return b""
             self._expire_session(now)
             if self._state is not SketchState.CONFIGURED:
                 return b""
-            said = b"".join(wire.RosserialFrame(wire.LOG, line.pack()).pack() for line in self._logs)
+            data = b"".join(wire.RosserialFrame(wire.LOG, line.pack()).pack() for line in self._logs)
             self._logs.clear()
             if now - self._time_requested_at >= TIME_REQUEST_INTERVAL:
                 self._time_requested_at = now
-                said += wire.REQUEST_TIME
+                data += wire.REQUEST_TIME
             if self._tacho_info and now - self._tacho_sent_at >= TACHO_INTERVAL:
                 self._tacho_sent_at = now
-                said += wire.RosserialFrame(self._tacho_info.id, self.wheels.pack()).pack()
-            return said
+                data += wire.RosserialFrame(self._tacho_info.id, self.wheels.pack()).pack()
+            return data
 
     def _expire_session(self, now: float) -> None:
-        """Forget a computer that has answered no question for long."""
+        """End the session if the computer has not replied to time requests for too long."""
         if now - self._replied_at > SESSION_TIMEOUT:
             self._state = TRANSITIONS[self._state, SketchEvent.STOP]
 
     def _run_sketch(self, now: float) -> bool:
-        """Say whether the sketch runs; when it begins to, it sends its servos to their starts."""
+        """Return whether the sketch runs; at the end of the boot, move the servos to their start angles."""
         if self._boots_until is None:
             self._boots_until = now + self._boot_delay
         if self._state is SketchState.BOOTING and now >= self._boots_until:
@@ -241,14 +239,14 @@ class VirtualRodney:
         return b""
 
     def _negotiate(self, now: float) -> bytes:
-        """Ask for the time, then name the topics: what is published first, then what is listened to."""
+        """Request the time, then announce the topics: publishers first, then subscribers."""
         self._state = TRANSITIONS[self._state, SketchEvent.NEGOTIATE]
         self._time_requested_at = self._replied_at = now
         published = wire.RosserialFrame(wire.PUBLISHER, self._tacho_info.pack()).pack() if self._tacho_info else b""
         return wire.REQUEST_TIME + published + wire.RosserialFrame(wire.SUBSCRIBER, self._servo_info.pack()).pack()
 
     def _turn_servo(self, command: wire.ServoAngle, now: float) -> None:
-        """Do as the sketch and the Servo library do with any number."""
+        """Execute a setpoint as the sketch and the Servo library do, whatever its value."""
         self.commands.append((command.index, command.angle))
         if command.index >= len(self._shafts):
             self._logs.append(wire.RosserialLog(0, f"no servo {command.index}"))
@@ -265,7 +263,7 @@ class VirtualRodney:
 
 
 def make(keys: ArduinoKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
-    """Return a virtual Rodney head; its state are its four servos in degrees."""
+    """Return a virtual Rodney head; its state is the angles of four servos in degrees."""
     pan, tilt = make_servo_axis(keys.pan), make_servo_axis(keys.tilt)
     if keys.protocol == "lines":
         return make_virtual_servos(
@@ -286,7 +284,7 @@ def make(keys: ArduinoKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
 
 
 def make_second(keys: SecondPanTiltKeys, stage: SimContext) -> VirtualDevice:
-    """Return a second pan/tilt on the board of a virtual Rodney head, whose wire it is on."""
+    """Return a second pan/tilt device on the board of a virtual Rodney head."""
     return VirtualDevice(None, head_pose=_make_head_pose(stage.parts["head"].device, keys))
 
 

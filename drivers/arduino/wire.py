@@ -1,11 +1,11 @@
-"""rosserial's wire, both ways: frames to topics, and the few messages that the Rodney sketch uses. Pure.
+"""Frames and messages of rosserial, both directions; only the messages of the Rodney sketch. Pure.
 
-A frame (protocol version 2, little-endian, the length counts the data only)::
+A frame (protocol version 2, little-endian, the length counts the data only):
 
     FF FE | u16 length | 255 - sum of the length's bytes | u16 topic | data | 255 - sum of topic and data
 
-both sums modulo 256. Topics below 100 belong to rosserial itself; the board numbers its subscribers from 100 and its
-publishers behind them. A string is its length as u32, then its UTF-8 bytes.
+with both sums modulo 256. Topics below 100 are reserved for rosserial; the board numbers its subscribers from 100 and
+its publishers after them. A string is its length as u32, then its UTF-8 bytes.
 """
 
 import math
@@ -15,27 +15,27 @@ from typing import Any, Self
 
 from drivers.api.fast_dataclass import dataclass
 
-PUBLISHER = 0  # a TopicInfo of something the board publishes; from the computer: "which topics have you?"
-SUBSCRIBER = 1  # a TopicInfo of something the board listens to
+PUBLISHER = 0  # TopicInfo of a publisher; from the computer, without data: request for the topics
+SUBSCRIBER = 1  # TopicInfo of a subscriber
 LOG = 7
-TIME = 10  # empty or zero from the board: "what is the time?"; from the computer: the answer
-STOP = 11  # the computer takes its leave
-RESERVED_TOPICS = range(12)  # topics of rosserial itself
+TIME = 10  # empty or zero from the board: time request; from the computer: the reply
+STOP = 11  # the computer ends the session
+RESERVED_TOPICS = range(12)  # reserved for rosserial
 FIRST_USER_TOPIC = 100  # the board's first subscriber
 
 HEADER = b"\xff\xfe"
-MAX_DATA_LENGTH = 1024  # bytes of data; no board of ours has buffers of more than 512
+MAX_DATA_LENGTH = 1024  # bytes of data; known boards have buffers of at most 512
 
 
 @dataclass(frozen=True, slots=True)
 class RosserialFrame:
-    """What one frame carries."""
+    """Content of a frame."""
 
     topic: int
     data: bytes
 
     def pack(self) -> bytes:
-        """Return the bytes of the frame. Raises struct.error when the data are longer than 65535 bytes."""
+        """Return the bytes of the frame. Raises struct.error if the data are longer than 65535 bytes."""
         length, body = struct.pack("<H", len(self.data)), struct.pack("<H", self.topic) + self.data
         return HEADER + length + bytes([_checksum(length)]) + body + bytes([_checksum(body)])
 
@@ -48,18 +48,17 @@ REQUEST_TOPICS = RosserialFrame(PUBLISHER, b"").pack()
 STOP_SENDING = RosserialFrame(STOP, b"").pack()
 REQUEST_TIME = RosserialFrame(TIME, bytes(8)).pack()
 NUDGE = b"\xff\x00"
-"""The beginning of no frame: a board whose topics nobody has asked for since it started answers with REQUEST_TIME, one
-that is in step with a computer answers nothing."""
+"""Invalid header: a board without a session replies with REQUEST_TIME, a board in a session does not reply."""
 
 PROBE = 3 * NUDGE + REQUEST_TOPICS
-"""Asks for the topics, and by the way whether it is the first to do so."""
+"""Requests the topics; the reply also shows whether the board was in a session."""
 
 
 class RosserialFrameFinder:
-    """Finds the frames in a stream of bytes that is cut anywhere and may hold noise.
+    """Finds frames in a stream of chunks with noise.
 
-    After a failed check it searches again from the byte behind the header, so that noise never eats a good frame.
-    ``skipped`` counts the bytes that were in no frame, ``checksum_errors`` the headers whose checks failed.
+    After a failed checksum the search continues at the byte behind the header, so that noise never hides a valid frame.
+    ``skipped`` counts the bytes outside of frames, ``checksum_errors`` the headers with failed checksums.
     """
 
     def __init__(self, max_data_length: int = MAX_DATA_LENGTH) -> None:
@@ -70,16 +69,16 @@ class RosserialFrameFinder:
 
     @property
     def has_partial_frame(self) -> bool:
-        """True while it holds the beginning of what may become a frame."""
+        """True if the buffer holds the start of a possible frame."""
         return bool(self._buffer)
 
     def feed(self, data: bytes) -> list[RosserialFrame]:
-        """Take what has arrived; return the frames that are now complete."""
+        """Add received bytes; return the complete frames."""
         self._buffer += data
         return list(self._frames())
 
     def drop_partial_frame(self) -> list[RosserialFrame]:
-        """Stop waiting for the rest of a frame that does not come; return the frames that it had hidden."""
+        """Drop the incomplete frame; return the complete frames behind it."""
         self._skip(1)
         return list(self._frames())
 
@@ -102,7 +101,7 @@ class RosserialFrameFinder:
                 del self._buffer[: end + 1]
 
     def _seek_header(self) -> bool:
-        """Bring the next header to the front; its first byte alone may be waiting for the second."""
+        """Move the next header to the front of the buffer; its first byte may be the last of the buffer."""
         at = self._buffer.find(HEADER)
         if at < 0:
             at = len(self._buffer) - self._buffer.endswith(HEADER[:1])
@@ -119,7 +118,7 @@ class RosserialFrameFinder:
 
 @dataclass(frozen=True, slots=True)
 class RosserialTopic:
-    """What both ends must mean by a topic: its name, its type, and the MD5 sum of the type's definition."""
+    """Definition of a topic: its name, its type, and the MD5 sum of the type's definition."""
 
     name: str
     type: str
@@ -132,7 +131,7 @@ TACHO_TOPIC = RosserialTopic("tacho", "tacho_msgs/tacho", "1027c9c7c1b5b7503692c
 
 @dataclass(frozen=True, slots=True)
 class TopicInfo:
-    """The board's word that it has a topic: by which number, and with how large a buffer in bytes."""
+    """Announcement of a topic by the board: its number, and the size of the board's buffer in bytes."""
 
     id: int
     topic: RosserialTopic
@@ -145,7 +144,7 @@ class TopicInfo:
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the data of frame PUBLISHER or SUBSCRIBER."""
+        """Decode the data of a frame PUBLISHER or SUBSCRIBER."""
         (number,) = _unpack("<H", data, 0)
         name, at = _unpack_string(data, 2)
         kind, at = _unpack_string(data, at)
@@ -156,7 +155,7 @@ class TopicInfo:
 
 @dataclass(frozen=True, slots=True)
 class RosserialLog:
-    """A line of the board's log. ``level``: 0 debug, 1 info, 2 warning, 3 error, 4 fatal."""
+    """Log line of the board. ``level``: 0 debug, 1 info, 2 warning, 3 error, 4 fatal."""
 
     level: int
     text: str
@@ -167,14 +166,14 @@ class RosserialLog:
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the data of frame LOG."""
+        """Decode the data of a frame LOG."""
         (level,) = _unpack("<B", data, 0)
         return cls(level, _unpack_string(data, 1)[0])
 
 
 @dataclass(frozen=True, slots=True)
 class RosserialTime:
-    """A time in seconds; the wire carries u32 whole seconds and u32 nanoseconds."""
+    """Time in seconds; the wire has u32 whole seconds and u32 nanoseconds."""
 
     seconds: float
 
@@ -185,42 +184,42 @@ class RosserialTime:
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the data of frame TIME."""
+        """Decode the data of a frame TIME."""
         whole, part = _unpack("<II", data, 0)
         return cls(whole + part / 1e9)
 
 
 @dataclass(frozen=True, slots=True)
 class ServoAngle:
-    """servo_msgs/servo_array: servo ``index`` is to go to ``angle`` degrees, 0..180 (544 and more are microseconds)."""
+    """Message servo_msgs/servo_array: setpoint of servo ``index``, 0..180 degrees (from 544 on microseconds)."""
 
     index: int
     angle: int
 
     def pack(self) -> bytes:
-        """Return the data of a frame on the topic SERVO."""
+        """Return the data of a frame on SERVO_TOPIC."""
         return struct.pack("<BH", self.index, self.angle)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the data of a frame on the topic SERVO."""
+        """Decode the data of a frame on SERVO_TOPIC."""
         return cls(*_unpack("<BH", data, 0))
 
 
 @dataclass(frozen=True, slots=True)
 class Tacho:
-    """tacho_msgs/tacho: how fast the wheels turn, in revolutions per minute, forward positive."""
+    """Message tacho_msgs/tacho: turn rates of the wheels in revolutions per minute, forward positive."""
 
     left: float
     right: float
 
     def pack(self) -> bytes:
-        """Return the data of a frame on the topic TACHO."""
+        """Return the data of a frame on TACHO_TOPIC."""
         return struct.pack("<ff", self.left, self.right)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the data of a frame on the topic TACHO; what is not finite is no rate."""
+        """Decode the data of a frame on TACHO_TOPIC. Raises ValueError for rates that are not finite."""
         rates = _unpack("<ff", data, 0)
         if not all(map(math.isfinite, rates)):
             raise ValueError(f"rosserial: wheels at {rates} revolutions per minute: {data.hex(' ')}")

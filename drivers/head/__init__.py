@@ -1,1 +1,1 @@
-"""What every pan/tilt head shares: motion profile, two axes, a head made of two joints."""
+"""Shared code of pan/tilt heads: motion profile, two axes, a head made of two joints."""

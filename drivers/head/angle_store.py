@@ -1,4 +1,4 @@
-"""Where the servos of a board were left, kept from one program to the next, for as long as that can be true."""
+"""Store of the servo angles of a board, for the next program, as long as they are valid."""
 
 import errno
 import json
@@ -8,17 +8,17 @@ from contextlib import suppress
 from pathlib import Path
 
 MAX_FILE_SIZE = 10_000
-"""Bytes of such a file at most."""
+"""Maximum size of a stored file in bytes."""
 
 RECORD_SIZE = 256
-"""Bytes that are written at once: a record is shorter, and filled up with spaces."""
+"""Bytes of each write: a record is shorter, and padded with spaces."""
 
 
 class ServoAngleStore:
-    """What is kept of the board at ``port``, in a file of its own in ``folder``.
+    """Servo angles of the board at ``port``, stored in a file of its own in ``folder``.
 
-    It holds only while the port is the very one that the kernel made then: a board with native USB that starts anew
-    gets another, and so does whatever is plugged in again.
+    The angles are valid only while the device file is the same: the kernel makes a new one when a board with native USB
+    restarts, or a device is plugged in again.
     """
 
     def __init__(self, folder: Path, port: str) -> None:
@@ -27,15 +27,15 @@ class ServoAngleStore:
         self._file = -1
 
     def save(self, degrees: Mapping[int, int]) -> None:
-        """Keep where the servos were sent last, by their numbers; where that cannot be, nothing is kept.
+        """Store the last setpoints of the servos, by number; delete the file if that fails.
 
-        One write of a fixed size replaces the one before, so that a program that is killed leaves either of them.
+        One write of a fixed size replaces the last record, so that a killed program leaves either of them whole.
         """
         try:
             text = json.dumps({"of": self._port_identity(), "degrees": dict(degrees)}).ljust(RECORD_SIZE).encode()
             if self._file < 0:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
-                self._path.unlink(missing_ok=True)  # whatever stands there
+                self._path.unlink(missing_ok=True)  # it may be no regular file
                 self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
             if os.pwrite(self._file, text, 0) < len(text):
                 raise OSError(errno.ENOSPC, "not written whole")
@@ -43,32 +43,32 @@ class ServoAngleStore:
             self.delete()
 
     def delete(self) -> None:
-        """Keep nothing: a wrong place would make the head leap."""
+        """Delete the file: a wrong angle would make the head leap."""
         self.close()
         with suppress(OSError):
             self._path.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Let go of the file, which stays."""
+        """Close the file, which stays."""
         file, self._file = self._file, -1
         if file >= 0:
             os.close(file)
 
     def pop(self) -> dict[int, int]:
-        """Return what was kept, if it still holds, and keep it no longer: from now on the servos are moved."""
+        """Return the stored angles if they are valid, and delete them, since the servos will be moved now."""
         try:
-            if not self._path.is_file():  # a pipe would be waited for
+            if not self._path.is_file():  # opening a pipe would block
                 return {}
             with self._path.open("rb") as file:
-                found = json.loads(file.read(MAX_FILE_SIZE))
+                record = json.loads(file.read(MAX_FILE_SIZE))
             self.delete()
-            if found["of"] != self._port_identity():
+            if record["of"] != self._port_identity():
                 return {}
-            return {int(index): min(max(int(angle), 0), 180) for index, angle in found["degrees"].items()}
+            return {int(index): min(max(int(angle), 0), 180) for index, angle in record["degrees"].items()}
         except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
             return {}
 
     def _port_identity(self) -> list[int]:
-        """Return what tells this port from all others: its inode, and when that was made (ns). Raises OSError."""
+        """Return the identity of the device file: device, inode, and time of creation (ns). Raises OSError."""
         status = Path(self._port).stat()
         return [status.st_dev, status.st_ino, status.st_ctime_ns]

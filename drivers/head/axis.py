@@ -1,4 +1,4 @@
-"""One axis of the head as a hobby servo: from radians to the whole degrees that the sketch takes, and back."""
+"""Axis of a head on a hobby servo: conversion between radians and whole degrees of the servo."""
 
 import math
 from dataclasses import replace
@@ -9,39 +9,43 @@ from drivers.head.keys import ServoKeys
 from drivers.head.pantilt import MAX_TRIM, AxisStep, PanTiltMotion
 
 CENTRE_DEGREES = 90
-"""Degrees that the sketch takes for straight ahead."""
+"""Servo angle in degrees that is straight ahead."""
 
 MAX_DEGREES = 180
-"""The largest angle in degrees; from 544 on the Servo library would take the number for microseconds."""
+"""Largest angle in degrees; the Servo library takes 544 and more for microseconds."""
 
 SERVO_LAG = 0.0125
-"""Seconds by which the servos are behind the pose that is told of a past time: that is a straight line between what
-they were sent 50 times a second, while they stay where they are until sent on, and then need their time."""
+"""Seconds by which servos lag behind the recorded pose.
+
+The recorded pose is interpolated linearly between setpoints at 50 Hz, while a servo stays until the next setpoint and
+then needs its time.
+"""
 
 ENCODER_SKETCH_STARTS = (90, 120, 90, 90)
-"""Degrees to which the Rodney sketches with encoders send servos 0 to 3 when they start."""
+"""Degrees to which the Rodney sketches with encoders move servos 0 to 3 at boot."""
 
 ATTACHED_DEGREES = 92
-"""Degrees at which a servo is that was attached and sent nowhere: the Servo library's 1500 microseconds."""
+"""Degrees of a servo that is attached but has no setpoint: the Servo library's 1500 microseconds."""
 
 FIRST_SKETCH_STARTS = (90, 120, ATTACHED_DEGREES, ATTACHED_DEGREES)
-"""The same of the first sketch (Parts 01 to 04), which has no encoders, and sends servos 0 and 1 only."""
+"""Degrees of servos 0 to 3 after the boot of the first sketch (Parts 01 to 04), which moves only 0 and 1."""
 
 
 BRAKED_OFFSET = math.radians(0.25)
-"""Radians by which a head that was stopped is taken to be short of the degree that it keeps: there and back it takes
-no more than a degree, and who tells it to go on and stops it ever again gets it no farther."""
+"""Radians by which a stopped head is assumed to be short of its last whole degree.
+
+So back and forth takes at most a degree, and repeated starts and stops do not move the head any further.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ServoAxis:
-    """Which servo it is, how far the head may turn by it (radians), and its mounting: a ``drivers.head.pantilt.HeadAxis``.
+    """Axis on a hobby servo: its number, range (radians) and mounting; a ``drivers.head.pantilt.HeadAxis``.
 
-    As the pan/tilt node of the Rodney project has it: ``lower`` and ``upper`` bound the angle of the joint; 0 is 90
-    degrees of the servo; ``flip`` is for a servo that turns the other way; ``trim`` (radians, +-45 degrees) corrects a
-    horn that sits askew, and is added last, in the servo's own direction. ``start`` is where the sketch sends the servo
-    when it starts, in degrees as it takes them; None is where the Rodney sketches of Part 01 and later send it.
-    Raises ValueError for values that no servo can have.
+    As in the pan/tilt node of the Rodney project, ``lower`` and ``upper`` limit the joint angle, and 0 is 90 degrees of
+    the servo. ``flip`` is for a servo that turns the other way. ``trim`` (radians, +-45 degrees) corrects a skewed horn
+    and is added last, in the servo's own direction. ``start`` is the servo's angle in degrees after the boot of the
+    sketch; None is that of the Rodney sketches of Part 01 and later. Raises ValueError for impossible values.
     """
 
     index: int
@@ -68,7 +72,7 @@ class ServoAxis:
 
     @property
     def sign(self) -> int:
-        """-1 for a servo that turns the other way than the head."""
+        """-1 for a servo that turns the other way than the head, else 1."""
         return -1 if self.flip else 1
 
     @property
@@ -77,39 +81,39 @@ class ServoAxis:
         return False
 
     def with_trim(self, trim: float) -> Self:
-        """Return the same servo with another trim (radians). Raises ValueError for one that it cannot have."""
+        """Return the same axis with another trim (radians). Raises ValueError for an impossible trim."""
         return replace(self, trim=trim)
 
     @property
     def range(self) -> tuple[float, float]:
-        """The angles in radians that it may have and can reach, least and greatest."""
+        """Range in radians that is permitted and reachable."""
         ends = sorted((self.to_radians(0), self.to_radians(MAX_DEGREES)))
         return max(self.lower, ends[0]), min(self.upper, ends[1])
 
     @property
     def start_degrees(self) -> int:
-        """The degrees at which it stands once a sketch with encoders has started."""
+        """Degrees of the servo after the boot of a sketch with encoders."""
         return self.start_degrees_of_sketch(has_encoders=True)
 
     def start_degrees_of_sketch(self, *, has_encoders: bool) -> int:
-        """Return the degrees at which it stands once the sketch has started, a ``later`` one or the first."""
+        """Return the degrees of the servo after the boot of a sketch with encoders, or of the first sketch."""
         if self.start is not None:
             return self.start
         starts = ENCODER_SKETCH_STARTS if has_encoders else FIRST_SKETCH_STARTS
         return starts[self.index] if self.index < len(starts) else CENTRE_DEGREES
 
     def to_degrees(self, angle: float) -> int:
-        """Return what to send for ``angle`` radians: the nearest whole degree in 0..180."""
+        """Return the setpoint for ``angle`` radians: the nearest whole degree in 0..180."""
         turned = math.degrees(self.sign * angle + self.trim) + CENTRE_DEGREES
         return min(max(round(turned), 0), MAX_DEGREES)
 
     def next_degree(self, angle: float, heading: float) -> int:
-        """Return what to send on the way through ``angle`` to ``heading`` (radians): the next whole degree on that way.
+        """Return the next whole degree after ``angle`` on the way to ``heading`` (radians).
 
-        So a movement begins at once and not when it has covered half a degree, and no degree is sent that lies beyond.
+        So a movement begins at once instead of after half a degree, and no setpoint is beyond ``heading``.
         """
         end = self.to_degrees(heading)
-        # What floats lose must not make an angle that stands at a whole degree one that is still on the way to it.
+        # Rounded, so that a float error does not turn a whole degree into one that is not reached yet.
         exact = round(math.degrees(self.sign * angle + self.trim) + CENTRE_DEGREES, 9)
         if abs(exact - end) < 1:
             return end
@@ -117,11 +121,11 @@ class ServoAxis:
         return min(max(degree, 0), MAX_DEGREES)
 
     def nearest_angle(self, angle: float) -> float:
-        """Return the angle nearest to ``angle`` (radians) at which the servo can stand."""
+        """Return the angle nearest to ``angle`` (radians) that is a whole degree of the servo."""
         return self.to_radians(self.to_degrees(angle))
 
     def to_radians(self, degrees: float) -> float:
-        """Return the angle in radians at which the servo stands when ``degrees`` was sent."""
+        """Return the angle in radians of the servo at setpoint ``degrees``."""
         return self.sign * (math.radians(degrees - CENTRE_DEGREES) - self.trim)
 
 
@@ -130,22 +134,22 @@ def next_degrees(
     steps: tuple[AxisStep[ServoAxis], AxisStep[ServoAxis]],
     sent: tuple[int, ...] | None,
 ) -> tuple[int, int]:
-    """Return what to send two servos now, of which these degrees were ``sent`` last; empty or None where none were.
+    """Return the setpoints of two servos; ``sent`` are their last setpoints, empty or None if there are none.
 
-    The degree sent last may lie ahead of where the head had got to when it was told to brake: it does not turn back,
-    and goes on from there: ``steps`` are those of its ``way`` now.
+    ``steps`` are the current steps of ``motion``. A last setpoint may be ahead of the head when it brakes: then the
+    servo does not turn back, and the motion continues from the setpoint.
     """
     pan, tilt = (step.axis.next_degree(step.angle, step.heading) for step in steps)
     if sent:
-        kept = [
+        braked_ahead = [
             (new - old) * step.braking_direction * step.axis.sign < 0
             for step, new, old in zip(steps, (pan, tilt), sent, strict=True)
         ]
-        pan, tilt = (old if keeps else new for keeps, new, old in zip(kept, (pan, tilt), sent, strict=True))
-        if any(kept):
+        pan, tilt = (old if keeps else new for keeps, new, old in zip(braked_ahead, (pan, tilt), sent, strict=True))
+        if any(braked_ahead):
             motion.settle_at(
                 step.axis.to_radians(old) - step.braking_direction * BRAKED_OFFSET if keeps else None
-                for keeps, step, old in zip(kept, steps, sent, strict=True)
+                for keeps, step, old in zip(braked_ahead, steps, sent, strict=True)
             )
     return pan, tilt
 

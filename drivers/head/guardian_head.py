@@ -1,4 +1,4 @@
-"""A head of two hobby servos in the hands of a keeper: a sketch of ours on an Arduino, or a process on a Pi."""
+"""Head of two hobby servos behind an actuator guardian: a sketch on an Arduino, or a process on a Raspberry Pi."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -32,18 +32,17 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 REQUEST_INTERVAL = 0.05
-"""Seconds between two questions."""
+"""Seconds between two requests for a report."""
 
 MAX_REPORT_AGE = 0.07
-"""Seconds after the newest answer for which it goes on: as far as a keeper that begins anew may have led its servos
-without our knowing it."""
+"""Maximum age of the last report in seconds while setpoints are sent; a restart goes unnoticed for that long."""
 
 OFFLINE_TIMEOUT = 0.5
-"""Seconds without an answer after which it counts as offline."""
+"""Seconds without a report after which the guardian counts as offline."""
 
 
 class GuardianState(Enum):
-    """State of the guardian behind a port; UNMET and GREETING: it has not answered on this connection."""
+    """State of the guardian behind a port; UNMET and GREETING: no report on this connection yet."""
 
     UNMET, GREETING, ONLINE, SILENT = range(4)
 
@@ -64,12 +63,12 @@ TRANSITIONS: Final = {
 
 
 class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
-    """A ``drivers.api.Head`` on a link that it owns, led in whole degrees as ``drivers.arduino.driver.ArduinoHead``.
+    """Head on its own link, moved in whole degrees as ``drivers.arduino.driver.ArduinoHead``: a ``drivers.api.Head``.
 
-    The keeper tells where its servos were sent last, and whether it has begun anew. Where it has sent them nowhere yet,
-    they stand where we left them, or ``remembered`` says; else nobody knows where: that is told, and nothing is sent
-    before somebody asks for it.
-    ``why`` says why nobody answers, where that is known, and ``cure`` is what to try then.
+    The guardian reports the last setpoints of its servos, and whether it has restarted. If it has sent none yet, the
+    servos have the last angles of this program, or those in ``angle_store``; else the angles are unknown, which is
+    reported, and nothing is sent before a command. ``offline_reason`` returns why the guardian does not reply, if that
+    is known, and ``hint`` is the fix.
     """
 
     LAG = SERVO_LAG
@@ -100,13 +99,13 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._get_offline_reason, self._hint = offline_reason, hint
         self._angle_store = angle_store
         self._reconnect = ReconnectTracker(away)
-        self._lock = RLock()  # over what is sent, whoever sends it
+        self._lock = RLock()  # held while setpoints are computed and sent, on any thread
         self._lines = LineFinder()
         self._counters: Counter[str] = Counter({"reports": 0, "malformed": 0})
         self._state = GuardianState.UNMET
-        self._boot: int | None = None  # of the newest keeper that answered, on whichever connection
+        self._boot: int | None = None  # boot number of the last guardian that replied, on any connection
         self._sent: tuple[int, int] | None = None
-        self._reported_angles: tuple[int, int] | None = None  # where they were, by the newest answer that said so
+        self._reported_angles: tuple[int, int] | None = None  # last reported angles
         self._last_pose: Reading[HeadPose] | None = None
         self._reported_at = self._requested_at = self._connected_at = -inf
 
@@ -115,7 +114,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected while no keeper answers, DeviceFault while it is latched.
+        Raises BadRequest if it is not finite, NotConnected while the guardian is offline, DeviceFault while latched.
         """
         self._motion.check(target)
         health = self.health()
@@ -123,7 +122,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
             raise NotConnected(health.detail, hint=health.hint)
         self._reconnect.require_unlatched(self.name)
         accepted = self.limits.clamp(target)
-        pan, tilt = self._motion.axes  # its way ends where the servos will stand
+        pan, tilt = self._motion.axes  # the motion ends at whole degrees of the servos
         self._motion.look(
             HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._sync_time()
         )
@@ -133,7 +132,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
-        """Where the servos were sent last; stale while no keeper answers, and none before one did."""
+        """Pose of the last setpoints; stale while the guardian is offline, and none before its first report."""
         newest = self._last_pose
         if newest is None:
             return Reading(None, self._clock.now(), Quality.NONE)
@@ -142,19 +141,19 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
     # --- life --------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Start looking for the keeper."""
+        """Start the search for the guardian."""
         self._reconnect.restart()
         self._link.open(self)
 
     def close(self) -> None:
-        """Hold at once, and let the keeper go."""
+        """Hold at once, and release the guardian."""
         self._hold()
         self._link.close()
         if self._angle_store is not None:
             self._angle_store.close()
 
     def health(self) -> Health:
-        """Say whether a keeper answers, and the figures of its wire."""
+        """Return whether the guardian reports, and the counters of its wire."""
         link, returned = self._link.health(), self._reconnect.reconnected_at
         counters = {**link.counters, **self._counters}
         if not link.online:
@@ -166,7 +165,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
     # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
 
     def on_connected(self) -> None:
-        """Ask who is there. DTR stays on when the port is closed, so that the next program does not reset a board."""
+        """Request a report. DTR stays on when the port is closed, so that the next program does not reset a board."""
         self._link.set_dtr(on=True)
         self._hold()
         self._lines = LineFinder()
@@ -175,18 +174,18 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._send_request(self._connected_at)
 
     def on_data(self, data: bytes) -> None:
-        """Take the keeper's answers."""
+        """Handle reports of the guardian."""
         for line in self._lines.feed(data):
             try:
-                found = guardian_wire.parse_line(line)
+                message = guardian_wire.parse_line(line)
             except ValueError:
                 self._counters["malformed"] += 1
                 continue
-            if isinstance(found, guardian_wire.GuardianReport):
-                self._on_report(found)
+            if isinstance(message, guardian_wire.GuardianReport):
+                self._on_report(message)
 
     def on_poll(self) -> None:
-        """Ask again, lead the servos on, and notice silence."""
+        """Request a report if that is due, move the servos on, and detect silence."""
         now = self._clock.now()
         if now - self._requested_at >= REQUEST_INTERVAL:
             self._send_request(now)
@@ -198,7 +197,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
             self._report(DeviceStatus(self.name, "offline", self._offline_text(), self._hint))
 
     def on_closing(self) -> None:
-        """Remember where the servos are left; silence is what a keeper rests by."""
+        """Store the servo angles; the guardian stops the servos by itself after a silence."""
         if self._angle_store is not None and self._sent is not None:
             self._angle_store.save(dict(enumerate(self._sent)))
 
@@ -209,40 +208,39 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._link.write(guardian_wire.REPORT_REQUEST)
 
     def _on_report(self, found: guardian_wire.GuardianReport) -> None:
-        """Take one answer."""
         now = self._clock.now()
         self._counters["reports"] += 1
         with self._lock:
             before, was_met = self._state, self._has_report
-            anew = self._boot is not None and found.boot != self._boot
+            restarted = self._boot is not None and found.boot != self._boot
             self._handle(GuardianEvent.REPORT)
-            if anew or not was_met:
+            if restarted or not was_met:
                 self._boot = found.boot
-                self._apply_report(found, now, anew=anew)
+                self._apply_report(found, now, anew=restarted)
             elif (found.first, found.second) != self._sent and guardian_wire.UNKNOWN_ANGLE not in (
                 found.first,
                 found.second,
             ):
-                self._is_settled = False  # the last degree was lost on its way, or it is still on it
+                self._is_settled = False  # the last setpoint was lost, or is still on the wire
             if guardian_wire.UNKNOWN_ANGLE not in (found.first, found.second):
                 self._reported_angles = (found.first, found.second)
-            if self._reconnect.on_report(now, restarted=anew):
+            if self._reconnect.on_report(now, restarted=restarted):
                 self._hold()
             self._reported_at = now
         if before in (GuardianState.UNMET, GuardianState.SILENT):
             self._report(DeviceStatus(self.name, "online", f"{self._link.port}: the servos are there again"))
 
     def _apply_report(self, found: guardian_wire.GuardianReport, now: float, *, anew: bool) -> None:
-        """Go on from where the servos stand; stay there, but for the first time."""
-        axes, told = self._motion.axes, (found.first, found.second)
-        left = self._angle_store.pop() if self._angle_store is not None and self._reported_angles is None else {}
-        unknown = guardian_wire.UNKNOWN_ANGLE in told and not {0, 1} <= left.keys()
+        """Continue from the reported servo angles; move to the start pose the first time that they are known."""
+        axes, reported = self._motion.axes, (found.first, found.second)
+        stored = self._angle_store.pop() if self._angle_store is not None and self._reported_angles is None else {}
+        unknown = guardian_wire.UNKNOWN_ANGLE in reported and not {0, 1} <= stored.keys()
         middle = tuple(
             CENTRE_DEGREES if axis.start is None else axis.start for axis in axes
-        )  # the least far from any place
-        guess = self._reported_angles or tuple(left.get(number, at) for number, at in enumerate(middle))
+        )  # the smallest maximum distance from the real angle
+        guess = self._reported_angles or tuple(stored.get(number, at) for number, at in enumerate(middle))
         first, second = (
-            old if new == guardian_wire.UNKNOWN_ANGLE else new for new, old in zip(told, guess, strict=True)
+            old if new == guardian_wire.UNKNOWN_ANGLE else new for new, old in zip(reported, guess, strict=True)
         )
         self._sent = (first, second)
         pan, tilt = (axis.to_radians(degree) for axis, degree in zip(axes, self._sent, strict=True))
@@ -254,13 +252,13 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._has_start = True
         self._record_pose(HeadPose(pan, tilt), now)
         if unknown:
-            what = "its servos have got no pulse yet, and nobody knows where they stand: the first movement may leap"
-            self._report(DeviceStatus(self.name, "fault", what, "keep clear of it at its first movement"))
+            message = "its servos have got no pulse yet, and nobody knows where they stand: the first movement may leap"
+            self._report(DeviceStatus(self.name, "fault", message, "keep clear of it at its first movement"))
         if anew:
             self._report(DeviceStatus(self.name, "fault", "who holds its servos has begun anew", self._hint))
 
     def _step(self) -> None:
-        """Lead both servos on, while it is sure that somebody hears it. Raises NotConnected."""
+        """Send the next setpoints while the last report is fresh. Raises NotConnected."""
         with self._lock:
             now, boot, sent = self._clock.now(), self._boot, self._sent
             if boot is None or sent is None or not self._has_report:
@@ -293,13 +291,13 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
             self._record_pose(self._last_pose.value, now)
 
     def _hold(self) -> None:
-        """Give up the goal: the servos stay at the degrees sent last."""
+        """Drop the goal: the servos hold the last setpoints."""
         if self._last_pose is not None and self._last_pose.value is not None:
             sent = self._last_pose.value
             self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
-        """Return the time, until which nothing has moved if nobody is there to hear it."""
+        """Return the current time, after pausing the profile if no report is fresh."""
         now = self._clock.now()
         if not self._is_fresh(now):
             self._motion.pause_until(now, 0.0)
@@ -310,7 +308,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
 
     @property
     def _has_report(self) -> bool:
-        """Whether the guardian has answered on this connection."""
+        """Whether the guardian has reported on this connection."""
         return self._state in (GuardianState.ONLINE, GuardianState.SILENT)
 
     def _is_fresh(self, now: float) -> bool:

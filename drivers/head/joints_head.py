@@ -1,4 +1,4 @@
-"""A head made of two joints of an arm's servos: a neck. It knows no bus, only ``drivers.api.Joints``."""
+"""Head made of two joints of an arm: a neck. It depends only on ``drivers.api.Joints``, not on a bus."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -24,23 +24,22 @@ from drivers.head.pantilt import MAX_TRIM, STRAIGHT_AHEAD, PanTiltMotion, Profil
 from drivers.transport.loop import Loop, LoopFactory, ThreadLoop, guard_callback
 
 STEP_INTERVAL = 0.02
-"""Seconds from one step to the next: as often as the Rodney head is told an angle."""
+"""Seconds between two steps."""
 
 MIN_POSE_CHANGE = math.radians(0.25)
-"""A change of the pose by less is not worth a word: it is within a step of a servo's sensor."""
+"""Smallest change of the pose in radians that is reported: one step of a servo's sensor."""
 
 
 MAX_LAG, MAX_DEVIATION = 0.2, math.radians(2)
-"""Seconds of its way by which a joint may be behind where it is led, as servos and readings are, and radians besides:
-one that is farther off is kept back by somebody."""
+"""Normal lag of a joint behind its goals: seconds of its motion, plus radians; beyond that it is held back."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointAxis:
-    """One joint of a neck, a ``drivers.head.pantilt.HeadAxis``. The joint's own description says which way it is mounted.
+    """Axis on one joint of an arm: a ``drivers.head.pantilt.HeadAxis``. Its mounting is described by the joint itself.
 
-    ``lower`` and ``upper`` (radians) bound the head's angle; ``joint_min`` and ``joint_max`` are what the joint can have.
-    ``trim`` (radians, +-45 degrees) is added to the joint's angle. Raises ValueError for what no joint can have.
+    ``lower`` and ``upper`` (radians) limit the head's angle; ``joint_min`` and ``joint_max`` are the limits of the
+    joint. ``trim`` (radians, +-45 degrees) is added to the joint's angle. Raises ValueError for impossible values.
     """
 
     joint: str
@@ -68,11 +67,11 @@ class JointAxis:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The angles in radians that the head may have and the joint can reach, least and greatest."""
+        """Range in radians that is permitted for the head and reachable for the joint."""
         return max(self.lower, self.joint_min - self.trim), min(self.upper, self.joint_max - self.trim)
 
     def with_trim(self, trim: float) -> Self:
-        """Return the same joint with another trim (radians). Raises ValueError for one that it cannot have."""
+        """Return the same axis with another trim (radians). Raises ValueError for an impossible trim."""
         return replace(self, trim=trim)
 
 
@@ -80,12 +79,12 @@ J = TypeVar("J", bound=Joints)
 
 
 class JointsHead(ProfiledHead[JointAxis], Generic[J]):
-    """A ``drivers.api.Head`` of two of the ``joints``, which somebody else opens and closes.
+    """Head of two of the ``joints``, which the owner opens and closes: a ``drivers.api.Head``.
 
-    It leads them to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: ``step`` is to
-    be called every ``STEP_INTERVAL``. The pose is what the joints measure. Once they are there, the head goes to ``start``; a
-    goal does not survive the loss of a joint, nor that somebody relaxes it. ``changed`` is called by ``step``.
-    Raises BadRequest for a joint that is not there, ValueError for other values that make no sense.
+    It moves the joints to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: call
+    ``step`` every ``STEP_INTERVAL``. The pose is measured by the joints. When the joints are online for the first time, the
+    head moves to ``start``; a goal does not survive the loss of a joint, or its torque being switched off. ``changed``
+    is called by ``step``. Raises BadRequest for an unknown joint, ValueError for impossible values.
     """
 
     STEP_INTERVAL = STEP_INTERVAL
@@ -118,7 +117,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         )
         self._is_open = self._is_online = False
         self._sent: Mapping[str, float] = {}  # on this connection
-        self._were_led = (False, False)  # as last seen
+        self._were_led = (False, False)  # at the last step
         self._last_pose: Reading[HeadPose] = Reading(None, 0.0, Quality.NONE)
         self._reported_pose: HeadPose | None = None
 
@@ -127,39 +126,39 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected while one of its joints is not there, DeviceFault while they
-        are latched, or one is blocked.
+        Raises BadRequest if it is not finite, NotConnected while a joint is offline, DeviceFault while the joints are
+        latched or one is blocked.
         """
         self._motion.check(target)
         if not self._is_online:
             health = self.health()
             raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
-        self._joints.move({})  # may they be moved at all?
+        self._joints.move({})  # raises if they are latched
         self._retry_blocked(target)
         return self._motion.look(target, self._clock.now())
 
     def stop(self) -> None:
-        """Brake, within its acceleration, and hold; a joint that somebody has kept back stays where it is."""
+        """Brake within the acceleration, and hold; a joint that is held back stops where it is."""
         super().stop()
         here, now = self._last_pose.value, self._sync_time()
         if self._is_online and here is not None:
-            # What was read a while ago is behind by what the joint has turned since.
-            far = (MAX_LAG + now - self._last_pose.stamp) * self.limits.speed + MAX_DEVIATION
-            led = zip((here.pan, here.tilt), self._motion.advance(now), strict=True)
-            pan, tilt = (stands if abs(step.angle - stands) > far else None for stands, step in led)
+            # A reading lags by the motion of the joint since then.
+            max_distance = (MAX_LAG + now - self._last_pose.stamp) * self.limits.speed + MAX_DEVIATION
+            steps = zip((here.pan, here.tilt), self._motion.advance(now), strict=True)
+            pan, tilt = (angle if abs(step.angle - angle) > max_distance else None for angle, step in steps)
             self._motion.drop_goal(pan=pan, tilt=tilt, now=now)
         if blocked := self._blocked_joints():
-            self._joints.hold(blocked)  # which may be tried again from now on
+            self._joints.hold(blocked)  # a later goal may move them again
 
     def pose(self) -> Reading[HeadPose]:
-        """Where the joints were measured last; stale while one is not there, and none before both first were."""
+        """Last measured pose; stale while a joint is offline, and none before both were online."""
         newest = self._last_pose
         return newest if self._is_online or newest.value is None else replace(newest, quality=Quality.STALE)
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Use the joints as soon as they are there."""
+        """Use the joints as soon as they are online."""
         self._is_open = True
 
     def close(self) -> None:
@@ -168,7 +167,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         self._motion.halt()
 
     def health(self) -> Health:
-        """Say whether both joints are there."""
+        """Return whether both joints are online."""
         if not self._is_open:
             return Health(False, f"{self.name}: not opened yet", "open it first")
         health, states = self._joints.health(), self._joints.states()
@@ -185,7 +184,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
     # --- whoever steps it ---------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Move on: take in where the joints are, and tell them where to be."""
+        """Advance: read the joints, and send their next goals."""
         if not self._is_open:
             return
         now, states = self._clock.now(), self._joints.states()
@@ -194,7 +193,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             self._go_offline()
             return
         if not self._is_online and not self._joints.health().online:
-            return  # what was read last is not stale yet, but whoever read it has gone
+            return  # the last reading is not stale yet, but the bus is offline
         here = self._record_pose(pan.value, tilt.value, min(pan.stamp, tilt.stamp))
         if not self._is_online:
             self._go_online(here, now)
@@ -203,23 +202,23 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             self._move_joints(now)
         except NotConnected:
             self._go_offline()
-        except DeviceFault:  # latched: whoever looks somewhere is told so
+        except DeviceFault:  # latched: ``look`` raises
             self._motion.halt()
 
     def _record_pose(self, pan: JointState, tilt: JointState, stamp: float) -> HeadPose:
-        """Take in where the joints are; tell it when that has changed."""
+        """Record the pose of the joints; report it if it has changed."""
         axes = self._motion.axes
         here = HeadPose(pan.position - axes[0].trim, tilt.position - axes[1].trim)
         self._last_pose = Reading(here, stamp, Quality.GOOD)
         self._history.add(stamp, (here.pan, here.tilt))
-        told = self._reported_pose
-        if told is None or max(abs(here.pan - told.pan), abs(here.tilt - told.tilt)) > MIN_POSE_CHANGE:
+        reported = self._reported_pose
+        if reported is None or max(abs(here.pan - reported.pan), abs(here.tilt - reported.tilt)) > MIN_POSE_CHANGE:
             self._reported_pose = here
             self._changed()
         return here
 
     def _go_online(self, here: HeadPose, now: float) -> None:
-        """Begin from where the joints were found: go to the start at first, later stay there."""
+        """Start from the measured pose: move to the start pose the first time, later stay there."""
         if self._has_start:
             self._motion.drop_goal(pan=here.pan, tilt=here.tilt, now=now)
         else:
@@ -229,15 +228,15 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         self._report(DeviceStatus(self.name, "online", "both joints are there"))
 
     def _release_limp_joints(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
-        """Go on from where it stands with a joint that is led no more: relaxed, shut down, or blocked."""
+        """Continue from the measured angle of a joint that no longer follows: relaxed, shut down, or blocked."""
         limp = [was and not now_is for was, now_is in zip(self._were_led, (pan, tilt), strict=True)]
         self._were_led = (pan, tilt)
         if any(limp):
             self._motion.drop_goal(pan=here.pan if limp[0] else None, tilt=here.tilt if limp[1] else None, now=now)
-            self._sent = self._goals(now)  # else the next step would make them stiff again
+            self._sent = self._goals(now)  # else the next step would switch their torque on again
 
     def _goals(self, now: float) -> dict[str, float]:
-        """Return where the joints are to be now, in radians."""
+        """Return the goals of the joints at time ``now``, in radians."""
         return {step.axis.joint: step.angle + step.axis.trim for step in self._motion.advance(now)}
 
     def _move_joints(self, now: float) -> None:
@@ -248,20 +247,20 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             self._sent = goals
 
     def _blocked_joints(self) -> list[str]:
-        """Return the joints that their driver has given up."""
+        """Return the joints that are blocked."""
         readings = ((axis.joint, self._joints.states()[axis.joint].value) for axis in self._motion.axes)
         return [joint for joint, state in readings if state is not None and state.blocked]
 
     def _retry_blocked(self, target: HeadPose) -> None:
-        """Let joints that are blocked go on by a step. Raises DeviceFault for one that does not go that way."""
+        """Move blocked joints by one step. Raises DeviceFault for a joint that is blocked in that direction."""
         blocked, here = self._blocked_joints(), self._last_pose.value
-        for axis, wanted, stands in zip(self._motion.axes, (target.pan, target.tilt), _angles(here), strict=True):
+        for axis, goal, angle in zip(self._motion.axes, (target.pan, target.tilt), _angles(here), strict=True):
             if axis.joint in blocked:
-                step = math.copysign(MAX_DEVIATION, wanted - stands)
-                self._joints.move({axis.joint: stands + axis.trim + step})
+                step = math.copysign(MAX_DEVIATION, goal - angle)
+                self._joints.move({axis.joint: angle + axis.trim + step})
 
     def _go_offline(self) -> None:
-        """Give up the goal, but not the first one before it was ever pursued."""
+        """Drop the goal, except the start pose before the first connection."""
         if self._has_start:
             self._motion.halt()
         if self._is_online:
@@ -275,22 +274,22 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
 
 
 class NeckDriver(JointsHead[Joints]):
-    """A ``JointsHead`` that steps itself, on a thread of its own, while it is open; its joints are opened besides."""
+    """``JointsHead`` that steps itself on a thread of its own while it is open; its joints are opened separately."""
 
     make_loop: LoopFactory = ThreadLoop
-    """Makes what steps it."""
+    """Makes the loop that calls ``step``."""
     _loop: Loop | None = None
     _fault = ""
 
     def open(self) -> None:
-        """Use the joints as soon as they are there; does nothing while it is open."""
+        """Use the joints as soon as they are online; does nothing while open."""
         super().open()
         if self._loop is None:
             self._loop = self.make_loop(f"{self.name} joints", self._run_step, ignore)
         self._loop.start()
 
     def close(self) -> None:
-        """Take no step any more, and hold. Safe from any state, more than once."""
+        """End the steps, and hold. Safe from any state, more than once."""
         if self._loop is not None:
             self._loop.end()
         super().close()
@@ -306,16 +305,16 @@ class NeckDriver(JointsHead[Joints]):
 
 
 def _with_joint_limits(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
-    """Return ``axis`` with the limits of its joint."""
+    """Return ``axis`` with the limits of its joint. Raises BadRequest for an unknown joint."""
     limits = joints.limits.get(axis.joint)
     if limits is None:
-        known = ", ".join(joints.limits)
-        raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {known})", hint="look at the arm's joints")
+        names = ", ".join(joints.limits)
+        raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {names})", hint="look at the arm's joints")
     return replace(axis, joint_min=limits.lower, joint_max=limits.upper)
 
 
 def _follows_goals(state: JointState) -> bool:
-    """Whether a joint goes where it is sent."""
+    """Return whether a joint follows its goals."""
     return state.torque and not state.blocked
 
 

@@ -1,4 +1,4 @@
-"""Keys of a robot file for two hobby servos that turn a head, whatever board they are on."""
+"""Keys of two hobby servos that turn a head, for any board."""
 
 from collections.abc import Iterator
 from math import pi
@@ -9,7 +9,7 @@ from drivers.api.sections import AxisKeys, HeadKeys
 
 @keys
 class ServoKeys(AxisKeys):
-    """A hobby servo of the head: it turns from 0 to 180 degrees, and 90 is straight ahead."""
+    """Hobby servo of the head: it turns from 0 to 180 degrees, and 90 is straight ahead."""
 
     servo: int = key(low=0, high=3, help="The output of the board that it is on.")
     joint: str = key(default="", help="What the axis is called, as in the Rodney project.")
@@ -22,7 +22,7 @@ class ServoKeys(AxisKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what no servo can have."""
+        """Yield limits that the servo cannot reach."""
         way = -1 if self.flip else 1
         least, most = sorted((way * (-pi / 2 - self.trim), way * (pi / 2 - self.trim)))
         yield from self.check_reach((least, most), f"servo {self.servo}")
@@ -30,13 +30,13 @@ class ServoKeys(AxisKeys):
 
 @keys
 class TwoServoKeys(HeadKeys):
-    """Keys of any two servos of such a board."""
+    """Keys of two servos on such a board."""
 
     pan: ServoKeys = key(help="The servo that turns the head left and right.")
     tilt: ServoKeys = key(help="The servo that turns the head up and down.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield two axes on one servo."""
+        """Yield an error if both axes are on one servo."""
         if self.pan.servo == self.tilt.servo:
             about = (("pan", "servo"), ("tilt", "servo"))
             yield KeyDiagnostic(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)

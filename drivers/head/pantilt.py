@@ -1,6 +1,6 @@
-"""Two axes on their way to a pose: what all heads share, whatever turns them.
+"""Motion of two axes to a pose, shared by all heads.
 
-A driver tells it the time and gets the angles to send. Goals, trims and stops may come from any thread.
+A driver passes the time and gets the angles to send. Goals, trims and stops may come from any thread.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,20 +16,19 @@ from drivers.errors import BadRequest
 from drivers.transport.history import ValueHistory
 from drivers.transport.loop import guard_callback
 
-# How a commanded angle gets to its goal: the motion profile of drivers whose servos know none of their own.
+# Motion profile, for drivers of servos without one of their own.
 
 MAX_STEP = 0.1
-"""Seconds that one step covers at most: a thread that was held up must not turn into a jump."""
+"""Maximum seconds of one step: a delayed thread must not cause a jump."""
 
 
 @dataclass(slots=True)
 class MotionProfile:
-    """Goes to its goal in the shortest time that ``speed`` (rad/s) and ``acceleration`` (rad/s^2) allow.
+    """Trapezoidal profile: fastest motion to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2).
 
-    That is the trapezoidal profile: speed up, go on, brake. Its phases are worked out exactly for whatever time has
-    passed, so it does not matter how often it is asked; a new goal is taken up in full motion, without a jerk of the
-    angle. ``position`` in radians, ``velocity`` in rad/s; it starts at rest. ``braking_direction`` is which way it went (1 or -1)
-    when it was told to brake, and 0 once it has a goal.
+    The phases are computed exactly for the elapsed time, so the result does not depend on the step; a new goal is
+    accepted in motion, without a jump of the angle. ``position`` in radians, ``velocity`` in rad/s; initially at rest.
+    ``braking_direction`` is the direction of motion (1 or -1) at the last ``brake``, and 0 after a new goal.
     """
 
     position: float
@@ -44,12 +43,12 @@ class MotionProfile:
         self.goal = self.position
 
     def set_goal(self, goal: float, now: float) -> None:
-        """Start for ``goal`` at time ``now``, from where it has got to."""
+        """Start moving to ``goal`` at time ``now``, from the current position."""
         self.advance(now)
         self.goal, self.braking_direction = goal, 0.0
 
     def brake(self, now: float) -> None:
-        """Come to rest as soon as the acceleration allows, from time ``now`` on."""
+        """Brake within the acceleration, from time ``now`` on."""
         self.advance(now)
         way = self.velocity or self.goal - self.position
         self.goal, self.braking_direction = (
@@ -58,7 +57,7 @@ class MotionProfile:
         )
 
     def advance(self, now: float) -> float:
-        """Move on until time ``now`` and return the position. Time that does not rise changes nothing."""
+        """Advance to time ``now`` and return the position. A time in the past changes nothing."""
         left = now - self.stamp
         if left <= 0.0:
             return self.position
@@ -78,36 +77,39 @@ class MotionProfile:
 
     @property
     def heading(self) -> float:
-        """Where it is going now: to its goal, or, while it still goes the other way, to where it will have braked."""
+        """Current target: the goal, or the stopping position while it moves the other way."""
         standstill = self._stopping_position()
         return standstill if (self.goal - standstill) * self.velocity < 0 else self.goal
 
     def set_position(self, position: float, now: float) -> None:
-        """Go on from ``position`` (radians), where it turned out to stand at time ``now``; the goal stays."""
+        """Continue from ``position`` (radians) at time ``now``, at rest; the goal stays."""
         self.position, self.velocity, self.stamp, self.braking_direction = position, 0.0, now, 0.0
 
     def shift(self, angle: float) -> None:
-        """Call the present position by another number, ``angle`` (radians) greater; the goal's number stays."""
+        """Add ``angle`` (radians) to the number of the current position, after a change of the trim; the goal stays."""
         self.position += angle
 
     def halt(self) -> None:
-        """Stand still at the present position at once."""
+        """Stop at the current position at once."""
         self.goal, self.velocity = self.position, 0.0
 
     def _stopping_position(self) -> float:
-        """Where it would come to rest if it braked now."""
+        """Return the position after braking from now on."""
         return self.position + self.velocity * abs(self.velocity) / (2 * self.acceleration)
 
     def _phases(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-        """Return the three phases from here to rest at the goal: how many seconds, with which acceleration (rad/s^2).
+        """Return the three phases until rest at the goal, each as seconds and acceleration (rad/s^2).
 
-        Worked out as if the goal lay ahead: where it would overshoot, ahead is back. ``peak`` is the speed reached.
+        Computed as if the goal were ahead; if it would be overshot, the direction is reversed. ``peak`` is the maximum
+        speed.
         """
         ahead = copysign(1.0, self.goal - self._stopping_position())
         way, begin = ahead * (self.goal - self.position), ahead * self.velocity
         peak = min(self.speed, sqrt(max(0.0, self.acceleration * way + begin**2 / 2)))
         gain, loss = (peak - begin) / self.acceleration, peak / self.acceleration
-        even = way - (peak + begin) / 2 * abs(gain) - peak / 2 * loss  # it may be faster than it may go by now
+        even = (
+            way - (peak + begin) / 2 * abs(gain) - peak / 2 * loss
+        )  # negative if the maximum speed was reduced during the motion
         return (
             (abs(gain), copysign(self.acceleration, ahead * gain)),
             (max(0.0, even / peak) if peak > 0 else 0.0, 0.0),
@@ -118,36 +120,36 @@ class MotionProfile:
 STRAIGHT_AHEAD = HeadPose(0.0, 0.0)
 
 MAX_CATCH_UP = 0.02
-"""Seconds of its way that a head makes up for at most in one step, after nothing might be sent for a while."""
+"""Maximum seconds of motion that a head catches up in one step, after a pause without setpoints."""
 
 MAX_TRIM = radians(45)
-"""As far as the Rodney project's node lets a servo be trimmed."""
+"""Maximum trim in radians, as in the Rodney project's node."""
 
 
 @runtime_checkable
 class Trimmable(Protocol):
-    """A head that can be put straight while it runs, and left where it stands, as all of ours can."""
+    """Head whose trims can be changed while it runs, and that can skip its start movement."""
 
     def skip_start_move(self) -> None:
-        """Go nowhere when the hardware is there. To be called before ``open``."""
+        """Do not move to the start pose at the first connection. Call it before ``open``."""
         ...
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
-        """Set the trims that are given, in radians of the motor; return both. Raises BadRequest for over 45 degrees."""
+        """Set the given trims, in radians of the motor; return both. Raises BadRequest for more than 45 degrees."""
         ...
 
 
 class HeadAxis(Protocol):
-    """How one axis is built in. ``trim`` (radians) corrects what sits askew, in the direction of the motor."""
+    """Mounting of one axis. ``trim`` (radians) corrects a skewed mounting, in the direction of the motor."""
 
     @property
     def trim(self) -> float:
-        """What is added to the motor's angle, in radians."""
+        """Offset that is added to the motor's angle, in radians."""
         ...
 
     @property
     def sign(self) -> int:
-        """-1 where the motor turns the other way than the head, else 1."""
+        """-1 if the motor turns the other way than the head, else 1."""
         ...
 
     @property
@@ -157,11 +159,11 @@ class HeadAxis(Protocol):
 
     @property
     def range(self) -> tuple[float, float]:
-        """The angles of the head (radians) that it may have and can reach, least and greatest."""
+        """Range of the head's angle in radians that is permitted and reachable."""
         ...
 
     def with_trim(self, trim: float) -> Self:
-        """Return the same axis with another trim (radians). Raises ValueError for one that it cannot have."""
+        """Return the same axis with another trim (radians). Raises ValueError for an impossible trim."""
         ...
 
 
@@ -170,9 +172,9 @@ A = TypeVar("A", bound=HeadAxis)
 
 @dataclass(frozen=True, slots=True)
 class AxisStep(Generic[A]):
-    """Where an axis is to be now, ``angle``, and where it is ``heading``, in radians of the head.
+    """Step of an axis: its ``angle`` now, and its current target ``heading``, in radians of the head.
 
-    ``braking_direction`` is which way it went (1 or -1) when it was told to brake, and 0 once it has a goal.
+    ``braking_direction`` is the direction of motion (1 or -1) at the last brake, and 0 after a new goal.
     """
 
     axis: A
@@ -182,10 +184,10 @@ class AxisStep(Generic[A]):
 
 
 class PanTiltMotion(Generic[A]):
-    """The goal of a head, and how far it has come.
+    """Motion of both axes of a head to its goal.
 
-    ``speed`` (rad/s) and ``acceleration`` (rad/s^2) are those of each axis. It begins at rest at ``start``, which is
-    its first goal. Raises ValueError for values with which nothing would move.
+    ``speed`` (rad/s) and ``acceleration`` (rad/s^2) hold for each axis. Initially the motion is at rest at ``start``,
+    which is its first goal. Raises ValueError unless both are positive and finite. Thread-safe.
     """
 
     def __init__(
@@ -206,19 +208,19 @@ class PanTiltMotion(Generic[A]):
         self._axes = (pan, tilt)
         self._speed = self._max_speed = speed
         self._acceleration = acceleration
-        self._lock = Lock()  # over the axes and the profiles, which the caller and the driver's thread both touch
+        self._lock = Lock()  # over axes and profiles, which the caller and the driver's thread both use
         self._limits = self._limits_now()
         begin = self._limits.clamp(start)
         self._profiles = (MotionProfile(begin.pan, speed, acceleration), MotionProfile(begin.tilt, speed, acceleration))
 
     @property
     def axes(self) -> tuple[A, A]:
-        """Pan and tilt, as they are trimmed now."""
+        """Pan and tilt, with their current trims."""
         return self._axes
 
     @property
     def limits(self) -> HeadLimits:
-        """How far, how fast and how hard it turns; a trim may take a little of the range."""
+        """Range, maximum speed and acceleration; a trim may reduce the range."""
         return self._limits
 
     def _limits_now(self) -> HeadLimits:
@@ -241,7 +243,7 @@ class PanTiltMotion(Generic[A]):
             )
 
     def look(self, target: HeadPose, now: float) -> HeadPose:
-        """Start for ``target`` at time ``now``; return the pose accepted after clamping."""
+        """Start moving to ``target`` at time ``now``; return the pose accepted after clamping."""
         with self._lock:
             accepted = self.limits.clamp(target)
             pan, tilt = self._profiles
@@ -250,31 +252,31 @@ class PanTiltMotion(Generic[A]):
         return accepted
 
     def brake(self, now: float) -> None:
-        """Come to rest as soon as the acceleration allows."""
+        """Brake within the acceleration."""
         with self._lock:
             for profile in self._profiles:
                 profile.brake(now)
 
     def halt(self) -> None:
-        """Stand still at once, where it was commanded last: for when nobody hears commands any more."""
+        """Stop at once at the last setpoint, when the motors cannot be reached any more."""
         with self._lock:
             for profile in self._profiles:
                 profile.halt()
 
     def set_position(self, pose: HeadPose, now: float) -> None:
-        """Go on from ``pose``, where it turned out to stand at time ``now``; the goal stays."""
+        """Continue from ``pose`` at time ``now``, at rest; the goal stays."""
         with self._lock:
             for profile, angle in zip(self._profiles, (pose.pan, pose.tilt), strict=True):
                 profile.set_position(angle, now)
 
     def pause_until(self, now: float, catch_up: float = MAX_CATCH_UP) -> None:
-        """Let the time pass until ``now`` while nothing may be sent: so much of it (s) is made up for at most."""
+        """Skip the time until ``now``, in which nothing was sent; at most ``catch_up`` seconds of it are caught up."""
         with self._lock:
             for profile in self._profiles:
                 profile.stamp = max(profile.stamp, now - catch_up)
 
     def drop_goal(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> None:
-        """Give up the goal of each axis that is given: somebody has let go of it, and it stands at this angle."""
+        """Drop the goal of each given axis, which is at rest at this angle."""
         with self._lock:
             for profile, angle in zip(self._profiles, (pan, tilt), strict=True):
                 if angle is not None:
@@ -282,7 +284,7 @@ class PanTiltMotion(Generic[A]):
                     profile.halt()
 
     def settle_at(self, angles: Iterable[float | None]) -> None:
-        """Go on from each of these angles (pan, tilt; None for no change) once it rests there, stopped and not told."""
+        """Continue from these angles (pan, tilt; None for no change) if the axis has braked and is at rest."""
         with self._lock:
             for profile, angle in zip(self._profiles, angles, strict=True):
                 if angle is not None and profile.braking_direction and profile.position == profile.goal:
@@ -290,7 +292,10 @@ class PanTiltMotion(Generic[A]):
                     profile.halt()
 
     def restrict_speed(self, speed: float, now: float) -> HeadLimits:
-        """Turn no faster than so (rad/s), and no faster than it was made for; return the limits that hold."""
+        """Set the maximum speed (rad/s), up to the initial one; return the limits in force.
+
+        Raises BadRequest unless it is positive.
+        """
         if not speed > 0:
             raise BadRequest(f"{self._name}: a speed of {speed} rad/s gets it nowhere")
         with self._lock:
@@ -302,7 +307,7 @@ class PanTiltMotion(Generic[A]):
         return self._limits
 
     def advance(self, now: float) -> tuple[AxisStep[A], AxisStep[A]]:
-        """Move on until time ``now``; return where pan and tilt are to be."""
+        """Advance to time ``now``; return the steps of pan and tilt."""
         with self._lock:
             (pan_axis, tilt_axis), (pan, tilt) = self._axes, self._profiles
             return (
@@ -311,20 +316,20 @@ class PanTiltMotion(Generic[A]):
             )
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> tuple[float, float]:
-        """Set what is given (radians); return both trims. The head goes over to them as smoothly as to a new goal.
+        """Set the given trims (radians); return both. The head moves over smoothly, as to a new goal.
 
-        Raises BadRequest for more than ``MAX_TRIM``, or a trim that leaves nothing of the range; nothing changes.
+        Raises BadRequest for more than ``MAX_TRIM``, or a trim that leaves an empty range; then nothing changes.
         """
         with self._lock:
-            wanted = [self._with_trim(axis, trim) for axis, trim in zip(self._axes, (pan, tilt), strict=True)]
-            for profile, old, new in zip(self._profiles, self._axes, wanted, strict=True):
+            axes = [self._with_trim(axis, trim) for axis, trim in zip(self._axes, (pan, tilt), strict=True)]
+            for profile, old, new in zip(self._profiles, self._axes, axes, strict=True):
                 profile.advance(now)
-                # The motor stands where it stood; what has changed is which angle of the head that is.
+                # The motor stays; only the angle of the head that belongs to its position has changed.
                 profile.shift(-new.sign * (new.trim - old.trim))
                 profile.set_goal(min(max(profile.goal, new.range[0]), new.range[1]), now)
-            self._axes = (wanted[0], wanted[1])
+            self._axes = (axes[0], axes[1])
             self._limits = self._limits_now()
-        return wanted[0].trim, wanted[1].trim
+        return axes[0].trim, axes[1].trim
 
     def _with_trim(self, axis: A, trim: float | None) -> A:
         if trim is None:
@@ -335,63 +340,64 @@ class PanTiltMotion(Generic[A]):
             raise BadRequest(f"{self._name}: {error}", hint="mount the horn anew, nearer to the middle") from error
 
 
-# The half of a head that leads two axes to where it is told: what all heads obey and answer alike.
+# Common part of all heads: commands and queries that need no hardware.
 
 
 class ProfiledHead(Generic[A]):
-    """The part of a ``drivers.api.Head`` that is the same on all: it leads the axes of ``way``, a step at a time.
+    """Base class of heads that follow a motion profile: all of ``drivers.api.Head`` except the hardware.
 
-    A subclass has the wire, or the bodies, of its servos, and calls ``changed`` whenever its pose has changed.
+    A subclass sends the angles of ``motion`` to its servos, or simulates them, and calls ``changed`` with each change
+    of its pose.
     """
 
     name = "head"
 
     LAG = 0.0
-    """Seconds by which its servos are behind the poses that it notes."""
+    """Seconds by which the servos lag behind the recorded poses."""
 
     def __init__(self, clock: Clock, motion: PanTiltMotion[A], changed: Callable[[], None]) -> None:
         self._clock = clock
         self._motion = motion
         self._changed = guard_callback(changed)
         self._history = ValueHistory()
-        self._has_start = False  # it has gone for its start, or is not to
-        self._is_settled = False  # it stands, and nothing is left to be sent
+        self._has_start = False  # it has moved to its start pose, or skips that
+        self._is_settled = False  # it is at rest, and all setpoints are sent
 
     @property
     def limits(self) -> HeadLimits:
-        """How far, how fast and how hard it turns."""
+        """Range, maximum speed and acceleration."""
         return self._motion.limits
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the servos stood at a past time, interpolated; None when that is not known."""
+        """Pose of the servos at a past time, interpolated; None if unknown."""
         values = self._history.at(stamp - self.LAG)
         return None if values is None else HeadPose(*values)
 
     def stop(self) -> None:
-        """Brake, within its acceleration, and hold."""
+        """Brake within the acceleration, and hold."""
         self._motion.brake(self._sync_time())
         self._is_settled = False
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
-        """Set the trims that are given, in radians of the servo, while it runs; return both.
+        """Set the given trims, in radians of the servo; return both.
 
-        Raises BadRequest for more than 45 degrees. May be called from any thread, connected or not.
+        Raises BadRequest for more than 45 degrees. Callable from any thread, online or offline.
         """
         self._is_settled = False
         return self._motion.trim(pan=pan, tilt=tilt, now=self._sync_time())
 
     def restrict_limits(self, limits: HeadLimits) -> HeadLimits:
-        """See ``drivers.api.Limitable``: of its speed, at once and within its acceleration."""
+        """Restrict the maximum speed, at once and within the acceleration; see ``drivers.api.Limitable``."""
         return self._motion.restrict_speed(limits.speed, self._sync_time())
 
     def skip_start_move(self) -> None:
-        """Go nowhere when its servos are there. To be called before ``open``."""
+        """Do not move to the start pose at the first connection. Call it before ``open``."""
         self._has_start = True
 
     def rest(self) -> None:
-        """Hold: hobby servos know no other rest, and what rest means for the torque of joints is up to the arm."""
+        """Stop and hold: hobby servos have no other rest, and the arm decides on the torque of joints."""
         self.stop()
 
     def _sync_time(self) -> float:
-        """Return the time, until which it has moved as far as it could."""
+        """Return the current time; a subclass may pause the motion first."""
         return self._clock.now()

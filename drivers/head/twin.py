@@ -1,4 +1,4 @@
-"""The twin of a Rodney head: the real driver's profiles in whole degrees, and two servos that follow them."""
+"""Simulated head of hobby servos: the driver's motion profile in whole degrees, and two simulated servos."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,14 +25,13 @@ from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 
 class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
-    """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``STEP_INTERVAL``; for one thread.
+    """Simulated head of two hobby servos: a ``drivers.api.Head``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
 
-    ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
-    the sketch puts its servos it goes to ``start`` once opened. Its pose is what the servos were sent, in whole
-    degrees; ``true_pose`` is where they are. A goal does not survive the plug, which its board has its power from: it
-    starts anew, and the head stays there until it is told. ``away`` says what of before goes on.
-    ``changed`` is called whenever the pose has changed.
-    Raises ValueError for values that make no sense.
+    ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: after
+    ``open`` it moves from the start angles of the sketch to ``start``. The pose is the last setpoint in whole degrees,
+    ``true_pose`` the simulated angles. The plug powers the board, so each connection is a restart: the goal is dropped,
+    and the head stays until a command. ``away`` is the reconnect policy. ``changed`` is called with each change of the
+    pose. Raises ValueError for impossible values.
     """
 
     STEP_INTERVAL = 0.02
@@ -57,12 +56,12 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         super().__init__(
             clock, PanTiltMotion(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
         )
-        self._untrimmed_axes = (pan, tilt)  # what it is trimmed to later turns it in truth
+        self._untrimmed_axes = (pan, tilt)  # a later trim changes the setpoints, not the mounting
         self._shafts = tuple(
             Shaft(float(axis.start_degrees), float(axis.start_degrees), SERVO_SPEED) for axis in (pan, tilt)
         )
         self._reconnect = ReconnectTracker(away)
-        self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
+        self._sent: tuple[int, ...] | None = None  # degrees; None before the first connection
         self._pose = STRAIGHT_AHEAD
         self._stamp = -inf
         self._reversed = False
@@ -72,13 +71,13 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected while it is not there, DeviceFault while it is latched.
+        Raises BadRequest if it is not finite, NotConnected while unplugged, DeviceFault while latched.
         """
         self._motion.check(target)
         self.plug.check_online()
         self._reconnect.require_unlatched(self.name)
         accepted = self.limits.clamp(target)
-        pan, tilt = self._motion.axes  # as the real one: its way ends where the servos will stand
+        pan, tilt = self._motion.axes  # as the driver: the motion ends at whole degrees of the servos
         self._motion.look(
             HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._clock.now()
         )
@@ -86,7 +85,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         return accepted
 
     def pose(self) -> Reading[HeadPose]:
-        """Where the servos were sent last; stale while it is not there, and none before it first was."""
+        """Pose of the last setpoints; stale while unplugged, and none before the first connection."""
         if self._sent is None:
             return Reading(None, self._clock.now(), Quality.NONE)
         return Reading(self._pose, self._stamp, Quality.GOOD if self.plug.online else Quality.STALE)
@@ -94,21 +93,21 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
+        """Connect at once, unless unplugged."""
         self._reconnect.restart()
         self.plug.open()
 
     def close(self) -> None:
-        """Hold at once, and let the servos stand where they are. Safe from any state, more than once."""
+        """Hold at once; the servos keep their angles. Safe from any state, more than once."""
         self._on_unplugged()
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether it is there."""
+        """Return whether the head is plugged in."""
         return replace(self.plug.health({}), reconnected_at=self._reconnect.reconnected_at)
 
     def step(self) -> None:
-        """Move on: send each axis the next whole degree, where it is not that already."""
+        """Advance: send each axis its next whole degree if it has changed."""
         if not self.plug.online:
             return
         now = self._clock.now()
@@ -135,14 +134,14 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
             self._changed()
 
     def true_pose(self, now: float) -> HeadPose:
-        """Where the servos really stand at time ``now``: they lag a little behind what they were sent."""
+        """Return the simulated angles of the servos at time ``now``, which lag a little behind the setpoints."""
         pan, tilt = (
             axis.to_radians(shaft.advance(now)) for axis, shaft in zip(self._untrimmed_axes, self._shafts, strict=True)
         )
         return HeadPose(pan, tilt)
 
     def fail(self, fault: str = "") -> None:
-        """Let its servos be "blocked" or "reversed", or as they should be; nobody measures where they stand."""
+        """Set the servo fault: "blocked", "reversed", or "" for none; no sensor detects it."""
         self._reversed = fault == "reversed"
         for shaft in self._shafts:
             shaft.advance(self._clock.now())
@@ -151,7 +150,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         self._is_settled = False
 
     def _on_plugged(self) -> None:
-        """Go on from where a sketch that has just started has put its servos; stay there, but for the first time."""
+        """Continue from the start angles of a sketch that has just booted; move to the start pose only the first time."""
         now, axes = self._clock.now(), self._motion.axes
         self._reconnect.on_report(now, restarted=True)
         pan, tilt = (axis.to_radians(axis.start_degrees) for axis in axes)
@@ -163,7 +162,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         self.step()
 
     def _on_unplugged(self) -> None:
-        """Give up the goal: the servos stay at the degrees sent last."""
+        """Drop the goal: the servos hold the last setpoints."""
         if self._sent is not None:
             self._motion.drop_goal(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.now())
 

@@ -1,1 +1,1 @@
-"""What all named joints share, whichever bus or topic they are on."""
+"""Shared code of named joints, for any bus or topic."""

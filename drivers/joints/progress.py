@@ -1,7 +1,7 @@
-"""Progress of joints towards their goals: finds those that are blocked, turn the wrong way, or are pushed away.
+"""Progress of joints towards their goals: detects joints that are blocked, turn the wrong way, or are pushed away.
 
-It compares where a joint is sent with where it is measured. A joint that is given up is to be held where it stands:
-then its motor no longer pushes, and the limb does not fall.
+The goal of a joint is compared with its measured position. A joint that is given up must be held at its position: then
+its motor no longer pushes, and the limb does not fall.
 """
 
 from enum import Enum
@@ -11,31 +11,31 @@ from typing import Final
 from drivers.errors import DeviceFault
 
 TOLERANCE = radians(10)
-"""A joint this far from its goal is not there: nearer, a servo with a proportional controller may come to rest."""
+"""A joint this far from its goal has not arrived; nearer, a servo with a proportional controller may come to rest."""
 
 FULL_LOAD, LOADED_TOLERANCE = 0.8, radians(4)
-"""Share of the stall torque from which on a joint pushes with all that it has, and the tolerance then."""
+"""Share of the stall torque from which on a joint counts as pushing at full power, and the tolerance in that case."""
 
 BLOCKED_AFTER = 0.8
 """Seconds without progress after which a joint is blocked: a servo that protects itself lets the limb fall at 1 s."""
 
 PROGRESS_STEP, RESOLUTION = radians(2), radians(0.6)
-"""Progress within ``BLOCKED_AFTER`` that is enough, and the least that sensors tell from none."""
+"""Sufficient progress within ``BLOCKED_AFTER``, and the least progress that sensors can detect."""
 
 MIN_SPEED_SHARE = 0.25
-"""Share of the commanded speed that is enough progress, too."""
+"""Share of the commanded speed that also counts as sufficient progress."""
 
 SETTLE_TIME = 0.3
 """Seconds near its goal after which a joint has arrived."""
 
 WRONG_WAY, WRONG_WAY_AFTER = radians(12), 0.5
-"""Way in the wrong direction, and the seconds that it takes at least: shorter ones are those of a joint that brakes."""
+"""Distance in the wrong direction, and its minimum duration in seconds: a shorter one is that of a joint that brakes."""
 
 RETRY_AFTER = 2.0
 """Seconds without a command after which a joint that was given up may be tried again."""
 
 MAX_READING_GAP = 0.25
-"""Seconds between two readings that count: while nothing is read, nothing is known of its progress."""
+"""Maximum seconds between two readings that count: without readings, progress is unknown."""
 
 HINT = "free the joint; if nothing holds it, look at its cable and its sensor"
 
@@ -46,11 +46,11 @@ class ProgressState(Enum):
     LIMP, MOVING, HOLDING, BLOCKED = range(4)
     WRONG_WAY = 4  # given up after it turned the wrong way
     WATCHED = 5  # held after that: it may run away
-    RUNAWAY = 6  # given up again after it left the place where it was held
+    RUNAWAY = 6  # given up again after it left its held position
 
 
 class ProgressEvent(Enum):
-    """Event of a ``JointProgress``; HERE is a command to the goal where it stands."""
+    """Event of a ``JointProgress``; HERE is a command to the goal where the joint is."""
 
     COMMAND, HERE, HOLD, RELAX, ARRIVE, BLOCK, TURN_WRONG, RUN_AWAY = range(8)
 
@@ -82,41 +82,40 @@ TRANSITIONS: Final = {
 
 
 class JointProgress:
-    """Progress of one joint by its readings, in radians and seconds. For one thread at a time.
+    """Progress of one joint by its readings, in radians and seconds. Not thread-safe.
 
-    ``title`` is the name of the joint in messages. ``blocked`` is the reason for which it was given up, while it is.
+    ``title`` is the name of the joint in messages. ``blocked`` is the reason for which the joint is given up; empty
+    otherwise.
     """
 
     def __init__(self, title: str) -> None:
         self.title = title
         self.blocked = ""
         self.state = ProgressState.LIMP
-        self._goal = self._settled = 0.0  # settled: the goal at which it has arrived
+        self._goal = self._settled = 0.0  # settled: the goal that it has reached
         self._blocked_at = 0.0
-        self._left_at = 0.0  # where it is held since it turned the wrong way
+        self._left_at = 0.0  # held position after it turned the wrong way
         self._speed = self._commanded_at = self._stamp = 0.0
-        self._pushed = False  # away from where it holds, and that was reported
-        self._direction = 0  # in which the goal lies, once it is too far away
-        self._front = self._mark = 0.0  # how far it has come in that direction; and where progress was counted last
+        self._pushed = False  # from its held position, and that was reported
+        self._direction = 0  # of the goal, while it is farther than the tolerance
+        self._front = self._mark = 0.0  # farthest position in that direction; position of the last progress
         self._front_at = self._near_goal_for = 0.0
-        self._stalled_for = self._stall_share = (
-            0.0  # seconds without progress, and the share of what it is given at its speed
-        )
+        self._stalled_for = self._stall_share = 0.0  # without progress: seconds, and share of the limit at its speed
 
     @property
     def runs_away(self) -> bool:
-        """Whether it turned the wrong way, and goes on although it is held: its driver has to let go of it."""
+        """Whether a joint that turned the wrong way moves on although it is held: switch its torque off."""
         return self.state is ProgressState.RUNAWAY
 
     @property
     def active(self) -> bool:
-        """True while it is under way, or was given up: while readings matter."""
+        """True while the joint moves or is given up, so that readings are needed."""
         return self.state not in (ProgressState.LIMP, ProgressState.HOLDING)
 
     def permit(self, goal: float, now: float) -> None:
-        """Raise DeviceFault for a goal that is blocked; a goal on the other side, or after a while, is permitted.
+        """Raise DeviceFault for a goal that is blocked; a goal in the other direction, or after a while, is permitted.
 
-        A joint that turned the wrong way has no other side.
+        A joint that turned the wrong way has no permitted direction.
         """
         if not self.blocked:
             return
@@ -128,7 +127,7 @@ class JointProgress:
             raise DeviceFault(self.blocked, hint=HINT)
 
     def command(self, goal: float, speed: float, now: float) -> None:
-        """Expect it to go to ``goal`` at ``speed`` (rad/s) at most."""
+        """Expect the joint to move to ``goal`` at ``speed`` (rad/s) at most."""
         stands = self.state in (ProgressState.HOLDING, ProgressState.WATCHED)
         stays = stands and abs(goal - self._settled) <= RESOLUTION
         if (stands and not stays) or self.state is ProgressState.LIMP:
@@ -137,12 +136,12 @@ class JointProgress:
         self._goal, self._speed, self._commanded_at = goal, speed, now
 
     def hold(self, place: float | None) -> None:
-        """Expect it to stay at ``place``, None for a limp joint; nothing is blocked any more.
+        """Expect the joint to stay at ``place``, None for a limp joint; nothing is blocked any more.
 
         A joint that turned the wrong way is still watched: it may run away from there.
         """
         if place is None and self.state is ProgressState.LIMP:
-            return  # each reading of a limp joint comes here
+            return  # called with each reading of a limp joint
         self.blocked = ""
         self._handle(ProgressEvent.RELAX if place is None else ProgressEvent.HOLD)
         if place is not None:
@@ -150,15 +149,15 @@ class JointProgress:
         self._restart()
 
     def update(self, here: float, load: float, stamp: float) -> str:
-        """Take a reading; return what is new: why it is given up, or that it was pushed away from where it holds."""
+        """Handle a reading; return a new fault: the reason for giving up, or that the joint was pushed away."""
         passed, self._stamp = min(max(stamp - self._stamp, 0.0), MAX_READING_GAP), max(stamp, self._stamp)
-        held = self.state in (ProgressState.WRONG_WAY, ProgressState.WATCHED)
-        if held and abs(here - self._left_at) > WRONG_WAY:
+        is_held = self.state in (ProgressState.WRONG_WAY, ProgressState.WATCHED)
+        if is_held and abs(here - self._left_at) > WRONG_WAY:
             self._handle(ProgressEvent.RUN_AWAY)
             self._blocked_at = here
-            said = f"{self.title}: runs away from {self._left_at:.2f} rad, where it is held"
-            self.blocked = self.blocked or said
-            return said
+            message = f"{self.title}: runs away from {self._left_at:.2f} rad, where it is held"
+            self.blocked = self.blocked or message
+            return message
         if self.state is ProgressState.LIMP or self.blocked:
             return ""
         error = self._goal - here
@@ -188,7 +187,7 @@ class JointProgress:
         self.state = TRANSITIONS.get((self.state, event), self.state)
 
     def _advance(self, here: float, direction: int, passed: float) -> None:
-        """Take in how far it is on its way."""
+        """Update the progress from a position."""
         if direction != self._direction:
             self._direction, self._front, self._front_at, self._mark = direction, here, self._stamp, here
         if (here - self._front) * direction > 0:
@@ -201,7 +200,7 @@ class JointProgress:
         self._stall_share += passed / max(BLOCKED_AFTER, 4 * RESOLUTION / max(self._speed, RESOLUTION))
 
     def _pushed_away(self, here: float) -> str:
-        """Say, once until it is back, that it does not stay where it holds."""
+        """Return a message that the joint does not hold its position, once until it is back."""
         if self._stall_share < 1.0 or self._pushed:
             return ""
         self._pushed = True
@@ -209,11 +208,11 @@ class JointProgress:
 
     def _give_up(self, here: float, why: str, load: float) -> str:
         self._blocked_at = here
-        felt = f"; load {abs(load):.0%}".replace("%", " %") if load else ""
-        self.blocked = f"{self.title}: commanded {self._goal:.2f} rad, {why}{felt}"
+        load_text = f"; load {abs(load):.0%}".replace("%", " %") if load else ""
+        self.blocked = f"{self.title}: commanded {self._goal:.2f} rad, {why}{load_text}"
         return self.blocked
 
     def _restart(self) -> None:
-        """Count from the next reading on."""
+        """Restart the measurement at the next reading."""
         self._direction, self._pushed = 0, False
         self._near_goal_for = self._stalled_for = self._stall_share = 0.0
