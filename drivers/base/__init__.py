@@ -1,1 +1,1 @@
-"""What every mobile base shares: arbitration, reflexes, limits, dead reckoning, and a base without sensors."""
+"""Shared code of mobile bases: arbitration, reflexes, limits, dead reckoning, and drivers of two-wheeled bases."""

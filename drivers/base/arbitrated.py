@@ -97,8 +97,8 @@ def settings_of(keys: BaseKeys, callbacks: BaseCallbacks) -> BaseSettings:
 class ArbitratedBase(ABC):
     """Base class of drivers and twins: a ``drivers.api.Base`` whose commands pass a velocity multiplexer.
 
-    A subclass adds the actuators and the state. Commands are safe between threads. ``instruments`` names what measures
-    the motion. Raises ValueError for a limit that is not positive.
+    A subclass adds the actuators and the state. Commands are thread-safe. ``instruments`` names the sensors of the
+    motion. Raises ValueError for a limit that is not positive.
     """
 
     name = "base"
@@ -136,7 +136,7 @@ class ArbitratedBase(ABC):
         return self._limits
 
     def restrict_limits(self, limits: BaseLimits) -> BaseLimits:
-        """See ``drivers.api.Limitable``. Only speeds are restricted; a faster base slows down by its ramp."""
+        """Restrict the maximum speeds; a faster base slows down by its ramp. See ``drivers.api.Limitable``."""
         with self._lock:
             self._limits = self._mux.restrict_limits(limits.speed, limits.turn)
         return self._limits
@@ -248,9 +248,9 @@ class ArbitratedBase(ABC):
 
     @contextmanager
     def _stopping_on_error(self) -> Iterator[None]:
-        """Stop the actuators if a report or a renewal fails, and raise the error again: the last speed must not go on.
+        """Stop the actuators if a report or a renewal fails, and raise the error again: else the base drives on.
 
-        Setpoints from before are dropped: what the report said, such as a contact or a restart, is lost.
+        Earlier setpoints are dropped: the content of the report, such as a contact or a restart, is lost.
         """
         try:
             yield

@@ -54,9 +54,9 @@ FINAL_STOPS = 5
 class DiffDriveTiming:
     """Times of a base, in seconds.
 
-    A state is stale ``stale_after`` its measurement, and the base is offline ``offline_after`` its last report.
-    A report arrives ``report_delay`` after its measurement. At rest, a command is sent every ``idle_interval``, and
-    reports may gather for ``idle_poll_interval`` before they are read.
+    A state is stale ``stale_after`` its measurement, and the base is offline ``offline_after`` its last report. A
+    report arrives ``report_delay`` after its measurement. At rest, a command is sent every ``idle_interval``, and
+    reports are buffered for ``idle_poll_interval`` before they are read.
     """
 
     stale_after: float = 0.15
@@ -141,7 +141,7 @@ class DiffDriveProtocol(ABC):
         return self.drive(ZERO_VELOCITY, now)
 
     def query(self, now: float) -> bytes:  # noqa: ARG002
-        """Return the question that is due now."""
+        """Return the query that is due now."""
         return b""
 
     def is_ready(self, now: float) -> bool:  # noqa: ARG002
@@ -195,7 +195,7 @@ class LightsOnWire:
 
 
 class DiffDriveBase(ArbitratedBase):
-    """A ``drivers.api.Base`` that speaks ``protocol`` over ``link``. It owns both.
+    """Driver of a base with ``protocol`` over ``link``, both of which it owns: a ``drivers.api.Base``.
 
     ``on_stop`` is called when all sources are stopped or the base is latched, to stop other nodes that drive it.
     Callbacks are called from the link's thread, and must return at once. The link also calls the methods of
@@ -299,7 +299,7 @@ class DiffDriveBase(ArbitratedBase):
             self._link.write(parsed.reply)
 
     def on_poll(self) -> float | None:
-        """Renew the command, send questions that are due, and detect silence. Return how long reports may gather."""
+        """Renew the command, send due queries, and detect silence; return how many seconds reports may wait."""
         now = self._clock.now()
         if now - self._renewed_at >= RENEWAL_INTERVAL:
             self._renew(now)
@@ -314,7 +314,7 @@ class DiffDriveBase(ArbitratedBase):
         return self.protocol.timing.idle_poll_interval if self._dozing and not self._mux.request_pending else None
 
     def on_closing(self) -> None:
-        """Stop the wheels as the thread ends, for whatever reason."""
+        """Stop the wheels as the thread ends, for any reason."""
         self._send_final_stops()
 
     # --- the inside ---------------------------------------------------------------------------------------------------

@@ -2,8 +2,8 @@
 
 The raw rate alone does not show whether the base stands: a bias looks like a slow turn. A bias that is learnt in a slow
 turn makes the heading drift afterwards (pybricks/support#1840). So it is learnt only while the base is not commanded
-and its encoders do not count. A base without encoders must have an even rate instead. Until the bias is known, a slow
-turn by somebody else is then learnt as bias; afterwards it is recognised.
+and its encoders do not count. A base without encoders must have an even rate instead. Before the bias is known, a slow
+turn by hand is then learnt as bias; afterwards it is recognised.
 """
 
 MIN_STILL_TIME = 0.3

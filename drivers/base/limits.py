@@ -72,14 +72,14 @@ class VelocityLimits:
         return BaseLimits(self.max_linear, self.max_angular, self.linear_acceleration, self.angular_acceleration)
 
     def clamp(self, velocity: Velocity) -> Velocity:
-        """Return ``wanted``, scaled down to the speed limits: the path keeps its shape."""
+        """Return ``velocity``, scaled down to the speed limits: the path keeps its shape."""
         excess = max(1.0, abs(velocity.linear) / self.max_linear, abs(velocity.angular) / self.max_angular)
         if excess == 1.0:
             return velocity
         return Velocity(velocity.linear / excess, velocity.angular / excess)
 
     def approach(self, current: Velocity, setpoint: Velocity, seconds: float) -> Velocity:
-        """Return the velocity ``seconds`` after ``current`` on the ramp to ``wanted``.
+        """Return the velocity ``seconds`` after ``current`` on the ramp to ``setpoint``.
 
         Both components change in proportion, so that the base stays on the same arc.
         """

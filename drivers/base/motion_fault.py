@@ -46,8 +46,8 @@ ON_THE_FLOOR = "stand the base on the floor, away from the edge"
 class StateChange:
     """Change between two states.
 
-    ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``describe_causes`` is True if a contact,
-    button or hazard changed.
+    ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``inputs_changed`` is True if a
+    contact, button or hazard changed.
     """
 
     faults: tuple[tuple[str, str], ...]
@@ -158,7 +158,7 @@ def hint_of(state: BaseState) -> str:
 # Hold after a motion fault: the source in command is refused until it lets go; repeated faults latch the base.
 
 RELEASE_TIMEOUT = 2 * COMMAND_TIMEOUT
-"""Seconds without a command after which a source has let go."""
+"""Seconds without a command after which a source is released."""
 
 MAX_FAULTS = 3
 """Faults within ``FAULT_WINDOW`` seconds after which the base is latched: another attempt would not help."""
@@ -170,8 +170,8 @@ class MotionHold:
     """Refuses the source that was in command at a motion fault. Not thread-safe.
 
     The source is released when it stops the base, commands zero, commands the opposite direction, or is silent for
-    ``RELEASE_TIMEOUT``. So renewed commands of the same motion never restart the base. A leaf stops the base as it fails, so
-    the next leaf may move it at once. A stop of the mission does not release an operator.
+    ``RELEASE_TIMEOUT``. So renewed commands of the same motion never restart the base. A leaf stops the base as it
+    fails, so the next leaf may move it at once. A stop of the mission does not release an operator.
     """
 
     def __init__(self) -> None:
@@ -216,7 +216,7 @@ class MotionHold:
             self.fault = None
 
     def holder(self, now: float) -> Source | None:
-        """Return the held source; None after it has let go."""
+        """Return the held source; None after its release."""
         for source, at in list(self._held.items()):
             if now - at > RELEASE_TIMEOUT:
                 self.release(source)

@@ -176,7 +176,7 @@ class Witness(Protocol):
 
 
 class ProgressMonitor:
-    """Compares the velocities that are sent with the states that are reported. Not thread-safe.
+    """Compares the commanded velocities with the reported states. Not thread-safe.
 
     ``instruments`` names the instruments of the base, for messages.
     """

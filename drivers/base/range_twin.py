@@ -1,4 +1,4 @@
-"""The twin of a range finder: whole turns of the simulated world, with the noise of a real one."""
+"""Simulated range finder: complete turns in the simulated world, with realistic noise."""
 
 from collections.abc import Callable, Sequence
 from math import inf
@@ -16,16 +16,16 @@ STALE_AFTER = 0.5
 """Seconds after which a scan without a successor is stale."""
 
 NOISE = 0.01
-"""Standard deviation of a distance as a share of it; what the maker of the A1 gives as its accuracy."""
+"""Standard deviation of a distance as a share of it, by the vendor's accuracy of the A1."""
 
 
 class RangerTwin:
-    """A ``drivers.api.Ranger`` made of arithmetic. ``step`` is to be called every ``period``; for one thread.
+    """Simulated range finder: a ``drivers.api.Ranger``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
 
-    It measures what ``look`` sees, all beams of a turn in its middle. Each errs by ``noise``, a share of the distance
-    (standard deviation), and comes back with nothing for the share ``dropouts`` (0..1) of them, drawn from ``seed``.
-    It sees from ``least`` to ``most`` metres and turns ``rate`` times a second; by default as an RPLIDAR A1.
-    Raises ValueError for values that make no sense.
+    It measures all beams of a turn at once, in its middle, by ``look``. Each distance has an error with the standard
+    deviation ``noise``, as a share of it, and has no echo with the probability ``dropouts`` (0..1), drawn from
+    ``seed``. The measuring range is ``least`` to ``most`` metres, ``rate`` is in turns per second; the defaults are
+    those of an RPLIDAR A1. Raises ValueError for impossible values.
     """
 
     name = "range"
@@ -67,11 +67,11 @@ class RangerTwin:
 
     @property
     def place(self) -> Place:
-        """Where it sits on the base: x forward and y left in metres, and its yaw in radians."""
+        """Mounting pose on the base: x forward and y left in metres, yaw in radians."""
         return self._mounting.place
 
     def scan(self) -> Reading[RangeScan]:
-        """The newest whole turn; stale when the last came longer ago than the real driver's limit."""
+        """Return the latest complete turn; stale after the time limit of the real driver."""
         now = self._clock.now()
         if self._latest is None:
             return Reading(None, now, Quality.NONE)
@@ -79,25 +79,25 @@ class RangerTwin:
         return Reading(self._latest, self._latest.stamp, Quality.GOOD if fresh else Quality.STALE)
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged; the first turn is whole after a turn's time."""
+        """Connect at once, unless unplugged; the first turn is complete after its duration."""
         self.plug.open()
 
     def rest(self) -> None:
-        """Do nothing: it moves nothing of the robot."""
+        """Do nothing: a range finder moves nothing of the robot."""
 
     def close(self) -> None:
-        """Measure no more. Safe from any state, more than once."""
+        """End the measurements. Safe from any state, more than once."""
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether whole turns come, as the real one does."""
+        """Return whether complete turns arrive, as the real driver does."""
         health = self.plug.health({"turns": self._number})
         if health.online and self._turned_at == -inf:
             return Health(False, f"{self.name}: waiting for its first turn", "", health.counters)
         return health
 
     def step(self) -> None:
-        """Go on by half a turn: measure in the middle of one, give it out at its end."""
+        """Advance by half a turn: measure in its middle, publish it at its end."""
         if not self.plug.online:
             return
         now = self._clock.now()
@@ -110,11 +110,11 @@ class RangerTwin:
         self._changed()
 
     def _begin(self) -> None:
-        """Begin a turn anew."""
+        """Restart the turn."""
         self._measured, self._turned_at = None, -inf
 
     def _ranges(self, now: float) -> Ranges:
-        """Return what the beams measure at time ``now``."""
+        """Return the distances of all beams at time ``now``."""
         far = self._look(self._bearings, now)
         if self._noise:
             far = far * (1 + self._noise * self._random.standard_normal(len(far)))

@@ -1,4 +1,4 @@
-"""Pose of a base from velocities: odometry if they are measured, dead reckoning if they are those that were sent."""
+"""Pose of a base from velocities: odometry if they are measured, dead reckoning if they are the commanded ones."""
 
 from math import cos, inf, sin
 

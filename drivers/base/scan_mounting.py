@@ -1,4 +1,4 @@
-"""How a range finder is built into its robot: where it sits, which way it looks, and what of the robot it sees."""
+"""Mounting of a range finder on its robot: its position and yaw, and the beams that the robot itself blocks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,12 +20,12 @@ Place = tuple[float, float, float]
 """x forward and y left in metres, yaw in radians."""
 
 Sector = tuple[float, float]
-"""Two bearings in radians; what is between them, anticlockwise from the first to the second."""
+"""Two bearings in radians; the sector extends anticlockwise from the first to the second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """Where a finder sits on the base, and its ``blind`` sectors: bearings of the base, in which its own posts are.
+    """Mounting pose of a range finder on the base, and its ``blind`` sectors, which the robot itself blocks.
 
     Raises ValueError for a number that is not finite.
     """
@@ -46,15 +46,15 @@ class Mounting:
         object.__setattr__(self, "hidden", hidden)  # the way to fill in a field of a frozen class
 
     def bearing(self, clockwise: Angles) -> Angles:
-        """Return the bearings on the base of angles (radians) that the finder counts clockwise from its own front."""
+        """Return the bearings on the base of angles (radians) that are clockwise from the front of the range finder."""
         return self.place[2] - clockwise
 
 
 def bearings() -> Angles:
-    """Return where the beams of a scan point: shape (BEAMS,), radians from straight ahead, anticlockwise."""
+    """Return the bearings of the beams of a scan: shape (BEAMS,), radians from straight ahead, anticlockwise."""
     return START + STEP * np.arange(BEAMS, dtype=np.float64)
 
 
 def beam(bearing: Angles) -> npt.NDArray[np.intp]:
-    """Return which beam of a scan is nearest to each bearing in radians."""
+    """Return the index of the beam nearest to each bearing in radians."""
     return np.rint((bearing - START) / STEP).astype(np.intp) % BEAMS

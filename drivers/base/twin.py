@@ -62,7 +62,7 @@ class PanelTwin:
         self.played.append((frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
-        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        """Switch light 1 or 2. Raises BadRequest for another number, NotConnected."""
         check_light(self.name, number)
         self._plug.check_online()
         self.colours[number] = colour
@@ -93,7 +93,7 @@ class TwinOdometry(Protocol):
 
     @property
     def pose(self) -> Pose2D:
-        """The pose by odometry."""
+        """Pose by odometry."""
         ...
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
@@ -131,7 +131,7 @@ class GyroTwinOdometry:
 
     @property
     def pose(self) -> Pose2D:
-        """The pose by odometry."""
+        """Pose by odometry."""
         return self._odometry.pose
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
@@ -196,7 +196,7 @@ class WheelTwinOdometry:
 
     @property
     def pose(self) -> Pose2D:
-        """The pose by odometry."""
+        """Pose by odometry."""
         return self._reckoning.pose
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
@@ -283,19 +283,19 @@ class BaseTwin(ArbitratedBase):
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._dropouts = dropouts
         self.late: DelayLine[Any] = DelayLine()
-        """Delays what is measured of its motion."""
+        """Delays the measurements of the motion."""
         self._pressed: tuple[Sides, Sides, frozenset[int]] = (NO_SIDES, NO_SIDES, frozenset())  # by hand
         self._contacts: Contacts = NO_CONTACTS  # of the newest report
         self._signals = NO_SIGNALS  # of the dock, likewise
         self._felt: BaseState | None = None  # the state when they last changed; None before the first report
-        self._latest: BaseState | None = None  # of the newest report, made when somebody asks
+        self._latest: BaseState | None = None  # of the last report, made on demand
         self._heard_at = -inf
         self._frames = 0
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def state(self) -> Reading[BaseState]:
-        """The newest report; stale when it is older than the real driver's limit."""
+        """Latest report; stale after the time limit of the real driver."""
         now = self._clock.now()
         if self._felt is None:
             return Reading(None, now, Quality.NONE)
@@ -307,17 +307,17 @@ class BaseTwin(ArbitratedBase):
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
+        """Connect at once, unless unplugged."""
         self._mux.absence.restart()
         self.plug.open()
 
     def close(self) -> None:
-        """Stand still, and hear nothing any more. Safe from any state, more than once."""
+        """Stop, and disconnect. Safe from any state, more than once."""
         self.stop()
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether reports arrive."""
+        """Return whether reports arrive."""
         health = replace(self.plug.health({"frames": self._frames}), reconnected_at=self._mux.absence.reconnected_at)
         if health.online and not self._is_reporting(self._clock.now()):
             detail, hint = self._offline_reason()
@@ -325,7 +325,7 @@ class BaseTwin(ArbitratedBase):
         return health
 
     def step(self) -> None:
-        """Let the body roll on to now, report, and renew the command, as the real one does 50 times a second."""
+        """Advance the body to the current time, report, and renew the command, as the real base does at 50 Hz."""
         now = self._clock.now()
         self.body.advance(now)
         if not self.plug.online:
@@ -349,25 +349,25 @@ class BaseTwin(ArbitratedBase):
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
     def true_pose(self, now: float) -> Pose2D:
-        """Where it really is at time ``now``, in the world's frame."""
+        """Return the true pose at time ``now``, in the world's frame."""
         return self.body.advance(now)
 
     def press(
         self, bumper: Sides = NO_SIDES, *, cliff: Sides = NO_SIDES, buttons: frozenset[int] = frozenset()
     ) -> None:
-        """Make it feel this from the next report on, beside what the ground gives; without arguments, let go."""
+        """Set contacts and buttons from the next report on, in addition to those of the ground; defaults reset."""
         self._pressed = (bumper, cliff, buttons)
 
     def lift(self, *, up: bool = True) -> None:
-        """Take it off the floor, or put it down where it was: in the air both wheels drop and drive nothing."""
+        """Lift the base, or put it down at the same place: in the air both wheels drop and drive nothing."""
         self.body.lifted = up
 
     def set_power(self, *, on: bool = True) -> None:
-        """Have its contacts fed as a dock does, wherever it stands, or no more."""
+        """Switch the power of a dock on its contacts on or off, independent of its position."""
         self.body.force_docked = on
 
     def drain(self, percent: float) -> None:
-        """Leave ``percent`` (0..100) of the battery. Raises ValueError for another value."""
+        """Set the battery to ``percent`` (0..100). Raises ValueError for another value."""
         if not 0 <= percent <= 100:
             raise ValueError(f"{self.name}: a battery cannot hold {percent} percent")
         self.body.battery.percent = percent
@@ -376,7 +376,7 @@ class BaseTwin(ArbitratedBase):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _connected(self) -> None:
-        """Begin anew: nothing of before is in force, but the pose goes on from where it was."""
+        """Drop earlier commands; the pose continues."""
         self._mux.stop()
         self._odometry.pause()
         self._silent = False
@@ -385,7 +385,7 @@ class BaseTwin(ArbitratedBase):
         self._on_report(now)
 
     def _on_report(self, now: float) -> None:
-        """Take one report of the body."""
+        """Measure the body for one report."""
         self._odometry.measure(self.body, self.late, now, self._random)
         if self._feels:
             self._signals = self.body.dock_signals()
@@ -418,7 +418,7 @@ class BaseTwin(ArbitratedBase):
         self.body.command(given.linear, given.angular, now)
 
     def _report_state_changes(self) -> None:
-        """Tell what has changed of contacts and buttons, and that the base is back if it was silent."""
+        """Report changes of contacts and buttons, and that a silent base is online again."""
         self._report_online(f"{self.name}: the base reports again")
         contacts = self._touches()
         if contacts == self._contacts and self._felt is not None:
@@ -449,7 +449,7 @@ class BaseTwin(ArbitratedBase):
         return self._odometry.complete(state)
 
     def _reflex_state(self, now: float) -> BaseState | None:
-        """Return what the reflexes go by: what it touches, and where that is while it matters."""
+        """Return the state for the reflexes: the contacts, and the pose while it is needed."""
         if not self._is_reporting(now):
             return None
         if not (self._mux.needs_pose or self._mux.request_pending):
@@ -478,7 +478,7 @@ class BaseTwin(ArbitratedBase):
         return self.plug.online and now - self._heard_at <= OFFLINE_AFTER
 
     def _offline_reason(self) -> tuple[str, str]:
-        """Say what is the matter with a base that is there but does not report, and what to try."""
+        """Return why a plugged base does not report, and a hint."""
         return f"{self.name}: connected but silent: too many reports are lost", "lower the dropouts of the world"
 
 

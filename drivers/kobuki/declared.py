@@ -7,14 +7,14 @@ from drivers.api.sections import BaseKeys, SerialKeys
 
 @keys
 class KobukiKeys(BaseKeys, SerialKeys):
-    """``base`` section of a robot on a Kobuki, with the limits of that base."""
+    """Keys of the base of a Kobuki, with its limits."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")
     max_turn: float = key("turn rate", default=1.9, low=0.01, high=3.2, help="The highest turn rate.")
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Every Kobuki has a sounder and two lights."""
+        """Sounder and lights."""
         return frozenset({"sounds", "lights"})
 
 

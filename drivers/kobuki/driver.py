@@ -50,8 +50,11 @@ IDLE_POLL_INTERVAL = 0.06
 the thread."""
 
 STOP_REPEATS = 6
-"""Copies of each stop. A damaged header may claim the next 256 bytes (see ``FrameFinder``), and five renewals are more
-than that. Six copies are 60 bytes, 5 ms on the wire."""
+"""Copies of each stop.
+
+A damaged header may claim the next 256 bytes (see ``KobukiFrameFinder``), and five renewals are more than that. Six
+copies are 60 bytes, 5 ms on the wire.
+"""
 
 QUERY_INTERVAL = 0.5
 """Seconds between two requests for versions and ID that the base has not sent yet."""
@@ -68,7 +71,7 @@ LIGHTS: Mapping[int, tuple[KobukiOutput, KobukiOutput]] = MappingProxyType(
 
 
 def make(keys: KobukiKeys, site: DriverContext) -> DiffDriveBase:
-    """Return the driver of a robot file's section."""
+    """Return the driver for a section of a robot file."""
     link = SerialLink("base", site.port, keys.baud, report=site.report)
     return kobuki_base(link, site.clock, **settings_of(keys, site))
 

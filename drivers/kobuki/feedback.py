@@ -142,7 +142,7 @@ class Version(KobukiSubpayload):
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode it; old firmware sends a two-byte number instead. Raises as ``Part.unpack``."""
+        """Decode it; old firmware sends a two-byte number instead. Raises as ``KobukiSubpayload.unpack``."""
         if len(data) == 2:
             number = int.from_bytes(data, "little")
             if number not in _OLD_VERSIONS:

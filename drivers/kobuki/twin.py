@@ -21,5 +21,5 @@ class KobukiTwinOdometry(GyroTwinOdometry):
 
 
 def make(keys: KobukiKeys, stage: SimContext) -> BaseTwin:
-    """Return the twin of a robot file's section."""
+    """Return the twin for a section of a robot file."""
     return make_twin(keys, stage, KobukiTwinOdometry(stage.physics.gyro_noise))

@@ -1,4 +1,4 @@
-"""A Kobuki at the level of its wire: reads commands, drives its wheels, and reports 50 times a second."""
+"""Virtual Kobuki at wire level: executes commands, drives its wheels, and reports 50 times per second."""
 
 from collections.abc import Iterable
 from math import degrees
@@ -32,7 +32,7 @@ REPORT_INTERVAL = 0.02
 """Seconds between two reports."""
 
 FULL_SPEED = 0.7
-"""m/s of a wheel at full pulse width."""
+"""Speed of a wheel in m/s at full pulse width."""
 
 FLOOR, NO_FLOOR = 2000, 100
 """What a floor sensor measures with the floor beneath it, and without."""
@@ -42,24 +42,24 @@ UNKNOWN_ID = 0x63
 BUTTONS = (0, 1, 2)
 
 NOTE_STEP = 2.75e-6
-"""Seconds that the period of a tone grows with each step of its note."""
+"""Seconds of one step of a note's period."""
 
 OVERLOADED_LEFT, OVERLOADED_RIGHT = 1, 2
 
 GAINS_SINCE = (1, 2, 0)
-"""The firmware from which on it knows of the gains of its motors."""
+"""First firmware with gains of the wheel controller."""
 
 
 class VirtualKobuki:
-    """A ``drivers.virtual.terminal.WireDevice``. Safe between threads.
+    """Virtual Kobuki: a ``drivers.virtual.terminal.WireDevice``. Thread-safe.
 
-    It feels what its ``body`` feels of the ground, and what is set from outside, at any time: ``bumper``, ``cliff``,
-    ``wheel_drop`` (no centre), ``buttons`` (of ``BUTTONS``), what is at its ``sockets``, and, instead of what comes of
-    its battery and dock, ``battery_voltage`` and ``charger`` (as in ``feedback.Charger``) where these are not None.
-    ``gyro_offset`` in radians is what its gyro shows at the heading 0; ``late`` delays all reports. Faults of the
-    firmware, likewise: ``frozen`` sends no reports, ``shortened`` is the ID of a part that lacks its last byte,
-    ``chatty`` adds a part that nobody knows. ``played`` keeps the tunes and tones (hertz, seconds) that it was asked
-    for, ``outputs`` the word of all that it switches.
+    Its contacts are those of its ``body`` on the ground, and those that are set from outside, at any time: ``bumper``,
+    ``cliff``, ``wheel_drop`` (no centre), ``buttons`` (of ``BUTTONS``). ``sockets`` are the values of its input
+    sockets; ``battery_voltage`` and ``charger`` (as in ``feedback.Charger``) override the simulated battery and dock
+    unless they are None. ``gyro_offset`` in radians is the gyro's angle at the heading 0; ``late`` delays all reports.
+    Faults of the firmware: ``frozen`` sends no reports, ``shortened`` is the ID of a part that lacks its last byte,
+    ``chatty`` adds an unknown part. ``played`` lists the received tunes and tones (hertz, seconds), ``outputs`` is the
+    last output word.
     """
 
     def __init__(
@@ -94,11 +94,11 @@ class VirtualKobuki:
 
     @property
     def baud(self) -> int:
-        """The rate it listens at."""
+        """Baud rate."""
         return BAUD
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take commands; what they ask for comes with the next report, so the answer here is empty."""
+        """Handle commands; replies are sent with the next report, so the result is empty."""
         with self._lock:
             self.body.advance(now)
             for payload in self._finder.feed(data):
@@ -107,7 +107,7 @@ class VirtualKobuki:
         return b""
 
     def poll(self, now: float) -> bytes:
-        """Return the reports that are due by ``now``; the first call is when the base was switched on."""
+        """Return the reports that are due by ``now``; the first call switches the base on."""
         with self._lock:
             if self._reports == 0:
                 self._started_at = self._next_at = now
@@ -119,19 +119,19 @@ class VirtualKobuki:
             return b"".join(self.late.pop_due(now))
 
     def next_poll_time(self) -> float | None:
-        """Return when the next report is due; None before it is switched on."""
+        """Return the time of the next report; None before the base is switched on."""
         with self._lock:
             return self._next_at if self._reports else None
 
     def press(self, number: int, *, down: bool = True) -> None:
-        """Press one of its buttons, or let go of it. Raises ValueError for a button that it does not have."""
+        """Press or release a button. Raises ValueError for an unknown button."""
         if number not in BUTTONS:
             raise ValueError(f"kobuki: no button {number}, only {BUTTONS}")
         self.buttons = self.buttons | {number} if down else self.buttons - {number}
 
     @property
     def lights(self) -> dict[int, Lamp]:
-        """What its two lights show."""
+        """Colours of the two lights."""
         word = KobukiOutput(self.outputs)
         return {
             1: _lamp(KobukiOutput.LED1_RED in word, KobukiOutput.LED1_GREEN in word),
@@ -139,7 +139,7 @@ class VirtualKobuki:
         }
 
     def pose(self, now: float) -> Pose2D:
-        """Where it really is at time ``now``."""
+        """Return the true pose at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
@@ -164,7 +164,7 @@ class VirtualKobuki:
             case GetGains() if self._firmware >= GAINS_SINCE:
                 self._answers.append(self.gains)
             case _:
-                pass  # what it does not know, it does not do
+                pass  # unknown commands are ignored
 
     def _extras(self, flags: int) -> Iterable[KobukiSubpayload]:
         if flags & Extra.HARDWARE:
@@ -176,7 +176,7 @@ class VirtualKobuki:
             yield feedback.UniqueId(0x4B6F6275, 0x6B690000, 0x00000001)
 
     def _report(self, now: float) -> bytes:
-        """Return one frame with all that it feels at ``now``, and as many of the answers that are due as it holds."""
+        """Return one frame with all sensor values at ``now``, and as many due replies as it holds."""
         if self.frozen:
             return b""
         parts = [
@@ -231,7 +231,7 @@ class VirtualKobuki:
         return feedback.DockInfrared(right=heard.right, centre=heard.centre, left=heard.left)
 
     def _currents(self) -> feedback.MotorCurrent:
-        """Return what the motors draw; a byte holds no more than 2.55 A."""
+        """Return the currents of the motors; a byte holds 2.55 A at most."""
         left, right = (min(round(100 * amperes), 0xFF) for amperes in self.body.currents)
         return feedback.MotorCurrent(left, right)
 
@@ -247,7 +247,7 @@ class VirtualKobuki:
         return feedback.CliffDistance(*seen)
 
     def _gyro(self) -> feedback.RawGyro:
-        """Return two samples or, now and then, three: a reader must take both."""
+        """Return two samples or, sometimes, three: a reader must accept both."""
         count = 3 if self._reports % 25 == 24 else 2
         self._samples += count
         sample = (0, 0, _clip(self.body.velocity.angular / feedback.GYRO_STEP, 0x7FFF))
@@ -269,6 +269,6 @@ def _clip(value: float, most: int) -> int:
 
 
 def make(keys: KobukiKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
-    """Return the virtual device of a robot file's section."""
+    """Return the virtual device for a section of a robot file."""
     device = VirtualKobuki(wheels=stage.make_wheels(), ground=stage.world, battery=stage.physics.battery)
     return make_virtual_base(device, "kobuki")

@@ -8,5 +8,5 @@ from drivers.virtual.guardian import VirtualCar
 
 
 def make(keys: PiCarKeys, stage: SimContext) -> VirtualDevice:
-    """Return the virtual device of a robot file's section."""
+    """Return the virtual device for a section of a robot file."""
     return make_virtual_base(VirtualCar(stage.make_body(), TwoWheels(keys.track, keys.speed_at_full)), "car")

@@ -1,4 +1,4 @@
-"""The Raspberry Pi car as a driver of bases, its pan/tilt as one of heads, and their keys in a robot file."""
+"""Declarations and keys of the Raspberry Pi car and of its pan/tilt head."""
 
 from collections.abc import Iterator, Mapping
 from typing import Literal
@@ -10,12 +10,12 @@ from drivers.api.sections import BaseKeys
 from drivers.head.keys import ServoKeys, TwoServoKeys
 
 PIN_COUNT, CHANNEL_COUNT = 28, 16
-"""GPIO numbers of a Raspberry Pi, and channels of a PCA9685."""
+"""Number of GPIO pins of a Raspberry Pi, and of channels of a PCA9685."""
 
 
 @keys
 class CarMotorKeys:
-    """One motor: where its driver chip is told which way, and how fast."""
+    """Keys of a motor: the inputs of its driver chip for direction and power."""
 
     forward: int = key(low=0, high=PIN_COUNT - 1, help="The GPIO number, or channel, that turns it forward.")
     backward: int = key(low=0, high=PIN_COUNT - 1, help="The one that turns it back.")
@@ -28,13 +28,13 @@ class CarMotorKeys:
 
     @property
     def pins(self) -> tuple[int, ...]:
-        """All that it takes."""
+        """All pins or channels of the motor."""
         return (self.forward, self.backward) + (() if self.enable is None else (self.enable,))
 
 
 @keys
 class I2CKeys:
-    """Where a PCA9685 is found."""
+    """Keys of a PCA9685: its I2C bus and address."""
 
     bus: int = key(default=1, low=0, high=255, help="The I2C bus of the PCA9685: 1 is that on the pins of a Pi.")
     address: int = key(default=0x40, low=0x03, high=0x77, help="Its address on that bus: 64, unless it was soldered.")
@@ -42,7 +42,7 @@ class I2CKeys:
 
 @keys
 class PiCarKeys(BaseKeys, I2CKeys):
-    """The ``base`` section of a car on a Raspberry Pi."""
+    """Keys of the base of a car on a Raspberry Pi."""
 
     max_speed: float = key("speed", default=0.3, low=0.01, high=5.0, help="The highest speed.")
     motors: Literal["gpio", "pca9685"] = key(
@@ -56,7 +56,7 @@ class PiCarKeys(BaseKeys, I2CKeys):
     track: float = key("length", default=0.13, low=0.02, high=2.0, help="How far apart its wheels act.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a speed that it does not reach, and pins that are taken twice or are none."""
+        """Yield a maximum speed that the car cannot reach, and pins that are used twice or do not exist."""
         if self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"
@@ -73,7 +73,7 @@ class PiCarKeys(BaseKeys, I2CKeys):
 
 @keys
 class ChannelKeys(ServoKeys):
-    """A hobby servo on a channel of a PCA9685; see ``ServoKeys``."""
+    """Hobby servo on a channel of a PCA9685; see ``ServoKeys``."""
 
     servo: int = key(low=0, high=CHANNEL_COUNT - 1, help="The channel of the PCA9685 that it is on.")
     start: int | None = key(
@@ -83,7 +83,7 @@ class ChannelKeys(ServoKeys):
 
 @keys
 class PiHeadKeys(TwoServoKeys, I2CKeys):
-    """The ``head`` section of a pan/tilt on a PCA9685."""
+    """Keys of a pan/tilt head on a PCA9685."""
 
     pan: ChannelKeys = key(help="The servo that turns the head left and right.")
     tilt: ChannelKeys = key(help="The servo that turns the head up and down.")
@@ -91,7 +91,7 @@ class PiHeadKeys(TwoServoKeys, I2CKeys):
 
 
 def check_channels(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield servos on channels that are motors'."""
+    """Yield servos on channels that a motor uses."""
     base = others.get("base")
     if (
         not isinstance(base, PiCarKeys)

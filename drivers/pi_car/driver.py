@@ -14,10 +14,10 @@ QUERY_INTERVAL = 0.02
 
 
 class GuardianProtocol(DiffDriveProtocol):
-    """Protocol of two motors, commanded as shares of full power; the pose is dead reckoning.
+    """Protocol of two motors behind a guardian, commanded as shares of full power; the pose is dead reckoning.
 
-    ``speed_at_full`` (m/s) is the speed of a wheel at full power, ``track`` (m) the distance of the wheels. ``why``
-    returns why the guardian does not answer, if that is known; ``hint`` is what to try then.
+    ``speed_at_full`` (m/s) is the speed of a wheel at full power, ``track`` (m) the distance of the wheels.
+    ``offline_reason`` returns why the guardian does not reply, if that is known; ``hint`` is the fix.
     """
 
     def __init__(

@@ -1,9 +1,9 @@
-"""The guardian: a process that holds the pins for a driver, and lets all rest when that falls silent or dies.
+"""Actuator guardian: a process that holds the pins, and stops the actuators if the driver is silent or dies.
 
-Neither pins nor a PCA9685 have a watchdog: they go on with what they were told last. So who tells them is a process of
-its own, which hears the driver on its standard input. After ``wire.WATCHDOG_TIMEOUT`` seconds of silence, and at once when that
-ends, motors stand and servos stay. It is in a session of its own and obeys no signals of a terminal. What remains:
-where this process is killed, too (``kill -9`` of both at once, a kernel that stands still), the motors go on.
+Neither pins nor a PCA9685 have a watchdog: they keep their last output. So a separate process holds them, and receives
+the commands on its standard input. After ``WATCHDOG_TIMEOUT`` seconds of silence, and at once when the input ends,
+motors stop and servos stay. The process has a session of its own, and ignores signals of the terminal. What remains: if
+this process is killed as well (``kill -9`` of both at once, a kernel that hangs), the motors keep running.
 """
 
 import json
@@ -20,63 +20,62 @@ from typing import Any, Protocol
 from drivers.clock import SystemClock
 from drivers.transport.guardian import ActuatorGuardian, Actuators, GuardianServos, GuardianWheels
 
-# A PCA9685 on an I2C bus: sixteen outputs of pulses, fifty times a second.
+# PCA9685 on an I2C bus: sixteen PWM outputs at 50 Hz.
 #
-# By the data sheet of NXP (rev. 4): MODE1 at 0 (sleep is bit 4, auto-increment bit 5, restart bit 7), four registers
+# Source: data sheet of NXP (rev. 4): MODE1 at 0 (sleep is bit 4, auto-increment bit 5, restart bit 7), four registers
 # for each channel from 6 on (on and off counts, low byte first, of 4096; bit 4 of a high byte is always on, or always
-# off), the prescaler at 254. The chip goes on with what it was told last for as long as it has power, whoever has
-# told it.
+# off), the prescaler at 254. The chip keeps its outputs while it has power, even if its master dies.
 
 MODE1, MODE2, FIRST_CHANNEL, PRESCALE = 0x00, 0x01, 0x06, 0xFE
 SLEEP, INCREMENT, TOTEM_POLE = 0x10, 0x20, 0x04
 ALWAYS = 0x10
 
 FREQUENCY = 50.0
-"""Hertz: what hobby servos take; one frequency is that of all channels."""
+"""Hertz, as hobby servos need; all channels share one frequency."""
 
 COUNTS = 4096
 PERIOD_US = 1e6 / FREQUENCY
 
 PRESCALE_50_HZ = round(25e6 / (COUNTS * FREQUENCY)) - 1
-"""What the prescaler makes 50 Hz of, from the oscillator within (25 MHz)."""
+"""Value of the prescaler for 50 Hz, with the internal oscillator (25 MHz)."""
 
 MIN_PULSE_US, MAX_PULSE_US = 544.0, 2400.0
-"""The pulses of 0 and 180 degrees: those of the Arduino's Servo library."""
+"""Pulses of 0 and 180 degrees, as in the Arduino's Servo library."""
 
 
 class I2CBus(Protocol):
-    """What is needed of ``smbus2.SMBus``. Raises OSError where nobody answers."""
+    """Used part of ``smbus2.SMBus``. Raises OSError if no chip replies."""
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> Sequence[int]:
-        """Return the bytes at ``register`` and behind it."""
+        """Return ``length`` bytes from ``register`` on."""
         ...
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> object:
-        """Write them."""
+        """Write ``data`` from ``register`` on."""
         ...
 
 
 class Pca9685:
-    """The chip at ``address`` of a ``bus``. What its other channels do is left alone."""
+    """Chip at ``address`` of a ``bus``. Its other channels are not touched."""
 
     def __init__(self, bus: I2CBus, address: int) -> None:
         self._bus, self._address = bus, address
-        self._was_running = False  # it makes the pulses of who had it before
+        self._was_running = False  # it keeps the outputs of an earlier program
 
     def wake(self) -> None:
-        """Let it make pulses at 50 Hz; one that does so already is left alone, and what it sends is taken for true."""
+        """Start pulses at 50 Hz; a chip that is already running is left alone, and its outputs count as known."""
         (mode,) = self._bus.read_i2c_block_data(self._address, MODE1, 1)
         (scale,) = self._bus.read_i2c_block_data(self._address, PRESCALE, 1)
         self._was_running = bool(not mode & SLEEP and mode & INCREMENT and scale == PRESCALE_50_HZ)
         if self._was_running:
             return
-        self._write(MODE1, SLEEP | INCREMENT)  # the prescaler is set in its sleep alone
+        self._write(MODE1, SLEEP | INCREMENT)  # the prescaler can only be set during sleep
         self._write(PRESCALE, PRESCALE_50_HZ)
         self._write(MODE2, TOTEM_POLE)
         self._write(MODE1, INCREMENT)
 
     def set_duty_cycle(self, channel: int, share: float) -> None:
-        """Have a channel on for that share (0..1) of the time."""
+        """Set the duty cycle of a channel, 0..1."""
         counts = round(share * COUNTS)
         if counts <= 0:
             self._set_counts(channel, 0, ALWAYS << 8)
@@ -86,14 +85,14 @@ class Pca9685:
             self._set_counts(channel, 0, counts)
 
     def set_angle(self, channel: int, degree: int) -> None:
-        """Send the servo on a channel to a degree, 0..180."""
+        """Set the servo on a channel to an angle in whole degrees, 0..180."""
         pulse = MIN_PULSE_US + (MAX_PULSE_US - MIN_PULSE_US) * degree / 180
         self._set_counts(channel, 0, round(pulse * COUNTS / PERIOD_US))
 
     def read_angle(self, channel: int) -> int | None:
-        """Return the degree to which a channel has sent its servo; None where nobody knows.
+        """Return the setpoint of the servo on a channel in degrees; None if unknown.
 
-        That is so after it was switched on, and after somebody had it make other pulses.
+        It is unknown after a power-on, and if the channel has another pulse.
         """
         if not self._was_running:
             return None
@@ -111,14 +110,14 @@ class Pca9685:
         self._bus.write_i2c_block_data(self._address, register, data)
 
 
-# What a guardian on a Raspberry Pi has in its hands: motors on pins, motors and servos on a PCA9685.
+# Actuators of a guardian on a Raspberry Pi: motors on pins, motors and servos on a PCA9685.
 
 MotorSetter = Callable[[float], None]
-"""Turns a motor at a share of its full power, -1..1."""
+"""Sets a motor to a share of full power, -1..1."""
 
 
 def make_actuators(config: Mapping[str, Any]) -> Actuators:
-    """Return what a section of a robot file is about. Raises ImportError, OSError and what gpiozero raises."""
+    """Return the actuators of a config section. Raises ImportError, OSError and the errors of gpiozero."""
     if "pan" in config:
         return make_servos(open_pca9685(config), config["pan"], config["tilt"])
     if config["motors"] == "gpio":
@@ -128,19 +127,19 @@ def make_actuators(config: Mapping[str, Any]) -> Actuators:
 
 
 def make_wheels(left: MotorSetter, right: MotorSetter) -> GuardianWheels:
-    """Return two motors, which stand."""
+    """Return two motors, stopped."""
 
     def turn(one: float, other: float) -> None:
         try:
             left(one)
-        finally:  # where one cannot be told, the other is all the same
+        finally:  # an error of one must not keep the other running
             right(other)
 
     return GuardianWheels(turn)
 
 
 def make_servos(board: Pca9685, pan: int, tilt: int) -> GuardianServos:
-    """Return two servos, where the chip has sent them."""
+    """Return two servos at their last setpoints in the chip."""
     channels = (pan, tilt)
 
     def pulse(number: int, degree: int) -> None:
@@ -149,12 +148,12 @@ def make_servos(board: Pca9685, pan: int, tilt: int) -> GuardianServos:
     standing = board.read_angle(pan), board.read_angle(tilt)
     for channel, degree in zip(channels, standing, strict=True):
         if degree is None:
-            board.set_duty_cycle(channel, 0.0)  # no pulse at all, so that the next guardian knows no more than this one
+            board.set_duty_cycle(channel, 0.0)  # no pulse, so that the angle is unknown to the next guardian as well
     return GuardianServos(pulse, standing)
 
 
 def open_pca9685(config: Mapping[str, Any]) -> Pca9685:
-    """Return a PCA9685 that makes pulses."""
+    """Return a PCA9685 that sends pulses."""
     from smbus2 import SMBus  # noqa: PLC0415 - an optional dependency, of those who have one
 
     bus: I2CBus = SMBus(config["bus"])
@@ -164,7 +163,7 @@ def open_pca9685(config: Mapping[str, Any]) -> Pca9685:
 
 
 def make_pin_motor(pins: Mapping[str, int | None]) -> MotorSetter:
-    """Return a motor on pins of the computer."""
+    """Return a motor on GPIO pins."""
     from gpiozero import DigitalOutputDevice, Motor, PWMOutputDevice  # noqa: PLC0415 - the same
 
     if pins["enable"] is None:
@@ -178,7 +177,7 @@ def make_pin_motor(pins: Mapping[str, int | None]) -> MotorSetter:
     power = PWMOutputDevice(pins["enable"])
 
     def drive(share: float) -> None:
-        power.value = 0.0  # it stands while the way changes
+        power.value = 0.0  # stopped while the direction changes
         ahead.value, back.value = share > 0, share < 0
         power.value = abs(share)
 
@@ -192,7 +191,7 @@ def make_channel_motor(board: Pca9685, channels: Mapping[str, int | None]) -> Mo
     def turn(share: float) -> None:
         ahead, back = max(share, 0.0), max(-share, 0.0)
         if enable is not None:
-            board.set_duty_cycle(enable, 0.0)  # it stands while the way changes
+            board.set_duty_cycle(enable, 0.0)  # stopped while the direction changes
             ahead, back = float(share > 0), float(share < 0)
         for channel, on in sorted(((forward, ahead), (backward, back)), key=lambda each: each[1]):
             if channel is not None:
@@ -204,62 +203,64 @@ def make_channel_motor(board: Pca9685, channels: Mapping[str, int | None]) -> Mo
 
 
 POLL_INTERVAL = 0.02
-"""Seconds between two looks at the time."""
+"""Maximum seconds between two polls of the watchdog."""
 
 REST_TRIES = 3
-"""How often all is let rest at the end."""
+"""Number of stops at the end."""
 
 EXIT_AFTER = 5.0
-"""Seconds of silence after which nobody will come back: somebody else may want the pins."""
+"""Seconds of silence after which the process exits, since another program may need the pins."""
 
 
 def main(config: str) -> int:
-    """Hold what ``told`` (JSON) is about, until the standard input ends; return the exit code."""
+    """Hold the actuators of ``config`` (JSON) until the standard input ends; return the exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
     clock = SystemClock()
     try:
         with notification_folder():
-            held = make_actuators(json.loads(config))
-        keeper = ActuatorGuardian(held, 1 + int.from_bytes(os.urandom(2)) % 32000, clock.now())
+            actuators = make_actuators(json.loads(config))
+        guardian = ActuatorGuardian(actuators, 1 + int.from_bytes(os.urandom(2)) % 32000, clock.now())
     except Exception as error:
         return print_error(error)
-    why: Exception | None = None
+    serve_error: Exception | None = None
     try:
-        serve(keeper, clock)
+        serve(guardian, clock)
     except Exception as error:
-        why = error
-    unrested = _rest_actuators(keeper, clock)
-    if unrested is not None:
-        return print_error(RuntimeError(f"the actuators perhaps do not rest: {type(unrested).__name__}: {unrested}"))
-    return 0 if why is None else print_error(why)
+        serve_error = error
+    rest_error = _rest_actuators(guardian, clock)
+    if rest_error is not None:
+        return print_error(
+            RuntimeError(f"the actuators perhaps do not rest: {type(rest_error).__name__}: {rest_error}")
+        )
+    return 0 if serve_error is None else print_error(serve_error)
 
 
 @contextmanager
 def notification_folder() -> Iterator[None]:
-    """Have lgpio write its notification files into a private folder while it is imported.
+    """Let lgpio write its notification files into a private folder while it is imported.
 
-    Else it takes the current folder, and has no pins where that is read-only. The folder is removed at once: lgpio has
-    its file open by then, and a guardian that is killed leaves nothing.
+    By default it uses the current folder, and fails if that is read-only. The folder is removed at once: lgpio has its
+    file open by then, and a killed guardian leaves nothing behind.
     """
     chosen = os.environ.get("LG_WD")
     try:
-        before = Path.cwd()
+        previous = Path.cwd()
     except OSError:  # it was removed
-        before = Path("/")
-    with TemporaryDirectory(prefix="missiontree-lgpio-", ignore_cleanup_errors=True) as own:
-        os.environ["LG_WD"] = chosen or own
-        os.chdir(chosen or own)
+        previous = Path("/")
+    with TemporaryDirectory(prefix="missiontree-lgpio-", ignore_cleanup_errors=True) as private:
+        os.environ["LG_WD"] = chosen or private
+        os.chdir(chosen or private)
         try:
             yield
         finally:
-            os.chdir(before)
+            os.chdir(previous)
             if chosen is None:
                 del os.environ["LG_WD"]
 
 
 def _rest_actuators(guardian: ActuatorGuardian, clock: SystemClock) -> Exception | None:
-    """Let all rest, thrice, for one may be lost on the bus; return why it was not possible even once."""
+    """Stop the actuators three times, since one command may be lost on the bus; return the error if all failed."""
     errors = list[Exception]()
     for _ in range(REST_TRIES):
         try:
@@ -270,7 +271,7 @@ def _rest_actuators(guardian: ActuatorGuardian, clock: SystemClock) -> Exception
 
 
 def serve(guardian: ActuatorGuardian, clock: SystemClock) -> None:
-    """Obey and answer until there is nobody any more. Raises what the hardware raises."""
+    """Execute commands and reply until the input ends. Raises the errors of the hardware."""
     os.set_blocking(0, False)
     os.set_blocking(1, False)
     while True:
@@ -282,19 +283,19 @@ def serve(guardian: ActuatorGuardian, clock: SystemClock) -> None:
                 if not data:
                     return
         now = clock.now()
-        said = guardian.feed(data, now)
-        if said:
-            with suppress(BlockingIOError):  # nobody reads: it is lost, as on a wire
-                os.write(1, said)
+        reply = guardian.feed(data, now)
+        if reply:
+            with suppress(BlockingIOError):  # the pipe is full: the reply is lost, as on a wire
+                os.write(1, reply)
         if now - guardian.received_at > EXIT_AFTER:
             return
 
 
 def print_error(error: Exception) -> int:
-    """Say in a line what is the matter."""
-    words = " ".join(f"{type(error).__name__}: {error}".split())
+    """Print an error as one line for the driver, and return the exit code 1."""
+    text = " ".join(f"{type(error).__name__}: {error}".split())
     with suppress(OSError):
-        os.write(1, f"! {words[:400]}\n".encode())
+        os.write(1, f"! {text[:400]}\n".encode())
     return 1
 
 

@@ -1,4 +1,4 @@
-"""The twin of a pan/tilt on a PCA9685."""
+"""Simulated pan/tilt head on a PCA9685."""
 
 from drivers.head.twin import ServoHeadTwin, make_head_twin
 from drivers.pi_car.declared import PiHeadKeys

@@ -1,4 +1,4 @@
-"""A virtual pan/tilt on a PCA9685."""
+"""Virtual pan/tilt head on a PCA9685."""
 
 from drivers.head.axis import make_servo_axis
 from drivers.pi_car.declared import PiHeadKeys
@@ -8,6 +8,6 @@ from drivers.virtual.guardian import VirtualServos, make_virtual_servos
 
 
 def make(keys: PiHeadKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
-    """Return a virtual pan/tilt on a PCA9685, whose chip has had power for long."""
+    """Return a virtual pan/tilt head on a PCA9685 that has been powered before."""
     pan, tilt = make_servo_axis(keys.pan), make_servo_axis(keys.tilt)
     return make_virtual_servos(VirtualServos((pan.start_degrees, tilt.start_degrees)), pan, tilt, "pan_tilt")

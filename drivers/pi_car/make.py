@@ -1,4 +1,4 @@
-"""From the keys of a robot file to the drivers of a Raspberry Pi car; each has a guardian of its own."""
+"""Drivers of a Raspberry Pi car from the keys of a robot file; each driver has a guardian process of its own."""
 
 import json
 import os
@@ -22,27 +22,27 @@ from drivers.transport import guardian_wire
 from drivers.transport.link import SerialLink, open_link_port
 from drivers.transport.ports import PortLostError
 
-# From a link to a guardian: a process is started as a port is opened, and its pipes are the line.
+# Connection of a link to a guardian: opening the port starts the process, and its pipes are the port.
 
 COMMAND = (sys.executable, "-I", "-W", "ignore", "-m", "drivers.pi_car.guardian")
-"""The program, in Python's isolated mode; what it is to hold comes behind."""
+"""Command of the guardian, in Python's isolated mode; its config is appended."""
 
 EXIT_TIMEOUT = 1.0
-"""Seconds that it is given to let all rest and end, once its standard input has ended."""
+"""Seconds in which the guardian must stop the actuators and exit, after its standard input has ended."""
 
 SKIPPED_STARTS = 8
-"""How often none is started after one that has ended with words: every 5 s or so, one tries anew."""
+"""Number of starts that are skipped after a guardian that exited with an error: one is tried every 5 s or so."""
 
 
 def offline_hint() -> str:
-    """Return what to try where no guardian can hold the pins."""
+    """Return the hint for a guardian that cannot hold the pins."""
     return extra_hint("pi", "sudo raspi-config (I2C on)", "i2cdetect -y 1", "does another program use the pins?")
 
 
 class GuardianLauncher:
-    """Starts guardians that hold what ``told`` is about: a ``drivers.transport.link.PortOpener``.
+    """Starts guardians for ``config``: a ``drivers.transport.link.PortOpener``.
 
-    ``last_message`` are the last ones of a guardian that has ended, until another one answers.
+    ``last_message`` is the last error of a guardian that has exited, until another one replies.
     """
 
     def __init__(self, config: Mapping[str, Any], command: Sequence[str] = COMMAND) -> None:
@@ -51,7 +51,7 @@ class GuardianLauncher:
         self._command = (*command, json.dumps(config))
 
     def __call__(self, part: str, port: str, baud: int) -> "GuardianProcess":  # noqa: ARG002 - a pipe has no rate
-        """Start one. Raises NotConnected, also for a while after one that could not do its work."""
+        """Start a guardian. Raises NotConnected, also for a while after a guardian that exited with an error."""
         if self._starts_to_skip > 0:
             self._starts_to_skip -= 1
             raise NotConnected(f"{part}: {port}: {self.last_message}", hint=offline_hint())
@@ -66,9 +66,9 @@ class GuardianLauncher:
 
 
 class GuardianProcess:
-    """A ``drivers.transport.link.LinkPort`` that is a process. All but ``close`` raise OSError when it has ended.
+    """Guardian process as a ``drivers.transport.link.LinkPort``. All but ``close`` raise OSError when it has exited.
 
-    ``heard`` is told its last words, and nothing whenever it says something else.
+    ``on_message`` receives its last error, and an empty text with any other output.
     """
 
     def __init__(self, command: Sequence[str], on_message: Callable[[str], None]) -> None:
@@ -85,35 +85,35 @@ class GuardianProcess:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process id."""
         return self._process.pid
 
     def read_available(self, timeout: float) -> bytes:
-        """Return what it has said; wait up to ``patience`` seconds for the first byte."""
+        """Return the output so far; wait up to ``timeout`` seconds for the first byte."""
         if not select.select([self._out], [], [], timeout)[0]:
             return b""
         data = os.read(self._out.fileno(), 4096)
         if not data:
             raise PortLostError(self._last_message or "the process that holds the pins has ended", offline_hint())
-        if data.startswith(b"! "):  # written whole, as its last words
+        if data.startswith(b"! "):  # the last error, written in one piece
             self._last_message = data[2:].decode("utf-8", "replace").strip()
         self._on_message(self._last_message)
         return data
 
     def write(self, data: bytes) -> None:
-        """Send ``data`` whole."""
+        """Send ``data`` completely."""
         try:
             whole = os.write(self._in.fileno(), data) == len(data)
         except BrokenPipeError:
-            return  # it has ended: what it has said about that is read first
+            return  # it has exited: its last error is read first
         if not whole:
             raise PortLostError("the process that holds the pins reads nothing", offline_hint())
 
     def set_dtr(self, *, on: bool) -> None:
-        """Do nothing: a pipe has no such line."""
+        """Do nothing: a pipe has no DTR."""
 
     def close(self) -> None:
-        """Let it go: it lets all rest, and ends."""
+        """Close the input, which makes the guardian stop the actuators and exit; kill it if it does not."""
         with suppress(OSError):
             self._in.close()
         try:
@@ -127,19 +127,19 @@ class GuardianProcess:
 
 def base(keys: PiCarKeys, site: DriverContext) -> DiffDriveBase:
     """Return the driver of the car."""
-    dials = GuardianLauncher(motor_config(keys))
+    launcher = GuardianLauncher(motor_config(keys))
     protocol = GuardianProtocol(
-        keys.track, keys.speed_at_full, offline_reason=lambda: dials.last_message, hint=offline_hint()
+        keys.track, keys.speed_at_full, offline_reason=lambda: launcher.last_message, hint=offline_hint()
     )
-    return DiffDriveBase(_link(dials, site), site.clock, protocol, **settings_of(keys, site))
+    return DiffDriveBase(_link(launcher, site), site.clock, protocol, **settings_of(keys, site))
 
 
 def head(keys: PiHeadKeys, site: DriverContext) -> GuardianHead:
-    """Return the driver of its pan/tilt."""
-    told = {"bus": keys.bus, "address": keys.address, "pan": keys.pan.servo, "tilt": keys.tilt.servo}
-    dials = GuardianLauncher(told)
+    """Return the driver of its pan/tilt head."""
+    config = {"bus": keys.bus, "address": keys.address, "pan": keys.pan.servo, "tilt": keys.tilt.servo}
+    launcher = GuardianLauncher(config)
     return GuardianHead(
-        _link(dials, site),
+        _link(launcher, site),
         site.clock,
         pan=make_servo_axis(keys.pan),
         tilt=make_servo_axis(keys.tilt),
@@ -148,13 +148,13 @@ def head(keys: PiHeadKeys, site: DriverContext) -> GuardianHead:
         away=keys.away,
         report=site.report,
         name=site.part,
-        offline_reason=lambda: dials.last_message,
+        offline_reason=lambda: launcher.last_message,
         hint=offline_hint(),
     )
 
 
 def motor_config(keys: PiCarKeys) -> Mapping[str, Any]:
-    """Return what a guardian is told of the motors."""
+    """Return the config of the motors for a guardian."""
     return {
         "motors": keys.motors,
         "bus": keys.bus,
@@ -169,7 +169,7 @@ def _motor(keys: CarMotorKeys) -> Mapping[str, int | None]:
 
 
 def _link(launcher: GuardianLauncher, site: DriverContext) -> SerialLink:
-    """Return a link to a guardian, or to whoever plays it at a port."""
+    """Return a link to a guardian, or to a virtual one at a port."""
     port = site.port or "the guardian"
     return SerialLink(
         site.part, port, guardian_wire.BAUD, report=site.report, opener=open_link_port if site.port else launcher

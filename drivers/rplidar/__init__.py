@@ -1,1 +1,1 @@
-"""RPLIDAR A1 and A2: range finders that turn, over their serial protocol."""
+"""RPLIDAR A1 and A2: rotating range finders with a serial protocol."""

@@ -1,10 +1,10 @@
-"""The capsules of an express scan: 84 bytes for 32 measurements, which come twice as often as those of a plain scan.
+"""Capsules of an express scan: 84 bytes for 32 measurements, at twice the rate of a plain scan.
 
-Bytes 0 and 1: A and 5 in the upper halves; in the lower ones those of the XOR of all that follows. Bytes 2 and 3: the
-angle of the first measurement in 1/64 degree, clockwise; bit 15 is set in the first capsule of a scan. Then sixteen
-cabins of five bytes: two distances in mm from bit 2 on, and a byte with the lower four bits of what is to be taken from
-each angle, in 1/8 degree (as the maker's driver does, without a sign); its upper two are the lowest of each distance.
-Angles between those of two capsules are spread evenly, so that one can be read when the next one has come.
+Bytes 0 and 1: A and 5 in the upper halves, the XOR of all other bytes in the lower halves. Bytes 2 and 3: the angle of
+the first measurement in 1/64 degree, clockwise; bit 15 is set in the first capsule of a scan. Then sixteen cabins of
+five bytes: two distances in mm from bit 2 on, and a byte with the lower four bits of the correction of each angle, in
+1/8 degree (without a sign, as in the vendor's driver); its upper two bits are the lowest of each distance. Angles
+between two capsules are interpolated, so a capsule can be decoded only when the next one has arrived.
 """
 
 from functools import reduce
@@ -19,18 +19,18 @@ CAPSULE_SIZE, CAPSULE_NODES = 84, 32
 """Bytes of a capsule, and measurements in it."""
 
 EXPRESS_SAMPLE_RATE = 4000.0
-"""Measurements a second."""
+"""Measurements per second."""
 
 NODE_QUALITY = 47
-"""What the maker's driver says of each measurement that came back: a capsule has no quality."""
+"""Quality of each measurement with an echo, as in the vendor's driver: a capsule has none."""
 
 _FIRST = 1 << 15
-_MAX_ANGLE_STEP = 60 * 64  # steps of the angle from one capsule to the next at most
+_MAX_ANGLE_STEP = 60 * 64  # maximum steps of the angle between two capsules
 _DISTANCE = 0xFFFC
 
 
 def pack_capsule(angle: int, distance: Words, *, first: bool = False) -> bytes:
-    """Return the bytes of a capsule: its ``angle`` (1/64 degree), and 32 distances (1/4 mm) cut to mm."""
+    """Return the bytes of a capsule: its ``angle`` (1/64 degree), and 32 distances (1/4 mm) truncated to mm."""
     body = (angle | first << 15).to_bytes(2, "little")
     pairs = (distance & _DISTANCE).astype("<u2").reshape(-1, 2)
     body += b"".join(pair.tobytes() + b"\0" for pair in pairs)
@@ -42,29 +42,29 @@ NO_NODES = Nodes(np.empty(0, np.bool_), np.empty(0, np.uint8), np.empty(0, np.ui
 
 
 class CapsuleFinder:
-    """Finds capsules in a stream that is cut anywhere and may hold noise: what does not fit its check is dropped.
+    """Finds capsules in a stream of chunks with noise; capsules with a wrong checksum are dropped.
 
-    Counts as ``nodes.NodeFinder`` does.
+    Its counters are those of ``nodes.NodeFinder``.
     """
 
     delay = CAPSULE_NODES / EXPRESS_SAMPLE_RATE
-    """Seconds by which a measurement is given out later than it came."""
+    """Seconds from the arrival of a measurement to its output."""
 
     def __init__(self) -> None:
         self.nodes = 0
         self.skipped_bytes = 0
         self.resyncs = 0
         self._last: bytes | None = None
-        self._place: float | None = None  # of the node before
+        self._place: float | None = None  # of the previous node
         self._rest = b""
 
     def restart(self) -> None:
-        """Forget what has half come; the counters stay."""
+        """Drop the incomplete capsule; the counters stay."""
         self._last, self._place, self._rest = None, None, b""
 
     def feed(self, data: bytes) -> Nodes:
-        """Take bytes as they come; return the nodes of the capsules that can be read now, in order."""
-        buffer, at, found = self._rest + data, 0, list[Nodes]()
+        """Add received bytes; return the nodes of the capsules that can be decoded, in order."""
+        buffer, at, parts = self._rest + data, 0, list[Nodes]()
         while len(buffer) - at >= CAPSULE_SIZE:
             here = buffer[at : at + CAPSULE_SIZE]
             if not _is_valid(here):
@@ -77,13 +77,13 @@ class CapsuleFinder:
             if self._last is not None and not _starts_scan(here):
                 turned = (_start_angle(here) - _start_angle(self._last)) % STEPS_PER_TURN
                 if turned <= _MAX_ANGLE_STEP:
-                    found.append(self._read(self._last, turned))
+                    parts.append(self._read(self._last, turned))
             self._last = here
         self._rest = buffer[at:]
-        return _concatenate([NO_NODES, *found])
+        return _concatenate([NO_NODES, *parts])
 
     def _read(self, data: bytes, turned: int) -> Nodes:
-        """Return the nodes of a capsule from which the next one has ``turned``."""
+        """Return the nodes of a capsule; the next one begins ``turned`` (1/64 degree) later."""
         cabins = np.frombuffer(data[4:], np.uint8).reshape(-1, 5).astype(np.uint16)
         words = (cabins[:, 0:4:2] | cabins[:, 1:4:2] << 8).reshape(-1)
         low = np.stack((cabins[:, 4] & 0xF, cabins[:, 4] >> 4), axis=1).reshape(-1)

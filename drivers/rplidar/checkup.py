@@ -1,4 +1,4 @@
-"""How an RPLIDAR is, at rest: who it is, and what it says of its health. It does not turn."""
+"""Check-up of an RPLIDAR at rest: its model and its health. The motor does not turn."""
 
 from collections.abc import Iterator
 
@@ -9,28 +9,32 @@ from drivers.rplidar import wire
 from drivers.rplidar.declared import RPLidarKeys
 
 REPLY_TIMEOUT = 0.3
-"""Seconds in which it answers."""
+"""Seconds until a request counts as unanswered."""
 
 
 def checkup(keys: RPLidarKeys, site: DriverContext) -> Iterator[Finding]:
-    """Have it be silent, and ask it."""
+    """Stop the scan, and request model and health."""
     port = ExclusivePort(site.port, site.clock)
     try:
         port.exchange(ProbeRequest(keys.baud, wire.request(wire.RPLidarCommand.STOP), 0.1))
-        told = _request(port, keys.baud, wire.RPLidarCommand.INFO, wire.INFO_REPLY, wire.RPLidarInfo.LAYOUT.size)
-        felt = _request(port, keys.baud, wire.RPLidarCommand.HEALTH, wire.HEALTH_REPLY, wire.RPLidarHealth.LAYOUT.size)
+        info_data = _request(port, keys.baud, wire.RPLidarCommand.INFO, wire.INFO_REPLY, wire.RPLidarInfo.LAYOUT.size)
+        health_data = _request(
+            port, keys.baud, wire.RPLidarCommand.HEALTH, wire.HEALTH_REPLY, wire.RPLidarHealth.LAYOUT.size
+        )
     finally:
         port.close()
-    if not told:
+    if not info_data:
         yield failure("device", "it does not answer", "look at its cable and power; another rate: mission ports")
         return
-    info = wire.RPLidarInfo.unpack(told)
+    info = wire.RPLidarInfo.unpack(info_data)
     about = f"series {info.series}, firmware {info.firmware_major}.{info.firmware_minor}"
     if f"a{info.series}" != keys.model and info.series in {1, 2}:
         yield warning("device", f"{about}; the robot file says {keys.model}", f"write model: a{info.series}")
     else:
         yield Finding("device", about)
-    condition = wire.RPLidarHealth.unpack(felt) if felt else wire.RPLidarHealth(wire.RPLidarStatus.WARNING)
+    condition = (
+        wire.RPLidarHealth.unpack(health_data) if health_data else wire.RPLidarHealth(wire.RPLidarStatus.WARNING)
+    )
     if condition.status == wire.RPLidarStatus.ERROR:
         yield failure(
             "health", f"it has a fault, code {condition.code}", "cut its power for a moment; clean its window"
@@ -42,10 +46,10 @@ def checkup(keys: RPLidarKeys, site: DriverContext) -> Iterator[Finding]:
 
 
 def _request(port: ExclusivePort, baud: int, command: wire.RPLidarCommand, descriptor: bytes, size: int) -> bytes:
-    """Return what it answers behind the ``begin``; nothing where it does not."""
+    """Return the ``size`` bytes of the reply behind its ``descriptor``; empty without a reply."""
 
-    def rest(heard: bytes) -> bytes:
-        behind = heard.partition(descriptor)[2][:size]
+    def rest(data: bytes) -> bytes:
+        behind = data.partition(descriptor)[2][:size]
         return behind if len(behind) == size else b""
 
     return rest(port.exchange(ProbeRequest(baud, wire.request(command), REPLY_TIMEOUT, rest)))

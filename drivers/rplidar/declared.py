@@ -1,4 +1,4 @@
-"""The RPLIDAR as a driver of range finders, and its keys in a robot file."""
+"""Declaration and keys of the RPLIDAR."""
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys
@@ -8,7 +8,7 @@ from drivers.rplidar.models import MODELS
 
 @keys
 class RPLidarKeys(RangeKeys, SerialKeys):
-    """The ``range`` section of a robot with an RPLIDAR."""
+    """Keys of an RPLIDAR."""
 
     model: str = key(default="a1", among=MODELS, help="The model.")
 

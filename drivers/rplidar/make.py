@@ -1,4 +1,4 @@
-"""From the keys of a robot file to the RPLIDAR's driver."""
+"""Driver of the RPLIDAR: starts the scan when the device is online, and keeps the latest complete turn."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -22,43 +22,41 @@ from drivers.rplidar.wire import RPLidarInfo
 from drivers.transport.link import SerialLink
 from drivers.transport.loop import guard_callback
 
-# The RPLIDAR as a range finder: scans as soon as it is there, and gives out its newest whole turn.
-
-# Nodes to scans: what came of one turn, sorted into beams of the base.
+# Assembly of nodes into scans with the beams of the base.
 
 SECTOR_WIDTH = 10
-"""Degrees: every sector of this width must have been measured in a turn, but for ``MAX_LOST_SECTORS`` of them."""
+"""Degrees: a complete turn has a measurement in every sector of this width, except for ``MAX_LOST_SECTORS``."""
 
 MAX_LOST_SECTORS = 4
-"""Sectors that a turn may lack, lost on the wire; with more it is not a whole turn."""
+"""Sectors that may be lost on the wire in a complete turn."""
 
 MAX_NODES = 8000
-"""Nodes kept at most while no turn ends, as when the first node of each is lost: four seconds of them."""
+"""Maximum nodes that are buffered without the end of a turn, if the first node of each turn is lost: four seconds."""
 
 METRES_PER_STEP = 0.00025
 """Metres of one step of a distance."""
 
 
 class ScanAssembler:
-    """Collects nodes until a turn is whole. ``partial_scans`` counts those that were not. For one thread."""
+    """Assembles nodes into scans of one turn. ``partial_scans`` counts incomplete turns. Not thread-safe."""
 
     def __init__(self, model: RPLidarModel, mounting: Mounting) -> None:
         self.partial_scans = 0
         self.sample_rate = SAMPLE_RATE
-        """Measurements a second."""
+        """Measurements per second."""
         self._model = model
         self._mounting = mounting
         self._number = 0
-        self._parts: list[tuple[Words, Words, float]] = []  # angles, distances, when the first of them came
+        self._parts: list[tuple[Words, Words, float]] = []  # angles, distances, arrival time of the first of them
         self._count = 0
 
     def restart(self) -> None:
-        """Forget the turn that has begun; the numbers go on."""
+        """Drop the incomplete turn; the scan numbers continue."""
         self._parts.clear()
         self._count = 0
 
     def add(self, nodes: Nodes, now: float) -> RangeScan | None:
-        """Take nodes, the last of them ``now`` (seconds); return the newest turn that they complete, if any."""
+        """Add nodes, of which the last arrived at ``now`` (seconds); return the latest turn that they complete, if any."""
         scan, start = None, 0
         for end in map(int, np.flatnonzero(nodes.new)):
             self._keep(nodes, start, end, now)
@@ -77,14 +75,14 @@ class ScanAssembler:
             self._count += end - start
 
     def _finish(self, now: float) -> RangeScan | None:
-        """Return the turn that has ended; None if too little of it came."""
+        """Return the turn that has ended; None if it is incomplete."""
         if not self._parts:
             return None
         angle = np.concatenate([part[0] for part in self._parts]).astype(np.float64)
         distance = np.concatenate([part[1] for part in self._parts])
-        came = np.concatenate([np.full(len(part[0]), part[2]) for part in self._parts])
+        arrival_times = np.concatenate([np.full(len(part[0]), part[2]) for part in self._parts])
         self.restart()
-        # Where the node that begins a turn was lost there are two turns: only the newer one counts.
+        # If the first node of a turn was lost, there are two turns: only the newer one counts.
         onward = np.unwrap(angle, period=STEPS_PER_TURN)
         newest = onward > onward[-1] - STEPS_PER_TURN
         place = beam(self._mounting.bearing(angle[newest] * (tau / STEPS_PER_TURN)))
@@ -92,13 +90,13 @@ class ScanAssembler:
             self.partial_scans += 1
             return None
         ranges = self._beam_ranges(place, distance[newest])
-        begun = float(came[newest][0])
+        begun = float(arrival_times[newest][0])
         self._number += 1
         model = self._model
         return RangeScan(ranges, START, STEP, (begun + now) / 2, self._number - 1, model.min_range, model.max_range)
 
     def _beam_ranges(self, place: npt.NDArray[np.intp], distance: Words) -> Ranges:
-        """Return the least distance of each beam; a beam between two measurements takes the lesser of both."""
+        """Return the smallest distance of each beam; a beam without a measurement takes the smaller of its neighbours."""
         metres = (distance * METRES_PER_STEP).astype(np.float32)
         metres[(metres < self._model.min_range) | (metres > self._model.max_range)] = np.inf
         ranges = np.full(BEAMS, np.inf, dtype=np.float32)
@@ -110,34 +108,34 @@ class ScanAssembler:
         return ranges
 
     def _arrival_time(self, nodes: Nodes, number: int, now: float) -> float:
-        """Return when one of several nodes came, the last of them ``now``: they wait for each other on their way."""
+        """Return the arrival time of a node in a chunk whose last node arrived at ``now``, by the sample rate."""
         return now - (len(nodes) - 1 - number) / self.sample_rate
 
 
 STALE_AFTER = 0.5
-"""Seconds without another turn after which the newest is stale: at 5.5 turns a second two were missed."""
+"""Seconds without another turn after which the latest is stale: two missed turns at 5.5 turns per second."""
 
 EXPRESS_TIMEOUT = 1.0
-"""Seconds without a whole turn of an express scan that comes in pieces after which it is begun anew, as a plain one."""
+"""Seconds without a complete turn after which an express scan with lost bytes is replaced by a plain one."""
 
 SCAN_TIMEOUT = 3.0
-"""Seconds without a whole turn after which it is begun anew: a motor takes two to come up to speed."""
+"""Seconds without a complete turn after which the scan is restarted: a motor needs two to reach its speed."""
 
 RETRY_INTERVAL = 1.0
-"""Seconds until it is tried again when it did not answer; it does not turn meanwhile."""
+"""Seconds until the next try after a missing reply; the motor stands still in that time."""
 
 GATHER_TIME = 0.02
-"""Seconds for which its link should let bytes gather: 4000 nodes a second come in a thousand pieces otherwise."""
+"""Seconds in which the link gathers bytes: 4000 nodes per second would otherwise arrive in a thousand chunks."""
 
 
 class RPLidar:
-    """A ``drivers.api.Ranger`` over a link at ``wire.BAUD``, which it owns: nobody else opens, writes or closes it.
+    """Driver of an RPLIDAR over a link at ``wire.BAUD``, which it owns: a ``drivers.api.Ranger``.
 
-    ``model`` is a key of ``MODELS``. ``place`` is where it sits on the base: x forward and y left in metres, and its
-    yaw in radians. In the ``blind`` sectors, pairs of bearings of the base in radians, anticlockwise from the first to
-    the second, it sees the robot's own posts: nothing is measured there. It turns from ``open`` to ``close``.
-    ``changed`` is called from the link's thread with each turn; it must return at once.
-    Raises ValueError for an unknown model, and for a place that is not finite.
+    ``model`` is a key of ``MODELS``. ``place`` is the mounting pose on the base: x forward and y left in metres, yaw in
+    radians. In the ``blind`` sectors, pairs of bearings of the base in radians, anticlockwise from the first to the
+    second, the robot's own posts are in the way: measurements there are dropped. The motor turns from ``open`` to
+    ``close``. ``changed`` is called from the link's thread with each turn; it must return at once. Raises ValueError
+    for an unknown model, and for a place that is not finite.
     """
 
     name = "range"
@@ -173,34 +171,34 @@ class RPLidar:
 
     @property
     def place(self) -> Place:
-        """Where it sits on the base: x forward and y left in metres, and its yaw in radians."""
+        """Mounting pose on the base: x forward and y left in metres, yaw in radians."""
         return self._mounting.place
 
     @property
     def info(self) -> RPLidarInfo | None:
-        """What it says that it is; None until it has on this connection."""
+        """Model and firmware of the device; None before its reply on this connection."""
         return self._session.info
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the newest whole turn; stale once ``STALE_AFTER`` has passed without another."""
+        """Return the latest complete turn; stale ``STALE_AFTER`` seconds after its arrival."""
         latest, turned_at, now = self._latest, self._scanned_at, self._clock.now()
         if latest.value is None:
             return replace(latest, stamp=now)
         return latest if now - turned_at <= STALE_AFTER else replace(latest, quality=Quality.STALE)
 
     def open(self) -> None:
-        """Start looking for it; returns at once, whether it is there or not."""
+        """Start the search for the device; returns at once, with or without hardware."""
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: it moves nothing of the robot, and goes on measuring."""
+        """Do nothing: a range finder moves nothing of the robot, and continues to measure."""
 
     def close(self) -> None:
-        """Stop its motor, end the thread and release the port. Safe from any state, more than once."""
+        """Stop the motor, end the thread and release the port. Safe from any state, more than once."""
         self._link.close()
 
     def health(self) -> Health:
-        """Say whether whole turns come, and the figures of its wire."""
+        """Return whether complete turns arrive, and the counters of the wire."""
         link, finder = self._link.health(), self._finder
         counters = {
             **link.counters,
@@ -221,17 +219,17 @@ class RPLidar:
     # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
 
     def on_connected(self) -> None:
-        """Begin anew on a port just opened: nothing of before counts."""
+        """Start a new session on a port that was just opened."""
         self._session = self._new_session()
         self._trouble = None
         self._scanned_at = -inf
 
     def on_data(self, data: bytes) -> None:
-        """Take what it says; the pulse that follows makes something of it."""
+        """Buffer received bytes; the next poll handles them."""
         self._session.on_data(data)
 
     def on_poll(self) -> None:
-        """Bring it to scan, take the nodes that have come, and notice that none come."""
+        """Start the scan, handle received nodes, and detect missing ones."""
         begun = self._session.scanning_since < inf
         try:
             data = self._session.poll()
@@ -250,7 +248,7 @@ class RPLidar:
             self._handle_nodes(data)
 
     def on_closing(self) -> None:
-        """Stop the motor, as the last word of a thread that may have been cut short."""
+        """Stop the motor, although the thread may have been interrupted at any point."""
         self._session.stop()
 
     def _handle_nodes(self, data: bytes) -> None:
@@ -260,27 +258,28 @@ class RPLidar:
             return
         self._latest = Reading(scan, scan.stamp, Quality.GOOD)
         self._resyncs = self._finder.resyncs
-        self._scanned_at = now  # last: who sees it fresh also sees the turn
+        self._scanned_at = now  # last: a thread that sees it fresh also sees the scan
         if self._trouble is not None:
             self._trouble = None
             self._report(DeviceStatus(self.name, "online", f"{self._link.port}: whole turns come again"))
         self._changed()
 
     def _require_scans(self) -> None:
-        """Raise NoReply when it should scan, but no whole turn has come for too long.
+        """Raise NoReply if no complete turn has arrived for too long during a scan.
 
-        A lost byte costs a capsule or two, and else one node: express scans that come in pieces are given up.
+        A lost byte costs a capsule or two of an express scan, but only one node of a plain one: so an express scan with
+        lost bytes is replaced by a plain one.
         """
-        without = self._clock.now() - max(self._session.scanning_since, self._scanned_at)
-        if self._session.is_express and without > EXPRESS_TIMEOUT and self._finder.resyncs > self._resyncs:
+        elapsed = self._clock.now() - max(self._session.scanning_since, self._scanned_at)
+        if self._session.is_express and elapsed > EXPRESS_TIMEOUT and self._finder.resyncs > self._resyncs:
             self._session.avoids_express = True
             self._session.restart(0.0)
-        elif without > SCAN_TIMEOUT:
-            what = f"{self.name}: {self._link.port}: no whole turn for {SCAN_TIMEOUT:g} s"
-            raise NoReply(what, hint="does its head turn? look at its belt, and at the power of its USB port")
+        elif elapsed > SCAN_TIMEOUT:
+            message = f"{self.name}: {self._link.port}: no whole turn for {SCAN_TIMEOUT:g} s"
+            raise NoReply(message, hint="does its head turn? look at its belt, and at the power of its USB port")
 
     def _fail(self, error: DriverError) -> None:
-        """Report what is the matter, if that is new, and begin once more after a while."""
+        """Report a new fault, and restart after a while."""
         if str(error) != str(self._trouble):
             kind = "fault" if isinstance(error, DeviceFault) else "offline"
             self._report(DeviceStatus(self.name, kind, str(error), error.hint))

@@ -1,22 +1,22 @@
-"""What tells the models apart: how far they see, how fast they turn, and what turns them."""
+"""Models of the RPLIDAR: measuring range, turn rate, and motor control."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
 MOTOR_PWM = 660
-"""The pulse width of 1023 at which the maker runs the motor of an A2."""
+"""Duty cycle of 1023 at which the vendor's driver runs the motor of an A2."""
 
 SAMPLE_RATE = 2000.0
-"""Measurements a second of a plain scan."""
+"""Measurements per second of a plain scan."""
 
 
 @dataclass(frozen=True, slots=True)
 class RPLidarModel:
-    """One of the finders that speak this protocol at 115200 baud.
+    """Model with this protocol at 115200 baud.
 
-    It measures from ``min_range`` to ``max_range`` metres and turns ``turn_rate`` times a second. ``has_pwm``: the board below it may
-    set the pulse width of the motor; the motor of the others is switched by the line DTR alone.
+    The measuring range is ``min_range`` to ``max_range`` metres, ``turn_rate`` in turns per second. With ``has_pwm``
+    the adapter board may set the duty cycle of the motor; other motors are switched only by DTR.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""The nodes of a scan, five bytes for each measurement, many at once as arrays.
+"""Nodes of a plain scan, five bytes for each measurement, decoded in bulk as arrays.
 
-Byte 0: bit 0 S (a turn begins), bit 1 its opposite, bits 2 to 7 the quality. Bytes 1 and 2: bit 0 is always 1, the rest
-the angle in 1/64 degree, clockwise seen from above. Bytes 3 and 4: the distance in 1/4 mm, 0 where nothing came back.
+Byte 0: bit 0 S (first node of a turn), bit 1 its inverse, bits 2 to 7 the quality. Bytes 1 and 2: bit 0 is always 1,
+the rest is the angle in 1/64 degree, clockwise from above. Bytes 3 and 4: the distance in 1/4 mm, 0 without an echo.
 """
 
 from dataclasses import dataclass
@@ -14,20 +14,22 @@ NODE_SIZE = 5
 """Bytes of a node."""
 
 STEPS_PER_TURN = 360 * 64
-"""Steps of the angle in a whole turn."""
+"""Steps of the angle in a turn."""
 
 MIN_NODES_IN_ROW = 4
-"""How many nodes must follow one another before bytes that have been out of step count as nodes again."""
+"""Number of consecutive nodes after which bytes count as synchronised again."""
 
 _ROW_SPAN = NODE_SIZE * (MIN_NODES_IN_ROW - 2)
 """Bytes from the first to the last pair of nodes in a row."""
 
 MAX_ANGLE_STEP = 30 * 64
-"""Steps of the angle within which a node follows another. A1s work out where a beam went from how far it went, so that
-from something near to something far the angle leaps, and not always forward."""
+"""Maximum difference of the angles of consecutive nodes, in steps.
+
+An A1 computes the angle of a beam from its distance, so at an edge the angle leaps, and not always forward.
+"""
 
 SEARCH_WINDOW = 256
-"""Bytes in which a row is looked for at a time: mostly it begins in the first few."""
+"""Bytes that are searched for a row at a time; mostly the row begins in the first few."""
 
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
@@ -36,10 +38,10 @@ Words = npt.NDArray[np.uint16]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nodes:
-    """Measurements in the order in which they were taken, as raw numbers of the wire; all of shape (n,).
+    """Measurements in order of time, as raw values of the wire; all arrays have the shape (n,).
 
     ``new``: bool, the first of a turn. ``quality``: uint8, 0..63. ``angle``: uint16, 1/64 degree, clockwise.
-    ``distance``: uint16, 1/4 mm, 0 for none.
+    ``distance``: uint16, 1/4 mm, 0 without an echo.
     """
 
     new: Flags
@@ -51,7 +53,7 @@ class Nodes:
         return len(self.angle)
 
     def pack(self) -> bytes:
-        """Return their bytes."""
+        """Return the bytes of the nodes."""
         low = self.angle.astype(np.uint32) << 1 | 1
         raw = np.empty((len(self), NODE_SIZE), dtype=np.uint8)
         raw[:, 0] = self.quality << 2 | np.where(self.new, 1, 2)
@@ -61,7 +63,7 @@ class Nodes:
 
     @classmethod
     def unpack(cls, raw: Bytes) -> Self:
-        """Read nodes from shape (n, 5); their check bits are not looked at."""
+        """Decode nodes from shape (n, 5); the check bits are ignored."""
         first, wide = raw[:, 0], raw.astype(np.uint16)
         quality = np.right_shift(first, 2, dtype=np.uint8)
         angle: Words = wide[:, 1] // 2 + wide[:, 2] * np.uint16(128)
@@ -70,33 +72,34 @@ class Nodes:
 
 
 class NodeFinder:
-    """Finds nodes in a stream that is cut anywhere and may hold noise.
+    """Finds nodes in a stream of chunks with noise.
 
-    Check bits alone do not keep it in step: one place of noise in four passes, and where a wall is as far for a while
-    so do bytes that are out of step. So a node must also follow the one before it: have another angle, but not by more
-    than ``MAX_ANGLE_STEP``, where both measured something. Once one does not, bytes are dropped until ``MIN_NODES_IN_ROW`` nodes do.
+    Check bits are not enough for synchronisation: one position of noise in four passes, and so do unsynchronised bytes
+    while a wall has a constant distance. So a node must also follow the previous one: with another angle, within
+    ``MAX_ANGLE_STEP``, if both have an echo. After a failure bytes are dropped until ``MIN_NODES_IN_ROW`` nodes follow
+    one another.
     """
 
     delay = 0.0
-    """Seconds by which a measurement is given out later than it came."""
+    """Seconds from the arrival of a measurement to its output."""
 
     def __init__(self) -> None:
         self.nodes = 0
         self.skipped_bytes = 0
         self.resyncs = 0
-        """How often bytes had to be dropped."""
-        self._last = b""  # the node found last; empty while out of step
+        """Number of times that bytes had to be dropped."""
+        self._last = b""  # the last node; empty while not synchronised
         self._rest = b""
 
     def restart(self) -> None:
-        """Forget what has half come; the counters stay."""
+        """Drop the incomplete node; the counters stay."""
         self._last = self._rest = b""
 
     def feed(self, data: bytes) -> Nodes:
-        """Take bytes as they come; return the nodes that are known for such now, in order."""
+        """Add received bytes; return the nodes that are certain, in order."""
         raw = np.frombuffer(self._last + self._rest + data, dtype=np.uint8)
         follows = _find_followed(raw)
-        places = [np.empty(0, dtype=np.int64)]  # of the first bytes
+        places = [np.empty(0, dtype=np.int64)]  # of the first bytes of the nodes
         at, in_step = 0, bool(self._last)
         while True:
             if not in_step:
@@ -105,7 +108,7 @@ class NodeFinder:
                 self.resyncs += row > at
                 at = row
                 if at + _ROW_SPAN >= len(follows):
-                    break  # a row may begin here, but has not all come
+                    break  # a row may begin here, but is incomplete
                 places.append(np.array([at]))
             run = follows[at::NODE_SIZE]
             length = len(run) if run.all() else int(run.argmin())
@@ -123,7 +126,7 @@ class NodeFinder:
 
 
 def _find_followed(raw: Bytes) -> Flags:
-    """Return for each place whether a node begins there, and another that follows it right behind."""
+    """Return for each position whether a node begins there that is followed by another."""
     if len(raw) < 2 * NODE_SIZE:
         return np.empty(0, dtype=np.bool_)
     checks = ((raw ^ raw >> 1)[: 1 - NODE_SIZE] & raw[1 : 2 - NODE_SIZE] & 1).astype(np.bool_)
@@ -137,7 +140,7 @@ def _find_followed(raw: Bytes) -> Flags:
 
 
 def _find_row(follows: Flags, at: int) -> int:
-    """Return the first place from ``at`` on where ``MIN_NODES_IN_ROW`` nodes come in a row, or where that is not known yet."""
+    """Return the first position from ``at`` on with ``MIN_NODES_IN_ROW`` nodes in a row, or possibly so."""
     unknown = len(follows) - _ROW_SPAN
     for start in range(at, unknown, SEARCH_WINDOW):
         end = min(start + SEARCH_WINDOW, unknown)

@@ -1,4 +1,4 @@
-"""An RPLIDAR is recognised by what it says of itself; it is told to be silent first, in case it is scanning."""
+"""Probe of an RPLIDAR, recognised by its info reply; a running scan is stopped first."""
 
 from collections.abc import Generator
 
@@ -6,23 +6,23 @@ from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.rplidar import wire
 
 BAUD_RATES = (wire.BAUD, 256_000)
-"""The rate of an A1 and A2, and that of an A3 and S1."""
+"""Rates of the A1 and A2, and of the A3 and S1."""
 
 INFO_SIZE = wire.RPLidarInfo.LAYOUT.size
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Ask who it is, at each of its rates."""
+    """Request the info at each rate."""
     for baud in BAUD_RATES:
         yield ProbeRequest(baud, wire.request(wire.RPLidarCommand.STOP), 0.1)
-        heard = yield ProbeRequest(
-            baud, wire.request(wire.RPLidarCommand.INFO), 0.3, lambda heard: _info(heard) is not None
+        data = yield ProbeRequest(
+            baud, wire.request(wire.RPLidarCommand.INFO), 0.3, lambda data: _info(data) is not None
         )
-        if info := _info(heard):
+        if info := _info(data):
             firmware = ".".join(str(number) for number in info.firmware)
-            known = f"a{info.series}" if info.series in {1, 2} else None
+            model = f"a{info.series}" if info.series in {1, 2} else None
             about = f"an RPLIDAR of series {info.series} (model 0x{info.model:02x}), firmware {firmware}"
-            return ProbeResult(about, {"baud": baud} | ({} if known is None else {"model": known}))
+            return ProbeResult(about, {"baud": baud} | ({} if model is None else {"model": model}))
     return None
 
 

@@ -1,4 +1,4 @@
-"""How a finder is brought to scan: silenced first, whatever it was doing, then asked who it is and how it feels."""
+"""Start of a scan: stop the previous one, request the info, check the health, start the motor."""
 
 from collections.abc import Generator, Iterator
 from math import inf
@@ -12,38 +12,38 @@ from drivers.rplidar.models import MOTOR_PWM, RPLidarModel
 from drivers.transport.link import SerialLink
 
 SessionStep = Iterator[None]
-"""A part of the beginning that goes on each time it is resumed, until it is done."""
+"""Coroutine of the start, resumed at each poll until it ends."""
 
 STOP_PAUSE = 0.1
-"""Seconds that the maker's driver gives it to stop; 1 ms is what the protocol asks for."""
+"""Seconds after a stop, as in the vendor's driver; the protocol requires 1 ms."""
 
 QUIET_TIME = 0.05
-"""Seconds without a byte after which the line is clear: adapters hold bytes back for up to 16 ms."""
+"""Seconds without a byte after which the line is quiet: adapters delay bytes by up to 16 ms."""
 
 STOP_TIMEOUT = 1.0
-"""Seconds of noise after which it is told to stop again."""
+"""Seconds without a quiet line after which the stop is sent again."""
 
 REPLY_TIMEOUT = 0.5
-"""Seconds that it has for an answer."""
+"""Seconds until a request counts as unanswered."""
 
 MAX_TRIES = 3
-"""How often it is asked the same: a byte may be lost on the wire."""
+"""Maximum tries of a request: a byte may be lost on the wire."""
 
 BOOT_TIME = 2.0
-"""Seconds that it has to start anew after a reset."""
+"""Seconds for the boot after a reset."""
 
 MIN_EXPRESS_FIRMWARE = (1, 17)
-"""The firmware from which on there are express scans."""
+"""First firmware with express scans."""
 
 _BOARD = Struct("<I")
 
 
 class RPLidarSession:
-    """One connection to a finder, from the opening of the port on. Served by the link's thread.
+    """Session with a range finder, from the opening of the port on. For the link's thread.
 
-    ``info`` is what it says that it is, once it has. ``scanning_since`` is when its nodes began to come; infinity before. They
-    come in capsules where the scan is ``is_express``: twice as many, where its firmware has that, and unless it is to be
-    ``avoids_express``.
+    ``info`` is the model and firmware, once received. ``scanning_since`` is the start of the scan; infinity before.
+    ``is_express`` is True for an express scan, which has capsules and twice the sample rate; it is chosen if the
+    firmware supports it, unless ``avoids_express``.
     """
 
     def __init__(self, name: str, model: RPLidarModel, link: SerialLink, clock: Clock, report: StatusCallback) -> None:
@@ -55,7 +55,7 @@ class RPLidarSession:
         self._link = link
         self._clock = clock
         self._report = report
-        self._has_pwm = False  # its board sets the pulse width of the motor
+        self._has_pwm = False  # its board can set the duty cycle of the motor
         self._was_reset = False
         self._reported_faults: set[str] = set()
         self._buffer = bytearray()
@@ -63,20 +63,21 @@ class RPLidarSession:
         self._steps: SessionStep = self._start_steps(0.0)
 
     def restart(self, delay: float) -> None:
-        """Stop, and begin once more in ``delay`` seconds. Raises NotConnected when the port has gone."""
+        """Stop the scan, and start again in ``delay`` seconds. Raises NotConnected if the port is gone."""
         self.scanning_since = inf
         self.stop()
         self._steps = self._start_steps(delay)
 
     def on_data(self, data: bytes) -> None:
-        """Take bytes."""
+        """Buffer received bytes."""
         self._received_at = self._clock.now()
         self._buffer += data
 
     def poll(self) -> bytes:
-        """Go on as far as is possible now; return the bytes of nodes that have come.
+        """Continue the start; return the bytes of the scan that have arrived.
 
-        Raises NoReply when it does not answer, DeviceFault when it does not work, NotConnected when the port has gone.
+        Raises NoReply if the device does not reply, DeviceFault if it is out of order, NotConnected if the port is
+        gone.
         """
         next(self._steps, None)
         if self.scanning_since == inf:
@@ -86,7 +87,7 @@ class RPLidarSession:
         return nodes
 
     def stop(self) -> None:
-        """End the scan and the turning. Raises NotConnected when the port has gone."""
+        """Stop the scan and the motor. Raises NotConnected if the port is gone."""
         self._link.write(wire.request(wire.RPLidarCommand.STOP))
         if self._has_pwm:
             self._link.write(wire.motor_request(0))
@@ -107,18 +108,18 @@ class RPLidarSession:
         self.scanning_since = self._clock.now()
 
     def _start_express(self) -> Generator[None, None, bool]:
-        """Ask for an express scan, once; return whether it has begun."""
+        """Request an express scan, once; return whether it has started."""
         if self.avoids_express or self.info is None or self.info.firmware < MIN_EXPRESS_FIRMWARE:
             return False
         try:
             yield from self._request(wire.EXPRESS_REQUEST, wire.EXPRESS_REPLY, 0, tries=1)
-        except NoReply:  # a firmware of another maker
+        except NoReply:  # firmware of another vendor
             yield from self._quieten()
             return False
         return True
 
     def _quieten(self) -> SessionStep:
-        """Stop what it is sending since whoever talked to it last, and let the rest of it go by."""
+        """Stop a scan of an earlier program, and wait until the line is quiet."""
         while True:
             self._link.write(wire.request(wire.RPLidarCommand.STOP))
             began = self._clock.now()
@@ -130,33 +131,33 @@ class RPLidarSession:
                 yield
 
     def _check_health(self) -> SessionStep:
-        """Ask how it feels; one that is out of order is reset, once."""
+        """Check the health; reset a device that is out of order, once."""
         while True:
             reply = yield from self._request(wire.request(wire.RPLidarCommand.HEALTH), wire.HEALTH_REPLY, 3)
-            found = wire.RPLidarHealth.unpack(reply)
-            if found.status < wire.RPLidarStatus.ERROR:
-                if found.status == wire.RPLidarStatus.WARNING:
+            health = wire.RPLidarHealth.unpack(reply)
+            if health.status < wire.RPLidarStatus.ERROR:
+                if health.status == wire.RPLidarStatus.WARNING:
                     self._report_once(
-                        f"it warns of trouble, code {found.code}", "clean its window, see that it turns freely"
+                        f"it warns of trouble, code {health.code}", "clean its window, see that it turns freely"
                     )
                 return
-            what = f"{self._prefix()}: it is out of order, code {found.code}"
+            message = f"{self._prefix()}: it is out of order, code {health.code}"
             if self._was_reset:
-                raise DeviceFault(f"{what}, and a reset did not help", hint="take its power away for a moment")
+                raise DeviceFault(f"{message}, and a reset did not help", hint="take its power away for a moment")
             self._was_reset = True
-            self._report_once(f"it is out of order, code {found.code}: reset", "see that nothing blocks it")
+            self._report_once(f"it is out of order, code {health.code}: reset", "see that nothing blocks it")
             self._link.write(wire.request(wire.RPLidarCommand.RESET))
             yield from self._wait(BOOT_TIME)
             yield from self._quieten()
 
     def _start_motor(self) -> SessionStep:
-        """Turn: an A1 whenever DTR is off, an A2 by pulse width where its board can set that."""
+        """Start the motor: by DTR on an A1, by PWM on an A2 if its board supports that."""
         if self._model.has_pwm and not self._has_pwm:
             try:
                 reply = yield from self._request(wire.BOARD_REQUEST, wire.BOARD_REPLY, 4)
                 self._has_pwm = bool(_BOARD.unpack(reply)[0] & 1)
             except NoReply:
-                pass  # a board of another maker: DTR switches the motor, or it always turns
+                pass  # board of another vendor: DTR switches the motor, or it always turns
         self._link.set_dtr(on=False)
         if self._has_pwm:
             self._link.write(wire.motor_request(MOTOR_PWM))
@@ -169,7 +170,7 @@ class RPLidarSession:
     def _request(
         self, request: bytes, descriptor: bytes, size: int, tries: int = MAX_TRIES
     ) -> Generator[None, None, bytes]:
-        """Send a request; return the ``size`` bytes behind the descriptor of its answer. Raises NoReply."""
+        """Send a request; return the ``size`` bytes behind the descriptor of the reply. Raises NoReply."""
         for _ in range(tries):
             self._link.write(request)
             end = self._clock.now() + REPLY_TIMEOUT
@@ -201,11 +202,11 @@ class RPLidarSession:
     def _on_info(self, info: wire.RPLidarInfo) -> None:
         self.info = info
         if info.series != self._model.series:
-            what = f"it is an A{info.series} (model {info.model:#x}), not an {self._model.name}"
-            self._report_once(what, "set `model` in the robot file")
+            message = f"it is an A{info.series} (model {info.model:#x}), not an {self._model.name}"
+            self._report_once(message, "set `model` in the robot file")
 
     def _report_once(self, what: str, hint: str) -> None:
-        """Report a fault, once in a connection."""
+        """Report a fault, once in a session."""
         if what not in self._reported_faults:
             self._reported_faults.add(what)
             self._report(DeviceStatus(self._name, "fault", f"{self._prefix()}: {what}", hint))

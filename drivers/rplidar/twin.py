@@ -1,4 +1,4 @@
-"""The twin of an RPLIDAR."""
+"""Simulated RPLIDAR."""
 
 from drivers.base.range_twin import RangerTwin
 from drivers.rplidar.declared import RPLidarKeys
@@ -9,7 +9,7 @@ from drivers.sim.world import SimulatedWorld
 
 
 def make(keys: RPLidarKeys, stage: SimContext) -> RangerTwin:
-    """Return the twin of a range finder, which sees the world from where the base truly is."""
+    """Return the twin of a range finder, which sees the world from the true pose of the base."""
     model = MODELS[keys.model]
     world = SimulatedWorld() if stage.world is None else stage.world
     return RangerTwin(

@@ -1,4 +1,4 @@
-"""An RPLIDAR at the level of its wire: turns, measures what is around it, and answers requests."""
+"""Virtual RPLIDAR at wire level: rotates, measures the simulated world, and replies to requests."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -21,14 +21,14 @@ from drivers.sim.world import SimulatedWorld
 from drivers.virtual.device import VirtualDevice
 
 SAMPLE_RATES = Struct("<HH")
-"""The reply to ``Command.RATES``: microseconds from one measurement to the next, plain and express."""
+"""Reply to ``RPLidarCommand.SAMPLE_RATES``: microseconds per measurement, plain and express."""
 
 EXPRESS_PAYLOAD = Struct("<BHH")
-"""The payload of ``Command.EXPRESS``: the way to scan by its number, flags, and a number of no use here."""
+"""Payload of ``RPLidarCommand.EXPRESS``: the number of the scan mode, flags, and an unused number."""
 
 
 class ScanModeSetting(IntEnum):
-    """What ``Command.SETTING`` may ask for; all but the first two with the number of a way to scan."""
+    """Settings that ``RPLidarCommand.SETTING`` may query; all but the first two take the number of a scan mode."""
 
     COUNT = 0x70
     TYPICAL = 0x7C
@@ -40,7 +40,7 @@ class ScanModeSetting(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ScanMode:
-    """A way to scan: microseconds for a measurement, metres that it sees, and the type of its answer."""
+    """Scan mode: microseconds per measurement, maximum range in metres, and the type of its reply."""
 
     name: str
     period: float
@@ -48,7 +48,7 @@ class ScanMode:
     answer_type: int
 
     def setting_value(self, setting: int) -> bytes:
-        """Return what it says of itself; nothing of what it does not know. Periods and metres in 1/256."""
+        """Return the value of a setting, empty if unknown. Periods and metres in 1/256."""
         match setting:
             case ScanModeSetting.PERIOD:
                 return round(self.period * 256).to_bytes(4, "little")
@@ -62,47 +62,47 @@ class ScanMode:
 
 
 def answer_setting(payload: bytes, modes: tuple[ScanMode, ...], typical: int) -> bytes:
-    """Return what a finder with these ``modes`` answers to ``Command.SETTING``; nothing to what it does not know."""
-    asked, number = int.from_bytes(payload[:4], "little"), int.from_bytes(payload[4:6], "little")
+    """Return the reply to ``RPLidarCommand.SETTING`` for these ``modes``; empty if the setting is unknown."""
+    setting, number = int.from_bytes(payload[:4], "little"), int.from_bytes(payload[4:6], "little")
     if len(payload) < 4:
         return b""
-    if asked in (ScanModeSetting.COUNT, ScanModeSetting.TYPICAL):
-        told = (len(modes) if asked == ScanModeSetting.COUNT else typical).to_bytes(2, "little")
+    if setting in (ScanModeSetting.COUNT, ScanModeSetting.TYPICAL):
+        value = (len(modes) if setting == ScanModeSetting.COUNT else typical).to_bytes(2, "little")
     else:
-        told = modes[number].setting_value(asked) if len(payload) >= 6 and number < len(modes) else b""
-    return payload[:4] + told if told else b""
+        value = modes[number].setting_value(setting) if len(payload) >= 6 and number < len(modes) else b""
+    return payload[:4] + value if value else b""
 
 
 NODE_QUALITY = 15
-"""What it says of every measurement that came back."""
+"""Quality of every measurement with an echo."""
 
 BOOT_TEXT = b"RP LIDAR System.\r\n"
-"""Something of what it prints after a reset, which is no part of the protocol."""
+"""Part of the text that the device prints after a reset, outside of the protocol."""
 
 BOOT_TIME = 0.5
-"""Seconds that it hears nothing after a reset."""
+"""Seconds after a reset in which the device ignores requests."""
 
 MAX_NODES_PER_POLL = 4096
-"""Nodes that it sends at once at most: those of a terminal that has been asleep for longer are lost."""
+"""Maximum nodes of one poll: those of a terminal that was suspended for longer are lost."""
 
 MIN_SETTINGS_FIRMWARE = (1, 24)
-"""The firmware from which on it tells of its ways to scan."""
+"""First firmware that replies to queries of scan modes."""
 
 _SERIES_SHIFT = 4
 
 
 class VirtualRPLidar:
-    """A ``drivers.virtual.terminal.WireDevice``; ``look`` is what it sees, at bearings of the base.
+    """Virtual RPLIDAR: a ``drivers.virtual.terminal.WireDevice``; ``look`` returns distances at bearings of the base.
 
-    ``model`` is a key of ``MODELS``, ``yaw`` how it is turned on the base (radians). Each distance errs by ``noise``, a
-    share of it (standard deviation), and is lost for the share ``dropouts`` of them, drawn from ``seed``. With
-    ``streaming`` somebody left it scanning. A pseudo-terminal has no DTR: an A1 turns all the time, an A2 by ``pwm``.
+    ``model`` is a key of ``MODELS``, ``yaw`` the mounting angle on the base (radians). Each distance has an error with
+    the standard deviation ``noise``, as a share of it, and is lost with the probability ``dropout_share``, drawn from
+    ``seed``. With ``streaming`` an earlier program left the scan running. A pseudo-terminal has no DTR: an A1 turns all
+    the time, an A2 by ``pwm``. ``firmware`` is the version: from 1.17 on with express scans, from 1.24 on with queries
+    of scan modes.
 
-    ``firmware`` is its version: from 1.17 on it has express scans, from 1.24 on it tells of its ways to scan.
-
-    What is set from outside, at any time: ``condition``, what it says of its health; ``is_fixed_by_reset``, that a reset makes
-    that good; ``is_stuck``: the motor does not turn, so nothing is measured; ``is_deaf``: it hears nothing.
-    ``requests`` counts what it was asked.
+    These attributes may be set at any time: ``condition``, the reported health; ``is_fixed_by_reset``, whether a reset
+    makes it good; ``is_stuck``: the motor does not turn, so there are no measurements; ``is_deaf``: requests are
+    ignored. ``requests`` counts the received requests.
     """
 
     def __init__(
@@ -143,22 +143,22 @@ class VirtualRPLidar:
 
     @property
     def baud(self) -> int:
-        """The rate it listens at."""
+        """Baud rate."""
         return BAUD
 
     @property
     def is_turning(self) -> bool:
-        """Whether its motor turns."""
+        """Whether the motor turns."""
         return self.pwm > 0 and not self.is_stuck
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take requests; return the answers. While it scans it hears only STOP and RESET, and what sets the motor."""
+        """Handle requests; return the replies. During a scan only STOP, RESET and the motor's PWM are handled."""
         if self.is_deaf or now < self._booted_at:
             return b""
         return b"".join(self._execute(command, payload, now) for command, payload in self._requests.feed(data))
 
     def poll(self, now: float) -> bytes:
-        """Return the nodes that were measured by ``now``."""
+        """Return the nodes that were measured until ``now``."""
         if not self.streaming:
             return b""
         several = capsules.CAPSULE_NODES if self._express else 1
@@ -201,7 +201,7 @@ class VirtualRPLidar:
         return b""
 
     def _execute_newer(self, command: int, payload: bytes, now: float) -> bytes:
-        """Do what firmware 1.17 and 1.24 have learnt."""
+        """Execute commands of firmware 1.17 and 1.24."""
         match command:
             case RPLidarCommand.EXPRESS if self._is_working and payload[:1] in (b"\0", b"\1"):
                 self._begin(now, express=True)
@@ -209,8 +209,8 @@ class VirtualRPLidar:
             case RPLidarCommand.SAMPLE_RATES:
                 return wire.RATES_REPLY + SAMPLE_RATES.pack(*(round(mode.period) for mode in self._modes))
             case RPLidarCommand.SETTING if self._firmware >= MIN_SETTINGS_FIRMWARE:
-                told = answer_setting(payload, self._modes, 1)
-                return wire.setting_reply(told) if told else b""
+                reply = answer_setting(payload, self._modes, 1)
+                return wire.setting_reply(reply) if reply else b""
         return b""
 
     @property
@@ -233,10 +233,10 @@ class VirtualRPLidar:
             try:
                 self.pwm = wire.unpack_pwm(payload)
             except error:
-                return  # as the board does with a request of another length
+                return  # as the board does with a payload of another length
 
     def _measure(self, numbers: npt.NDArray[np.int64], now: float) -> bytes:
-        """Return the nodes with these numbers, counted from the beginning of the scan."""
+        """Return the nodes with these numbers, counted from the start of the scan."""
         step = self.model.turn_rate / SAMPLE_RATE
         new = np.floor(numbers * step) > np.floor((numbers - 1) * step)
         angle, distance = self._sample(numbers, now)
@@ -244,7 +244,7 @@ class VirtualRPLidar:
         return Nodes(new, quality, angle, distance).pack()
 
     def _measure_capsules(self, numbers: npt.NDArray[np.int64], now: float) -> bytes:
-        """Return the capsules of as many nodes; the first of a scan says so."""
+        """Return the capsules of these measurements; the first of a scan is marked."""
         angle, distance = self._sample(numbers, now)
         return b"".join(
             capsules.pack_capsule(
@@ -257,16 +257,16 @@ class VirtualRPLidar:
         """Return angles and distances of the measurements with these numbers."""
         turns = numbers * (self.model.turn_rate / self._sample_rate) * self.is_turning
         angle = np.floor(turns % 1.0 * STEPS_PER_TURN)
-        far = self._look(self._yaw - angle * (tau / STEPS_PER_TURN), now)
-        far = far * (1 + self._noise * self._random.standard_normal(len(far)))
-        lost = ~((far >= self.model.min_range) & (far <= self.model.max_range)) | (
-            self._random.random(len(far)) < self._dropouts
+        distances = self._look(self._yaw - angle * (tau / STEPS_PER_TURN), now)
+        distances = distances * (1 + self._noise * self._random.standard_normal(len(distances)))
+        lost = ~((distances >= self.model.min_range) & (distances <= self.model.max_range)) | (
+            self._random.random(len(distances)) < self._dropouts
         )
-        return angle.astype(np.uint16), np.where(lost, 0, far * 4000).astype(np.uint16)
+        return angle.astype(np.uint16), np.where(lost, 0, distances * 4000).astype(np.uint16)
 
 
 def make(keys: RPLidarKeys, stage: SimContext) -> VirtualDevice:
-    """Return a virtual RPLIDAR, which sees the world from where the base truly is."""
+    """Return a virtual RPLIDAR, which sees the world from the true pose of the base."""
     world = SimulatedWorld() if stage.world is None else stage.world
     look = make_range_function(world, keys.place, stage.pose, height=keys.position[2])
     return VirtualDevice(VirtualRPLidar(look, model=keys.model, yaw=keys.yaw, seed=stage.seed), "rplidar")

@@ -1,7 +1,7 @@
-"""The requests and replies of the RPLIDAR protocol; the measurements of a scan are in ``nodes.py``.
+"""Requests and replies of the RPLIDAR protocol; the measurements of a scan are in ``nodes.py``.
 
-A request is ``A5 CMD``; for commands from 0x80 on ``A5 CMD SIZE payload CHK``, where CHK is the XOR of all before it.
-An answer begins with a descriptor, ``A5 5A`` and five bytes: the length of what follows in 30 bits, two bits that say
+A request is ``A5 CMD``; for commands from 0x80 on ``A5 CMD SIZE payload CHK``, where CHK is the XOR of all bytes before
+it. A reply begins with a descriptor, ``A5 5A`` and five bytes: the length of the data in 30 bits, two bits that tell
 whether it is repeated, and its type. Numbers are little-endian. Replies have no checksum of their own.
 """
 
@@ -13,14 +13,14 @@ from struct import Struct
 from typing import Self
 
 BAUD = 115200
-"""The rate of the A1 and A2, 8N1."""
+"""Baud rate of the A1 and A2, 8N1."""
 
 START_BYTE = 0xA5
-"""The first byte of a request and of a descriptor."""
+"""First byte of a request and of a descriptor."""
 
 
 class RPLidarCommand(IntEnum):
-    """What it may be asked; those without a reply are STOP, RESET and PWM."""
+    """Commands; STOP, RESET and PWM have no reply."""
 
     SCAN = 0x20
     FORCE_SCAN = 0x21
@@ -54,22 +54,22 @@ def request(command: int, payload: bytes = b"") -> bytes:
 
 
 def motor_request(pwm: int) -> bytes:
-    """Return the request that turns the motor at the pulse width ``pwm`` of 1023; 0 stops it."""
+    """Return the request that sets the motor to the duty cycle ``pwm`` of 1023; 0 stops it."""
     return request(RPLidarCommand.PWM, _PWM.pack(pwm))
 
 
 def unpack_pwm(payload: bytes) -> int:
-    """Return the pulse width that a PWM request asks for. Raises struct.error for another payload."""
+    """Return the duty cycle of a PWM request. Raises struct.error for another payload."""
     (pwm,) = _PWM.unpack(payload)
     return int(pwm)
 
 
 BOARD_REQUEST = request(RPLidarCommand.BOARD, bytes(4))
-"""Asks the board below an A2 whether it can set the pulse width of the motor: bit 0 of the reply."""
+"""Asks the adapter board of an A2 whether it can set the motor's duty cycle: bit 0 of the reply."""
 
 
 def descriptor(length: int, kind: int, *, repeated: bool = False) -> bytes:
-    """Return what comes before a reply of ``length`` bytes of the type ``kind``, or before each of a row of them."""
+    """Return the descriptor of a reply of ``length`` bytes of the type ``kind``, or of a series of them."""
     return _DESCRIPTOR.pack(START_BYTE, 0x5A, length | (_REPEATED if repeated else 0), kind)
 
 
@@ -81,17 +81,17 @@ EXPRESS_REPLY = descriptor(84, 0x82, repeated=True)
 RATES_REPLY = descriptor(4, 0x15)
 
 EXPRESS_REQUEST = request(RPLidarCommand.EXPRESS, bytes(5))
-"""Asks for an express scan of the first kind, which all that have one know."""
+"""Requests an express scan of the first mode, which all devices with express scans have."""
 
 
 def setting_reply(payload: bytes) -> bytes:
-    """Return the whole answer to ``RPLidarCommand.SETTING``."""
+    """Return the complete reply to ``RPLidarCommand.SETTING``."""
     return descriptor(len(payload), 0x20) + payload
 
 
 @dataclass(frozen=True, slots=True)
 class RPLidarInfo:
-    """What kind of finder it is; ``model >> 4`` is the number in its name. ``serial`` has 16 bytes."""
+    """Model and firmware of a device; ``model >> 4`` is the number in its name. ``serial`` has 16 bytes."""
 
     LAYOUT = Struct("<4B16s")
 
@@ -103,7 +103,7 @@ class RPLidarInfo:
 
     @property
     def firmware(self) -> tuple[int, int]:
-        """Its version."""
+        """Firmware version, major and minor."""
         return self.firmware_major, self.firmware_minor
 
     @property
@@ -112,17 +112,17 @@ class RPLidarInfo:
         return self.model >> 4
 
     def pack(self) -> bytes:
-        """Return its 20 bytes. Raises struct.error for a value out of range."""
+        """Return the 20 bytes. Raises struct.error for a value out of range."""
         return self.LAYOUT.pack(self.model, self.firmware_minor, self.firmware_major, self.hardware, self.serial)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read it from 20 bytes. Raises struct.error for another number."""
+        """Decode 20 bytes. Raises struct.error for another number."""
         return cls(*cls.LAYOUT.unpack(data))
 
 
 class RPLidarStatus(IntEnum):
-    """How it feels."""
+    """Health status of a device."""
 
     GOOD = 0
     WARNING = 1
@@ -131,7 +131,7 @@ class RPLidarStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class RPLidarHealth:
-    """What it says of its health: a ``RPLidarStatus``, as a number, and the maker's own ``code`` for what is wrong."""
+    """Health report: an ``RPLidarStatus`` as a number, and the vendor's error ``code``."""
 
     LAYOUT = Struct("<BH")
 
@@ -139,40 +139,40 @@ class RPLidarHealth:
     code: int = 0
 
     def pack(self) -> bytes:
-        """Return its three bytes. Raises struct.error for a value out of range."""
+        """Return the three bytes. Raises struct.error for a value out of range."""
         return self.LAYOUT.pack(self.status, self.code)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read it from three bytes. Raises struct.error for another number."""
+        """Decode three bytes. Raises struct.error for another number."""
         return cls(*cls.LAYOUT.unpack(data))
 
 
 class RequestFinder:
-    """Finds requests in a stream that is cut anywhere: the finder's end of the wire."""
+    """Finds requests in a stream of chunks: the device's end of the wire."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Take bytes as they come; return the commands that are complete now, each with its payload."""
+        """Add received bytes; return the complete commands, each with its payload."""
         self._buffer += data
-        found: list[tuple[int, bytes]] = []
+        requests: list[tuple[int, bytes]] = []
         while True:
             start = self._buffer.find(START_BYTE)
             del self._buffer[: start if start >= 0 else len(self._buffer)]
             size = self._size()
             if size is None or len(self._buffer) < size:
-                return found
+                return requests
             whole = bytes(self._buffer[:size])
             if size > 2 and reduce(xor, whole) != 0:
                 del self._buffer[0]
                 continue
-            found.append((whole[1], whole[3:-1]))
+            requests.append((whole[1], whole[3:-1]))
             del self._buffer[:size]
 
     def _size(self) -> int | None:
-        """Return how many bytes the request has that has begun; None while that is open."""
+        """Return the size in bytes of the request at the front of the buffer; None if not known yet."""
         if len(self._buffer) < 2 or (self._buffer[1] >= _WITH_PAYLOAD and len(self._buffer) < 3):
             return None
         return 2 if self._buffer[1] < _WITH_PAYLOAD else 4 + self._buffer[2]

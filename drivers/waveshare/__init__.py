@@ -1,1 +1,1 @@
-"""The rovers of Waveshare that speak JSON over a serial line: WAVE ROVER, UGV Rover, UGV Beast and their like."""
+"""Waveshare rovers with JSON over a serial line: WAVE ROVER, UGV Rover, UGV Beast and similar ones."""

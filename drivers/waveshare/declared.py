@@ -1,4 +1,4 @@
-"""Waveshare's rovers as a driver of bases, and its keys in a robot file."""
+"""Declaration and keys of Waveshare's rovers."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from drivers.api.sections import BaseKeys, SerialKeys
 
 @keys
 class WaveshareKeys(BaseKeys, SerialKeys):
-    """The ``base`` section of a robot on a rover of Waveshare's."""
+    """Keys of the base of a Waveshare rover."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=2.0, help="The highest speed.")
     encoders: bool = key(
@@ -28,7 +28,7 @@ class WaveshareKeys(BaseKeys, SerialKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a speed that it does not reach."""
+        """Yield a maximum speed that the rover cannot reach."""
         if not self.encoders and self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"

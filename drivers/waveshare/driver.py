@@ -24,13 +24,13 @@ HEARTBEAT_TIMEOUT = 0.4
 """Seconds without a command after which the rover is set to stop."""
 
 DEFAULT_HEARTBEAT_TIMEOUT = 3.0
-"""The same of a rover that was not set: ``HEART_BEAT_DELAY`` of the vendor's ``ugv_config.h``."""
+"""Default of the rover's timeout: ``HEART_BEAT_DELAY`` of the vendor's ``ugv_config.h``."""
 
 CONFIRMATION_TIMEOUT = 2.0
 """Seconds of reports without a confirmation of the heartbeat, after which the user is warned."""
 
 MEDIAN_LENGTH = 5
-"""Reports of which the median counts: lines have no checksum, and one digit may be damaged."""
+"""Number of reports in the median: lines have no checksum, and a digit may be damaged."""
 
 EMPTY_VOLTAGE, FULL_VOLTAGE = 9.0, 12.6
 """Volts of three lithium cells in series at 0 and at 100 percent."""
@@ -42,7 +42,7 @@ HEARTBEAT_UNCONFIRMED = (
 
 
 def make(keys: WaveshareKeys, site: DriverContext) -> DiffDriveBase:
-    """Return the driver of a robot file's section."""
+    """Return the driver for a section of a robot file."""
     return waveshare_base(
         SerialLink("base", site.port, keys.baud, report=site.report),
         site.clock,
@@ -94,9 +94,9 @@ class WaveshareProtocol(DiffDriveProtocol):
     def greet(self) -> bytes:
         self._confirmed = False
         return (
-            b"\n"  # ends a line that was begun
+            b"\n"  # ends an incomplete line
             + wire.command(wire.ECHO, cmd=1)
-            + self._heartbeat  # before the reports: without it a rover that loses us rolls on
+            + self._heartbeat  # before the reports: without it a disconnected rover rolls on
             + wire.command(wire.INTERVAL, cmd=round(1000 * REPORT_INTERVAL))
             + wire.command(wire.FLOW, cmd=1)
         )

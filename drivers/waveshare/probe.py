@@ -1,4 +1,4 @@
-"""A rover of Waveshare's is recognised by one report that it is asked for."""
+"""Probe of a Waveshare rover, recognised by a report."""
 
 from collections.abc import Generator
 from contextlib import suppress
@@ -11,16 +11,16 @@ BAUD = 115_200
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Ask for a report, behind the end of whatever line was begun."""
-    heard = yield ProbeRequest(BAUD, b"\n" + wire.command(wire.REPORT), 0.3, _reports)
-    reports = _reports(heard)
+    """Request a report, after the end of any incomplete line."""
+    data = yield ProbeRequest(BAUD, b"\n" + wire.command(wire.REPORT), 0.3, _reports)
+    reports = _reports(data)
     return ProbeResult(f"a rover of Waveshare's, its battery at {reports[-1].volts:.1f} V") if reports else None
 
 
 def _reports(data: bytes) -> list[wire.WaveshareFeedback]:
-    found = []
+    reports = []
     for line in LineFinder().feed(data):
         with suppress(ValueError):
-            if isinstance(told := wire.parse_line(line), wire.WaveshareFeedback):
-                found.append(told)
-    return found
+            if isinstance(message := wire.parse_line(line), wire.WaveshareFeedback):
+                reports.append(message)
+    return reports

@@ -1,4 +1,4 @@
-"""A rover of Waveshare's at the level of its wire, with the order in which its firmware does things."""
+"""Virtual Waveshare rover at wire level, with the command order of its firmware."""
 
 import json
 from math import inf
@@ -14,19 +14,19 @@ from drivers.waveshare import wire
 from drivers.waveshare.declared import WaveshareKeys
 
 BANNER = b"Initialize LittleFS for Flash files ctrl.\r\nWiFi init.\r\nUGV started.\r\n"
-"""Some of the lines that the firmware writes at its start."""
+"""Some of the lines that the firmware prints at boot."""
 
 LOOP_INTERVAL = 0.008
-"""Seconds of one turn of its loop at least: what a report takes at 115200 baud."""
+"""Minimum seconds of a pass of the firmware's loop: the time of a report at 115200 baud."""
 
 BATTERY_VOLTAGE = 12.1
 
 
 class VirtualWaveshare:
-    """A ``drivers.virtual.terminal.WireDevice`` on the ``body`` of a base. Safe between threads.
+    """Virtual rover on the ``body`` of a base: a ``drivers.virtual.terminal.WireDevice``. Thread-safe.
 
-    ``track`` (m) is what its wheels turn it by, ``unit`` what it is told for 1 m/s. ``echoes`` is False for firmware
-    that knows no echo. ``report_delay`` delays its reports. ``commanded`` keeps the newest speeds that it obeyed.
+    ``track`` is the distance of the wheels in metres, ``unit`` the setpoint for 1 m/s. ``echoes`` is False for firmware
+    without an echo. ``report_delay`` delays the reports. ``commanded`` holds the latest speeds in force.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class VirtualWaveshare:
         self._reset_settings()
 
     def _reset_settings(self) -> None:
-        """Be as after a start."""
+        """Reset all settings to their values after a boot."""
         self.heartbeat = 3.0
         self._partial_line = b""
         self._echo = self._flow = False
@@ -55,57 +55,57 @@ class VirtualWaveshare:
         self.commanded = (0.0, 0.0)
 
     def reset(self, now: float) -> None:
-        """Press its reset button: the wheels stand, and nothing that was set is any more."""
+        """Press the reset button: the wheels stop, and all settings are lost."""
         with self._lock:
             self._reset_settings()
             self.body.command(0.0, 0.0, now)
 
     def power_on(self, now: float) -> None:
-        """Do nothing: it has its power from its battery."""
+        """Do nothing: the rover has its power from its battery."""
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take lines; return the echoes and answers."""
+        """Handle lines; return the echoes and replies."""
         with self._lock:
             *lines, self._partial_line = (self._partial_line + data).split(b"\n")
             return b"".join(self._handle_line(line, now) for line in lines) + self._output(now)
 
     def poll(self, now: float) -> bytes:
-        """Let time pass; return the reports that are due."""
+        """Return the reports that are due."""
         with self._lock:
             return self._output(now)
 
     def pose(self, now: float) -> Pose2D:
-        """Where it really is at time ``now``."""
+        """Return the true pose at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
     def _output(self, now: float) -> bytes:
-        said, self._banner = self._banner, b""
+        data, self._banner = self._banner, b""
         if now - self._commanded_at > self.heartbeat:
             self.commanded = (0.0, 0.0)
         self._drive(now)
         if self._flow and now >= self._due:
             self._due = now + max(self._interval, LOOP_INTERVAL)
             self.report_delay.put(now, self._report())
-        return said + b"".join(self.report_delay.pop_due(now))
+        return data + b"".join(self.report_delay.pop_due(now))
 
     def _drive(self, now: float) -> None:
-        """Turn the wheels: those of the body, which forget sooner, are told again."""
+        """Command the wheels of the body again: they forget their command sooner than those of the rover."""
         velocity = self._wheels.velocity(*(speed / self._unit for speed in self.commanded))
         self.body.command(velocity.linear, velocity.angular, now)
 
     def _handle_line(self, line: bytes, now: float) -> bytes:
         try:
-            told = json.loads(line)
-            number = told["T"]
+            command = json.loads(line)
+            number = command["T"]
         except (ValueError, LookupError, TypeError):
             return b""
         echo = line + b"\n" if self._echo and self.echoes else b""
-        value = told.get("cmd", 0)
-        if number == wire.SPEED and all(isinstance(told.get(name), int | float) for name in "LR"):
+        value = command.get("cmd", 0)
+        if number == wire.SPEED and all(isinstance(command.get(name), int | float) for name in "LR"):
             self._commanded_at = now
-            if not self._encoders or max(abs(told["L"]), abs(told["R"])) <= wire.MAX_WHEEL_SPEED:
-                self.commanded = (told["L"], told["R"])
+            if not self._encoders or max(abs(command["L"]), abs(command["R"])) <= wire.MAX_WHEEL_SPEED:
+                self.commanded = (command["L"], command["R"])
         elif number == wire.HEARTBEAT:
             self.heartbeat = value / 1000
         elif number == wire.FLOW:
@@ -119,12 +119,12 @@ class VirtualWaveshare:
         return echo
 
     def _report(self) -> bytes:
-        told = {"T": wire.FEEDBACK, **self.speeds, "r": 0.31, "p": -0.52, "y": "null", "v": BATTERY_VOLTAGE}
-        return json.dumps(told, separators=(",", ":")).encode() + b"\r\n"
+        report = {"T": wire.FEEDBACK, **self.speeds, "r": 0.31, "p": -0.52, "y": "null", "v": BATTERY_VOLTAGE}
+        return json.dumps(report, separators=(",", ":")).encode() + b"\r\n"
 
     @property
     def speeds(self) -> dict[str, float]:
-        """What its encoders measure now, in m/s; nothing, where there are none."""
+        """Wheel speeds of the encoders in m/s; zero without encoders."""
         if not self._encoders:
             return {"L": 0, "R": 0}
         left, right = self.body.wheel_encoders.speeds
@@ -133,7 +133,7 @@ class VirtualWaveshare:
 
 
 def make(keys: WaveshareKeys, stage: SimContext) -> VirtualDevice:
-    """Return the virtual device of a robot file's section."""
+    """Return the virtual device for a section of a robot file."""
     unit = 1.0 if keys.encoders else wire.FULL_POWER / keys.speed_at_full
     device = VirtualWaveshare(stage.make_body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
     return make_virtual_base(device, "rover")

@@ -1,15 +1,15 @@
-"""The lines of Waveshare's rovers, both ways: one JSON object each. Pure.
+"""Protocol of Waveshare's rovers, both directions: one JSON object per line. Pure.
 
-Read from the vendor's own firmware: ``json_cmd.h`` (the numbers of ``T``), ``uart_ctrl.h`` (what is done with a line,
-and that it is echoed), ``movtion_module.h`` (speeds, heartbeat) and ``ugv_advance.h`` (``baseInfoFeedback``) of the
-repositories waveshareteam/ugv_base_general (WAVE ROVER) and waveshareteam/ugv_base_ros (UGV).
+Source: the vendor's firmware, ``json_cmd.h`` (the values of ``T``), ``uart_ctrl.h`` (execution and echo of a line),
+``movtion_module.h`` (speeds, heartbeat) and ``ugv_advance.h`` (``baseInfoFeedback``) of the repositories
+waveshareteam/ugv_base_general (WAVE ROVER) and waveshareteam/ugv_base_ros (UGV).
 
-To the rover: ``1`` how fast the wheels are to turn, ``130`` asks for one report, ``131`` has it report by itself,
-``142`` how many milliseconds lie between such reports, ``143`` whether it echoes each line that it understands, ``136``
-after how many milliseconds without a speed it stops. From it: ``1001``, with the speeds ``L`` and ``R`` of the wheels
-and the voltage ``v`` of its battery, beside figures of its IMU; echoes; and at its start lines of text.
+To the rover: ``1`` sets the wheel speeds, ``130`` requests one report, ``131`` switches periodic reports, ``142`` sets
+their interval in milliseconds, ``143`` switches the echo of valid lines, and ``136`` sets the milliseconds without a
+speed after which the rover stops. From the rover: ``1001``, with the wheel speeds ``L`` and ``R`` and the battery
+voltage ``v``, besides values of its IMU; echoes; and lines of text at boot.
 
-A line has no checksum: a digit that is garbled on its way makes another number. Who reads must have several agree.
+A line has no checksum: a damaged digit makes another number. So a reader must compare several reports.
 """
 
 import json
@@ -20,23 +20,23 @@ SPEED, HEARTBEAT, REPORT, FLOW, INTERVAL, ECHO = 1, 136, 130, 131, 142, 143
 FEEDBACK = 1001
 
 FULL_POWER = 0.5
-"""What stands for full power on a rover without encoders: its firmware makes PWM of it, 512 for 1, of 8 bits."""
+"""Setpoint for full power on a rover without encoders: its firmware multiplies it by 512 for a PWM of 8 bits."""
 
 MAX_WHEEL_SPEED = 2.0
-"""m/s of a wheel that a rover with encoders takes at most; more it ignores."""
+"""Maximum wheel speed in m/s of a rover with encoders; it ignores higher setpoints."""
 
 MAX_VALUE = 10_000.0
-"""No figure of a report is larger."""
+"""Maximum plausible value in a report."""
 
 MAX_VOLTS = 50.0
-"""A voltage above is in hundredths of a volt, as later firmware has it: no rover has so many volts."""
+"""Maximum plausible voltage: a higher value is in hundredths of a volt, as in later firmware."""
 
 
 @dataclass(frozen=True, slots=True)
 class WaveshareFeedback:
-    """One report: the ``left`` and ``right`` wheel as the rover tells them, and the ``volts`` of its battery.
+    """Report of the rover: speeds of the ``left`` and ``right`` wheel, and ``volts`` of the battery.
 
-    The speeds are m/s where there are encoders. Without, firmware tells PWM or nothing: they mean nothing.
+    The speeds are m/s with encoders. Without encoders firmware reports PWM or nothing, so they are meaningless.
     """
 
     left: float
@@ -46,15 +46,15 @@ class WaveshareFeedback:
 
 @dataclass(frozen=True, slots=True)
 class WaveshareEcho:
-    """A line of ours that the rover has understood, as it gave it back."""
+    """Echo of a valid line."""
 
     line: bytes
 
 
 def command(number: int, **fields: float) -> bytes:
-    """Return one line to the rover; whole numbers as they are, others with three digits."""
-    words = (f',"{name}":{value if isinstance(value, int) else f"{value:.3f}"}' for name, value in fields.items())
-    return f'{{"T":{number}{"".join(words)}}}\n'.encode()
+    """Return the line of a command; whole numbers unchanged, others with three digits."""
+    pairs = (f',"{name}":{value if isinstance(value, int) else f"{value:.3f}"}' for name, value in fields.items())
+    return f'{{"T":{number}{"".join(pairs)}}}\n'.encode()
 
 
 def speeds(left: float, right: float) -> bytes:
@@ -63,18 +63,18 @@ def speeds(left: float, right: float) -> bytes:
 
 
 def parse_line(line: bytes) -> WaveshareFeedback | WaveshareEcho | None:
-    """Return what a line of the rover says; None for one that says nothing of use. Raises ValueError for no JSON."""
+    """Return the message of a line from the rover; None for an unused one. Raises ValueError for invalid JSON."""
     try:
-        found = json.loads(line.decode("ascii"), parse_constant=_refuse)
+        message = json.loads(line.decode("ascii"), parse_constant=_refuse)
     except (RecursionError, UnicodeDecodeError) as error:
         raise ValueError("no line of a rover") from error
-    if not isinstance(found, dict) or type(found.get("T")) is not int:
+    if not isinstance(message, dict) or type(message.get("T")) is not int:
         raise ValueError("no object with a T")
-    if found["T"] != FEEDBACK:
+    if message["T"] != FEEDBACK:
         return WaveshareEcho(line)
-    volts = _read_number(found, "v")
+    volts = _read_number(message, "v")
     return WaveshareFeedback(
-        _read_number(found, "L"), _read_number(found, "R"), volts / 100 if volts > MAX_VOLTS else volts
+        _read_number(message, "L"), _read_number(message, "R"), volts / 100 if volts > MAX_VOLTS else volts
     )
 
 

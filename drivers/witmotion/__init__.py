@@ -1,1 +1,1 @@
-"""IMUs of WitMotion (JY901, WT901, BWT901): they tell their attitude unasked."""
+"""WitMotion IMUs (JY901, WT901, BWT901), which report their attitude periodically."""

@@ -1,4 +1,4 @@
-"""WitMotion's IMUs as a driver, and its keys in a robot file."""
+"""Declaration and keys of WitMotion's IMUs."""
 
 from drivers.api.driver import Driver
 from drivers.api.keys import keys
@@ -7,7 +7,7 @@ from drivers.api.sections import ImuKeys, SerialKeys
 
 @keys
 class WitMotionKeys(ImuKeys, SerialKeys):
-    """The ``imu`` section of a robot with an IMU of WitMotion's, which must be set to 115200 baud."""
+    """Keys of a WitMotion IMU, which must be set to 115200 baud."""
 
 
 WITMOTION = Driver(

@@ -1,4 +1,4 @@
-"""An IMU of WitMotion's: it is told to report a hundred times a second, and its newest report is given out."""
+"""Driver of a WitMotion IMU: sets 100 reports per second, and keeps the latest."""
 
 from math import inf
 
@@ -10,11 +10,11 @@ from drivers.witmotion import wire
 from drivers.witmotion.declared import WitMotionKeys
 
 STALE_AFTER = 0.1
-"""Seconds without another report after which the newest is stale: nobody keeps a balance by it any more."""
+"""Seconds without another report after which the latest is stale: too old for balancing."""
 
 
 class WitMotionImu:
-    """A ``drivers.api.Imu`` over a link, which it owns. ``level`` is what it tells (roll, pitch; rad) upright."""
+    """Driver over a link, which it owns: a ``drivers.api.Imu``. ``level`` is roll and pitch (rad) when upright."""
 
     name = "imu"
 
@@ -26,7 +26,7 @@ class WitMotionImu:
         self._reports = 0
 
     def attitude(self) -> Reading[Attitude]:
-        """Return the newest attitude; stale once ``STALE_AFTER`` has passed without another."""
+        """Return the latest attitude; stale once ``STALE_AFTER`` has passed without another."""
         latest, now = self._latest, self._clock.now()
         if latest.value is None:
             return Reading(None, now, Quality.NONE)
@@ -34,18 +34,18 @@ class WitMotionImu:
         return latest if fresh else Reading(latest.value, latest.stamp, Quality.STALE)
 
     def open(self) -> None:
-        """Start looking for it; returns at once, whether it is there or not."""
+        """Start the search for the IMU; returns at once, with or without hardware."""
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: it moves nothing."""
+        """Do nothing: an IMU moves nothing."""
 
     def close(self) -> None:
         """End the thread and release the port. Safe from any state, more than once."""
         self._link.close()
 
     def health(self) -> Health:
-        """Say whether reports come, and the figures of its wire."""
+        """Return whether reports arrive, and the counters of the wire."""
         link = self._link.health()
         counters = {**link.counters, "reports": self._reports, "malformed": self._finder.malformed}
         if not link.online:
@@ -58,13 +58,12 @@ class WitMotionImu:
     # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
 
     def on_connected(self) -> None:
-        """Begin anew on a port just opened."""
+        """Set the report rate on a port that was just opened."""
         self._finder = wire.WitMotionReportFinder()
         self._link.write(wire.UNLOCK)
         self._link.write(wire.HUNDRED_HERTZ)
 
     def on_data(self, data: bytes) -> None:
-        """Take what it says."""
         for report in self._finder.feed(data):
             roll, pitch, yaw = report.angles
             level = self._level
@@ -73,10 +72,10 @@ class WitMotionImu:
             self._reports += 1
 
     def on_poll(self) -> None:
-        """Do nothing: it talks by itself."""
+        """Do nothing: the IMU reports by itself."""
 
     def on_closing(self) -> None:
-        """Do nothing: it may talk on."""
+        """Do nothing: the IMU may continue to report."""
 
 
 def make(keys: WitMotionKeys, site: DriverContext) -> WitMotionImu:

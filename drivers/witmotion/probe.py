@@ -1,4 +1,4 @@
-"""An IMU of WitMotion's is recognised by its reports: it is only listened to."""
+"""Probe of a WitMotion IMU, recognised by its reports; nothing is sent."""
 
 from collections.abc import Generator
 
@@ -6,14 +6,14 @@ from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.witmotion.wire import WitMotionReportFinder
 
 BAUD_RATES = (115_200, 9_600)
-"""The rate that it should be set to, and the one that it comes with."""
+"""Recommended rate, and the rate by default."""
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Listen for reports, of which it sends ten a second as it comes."""
+    """Listen for reports, of which the IMU sends ten per second by default."""
     for baud in BAUD_RATES:
-        heard = yield ProbeRequest(baud, timeout=0.4, is_complete=_has_report)
-        if _has_report(heard):
+        data = yield ProbeRequest(baud, timeout=0.4, is_complete=_has_report)
+        if _has_report(data):
             return ProbeResult("an IMU of WitMotion's", {"baud": baud})
     return None
 

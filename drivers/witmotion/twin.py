@@ -1,4 +1,4 @@
-"""The twin of an IMU: in physics it feels the body, else a robot that stands upright and turns as its base does."""
+"""Simulated IMU: attitude of the simulated body, or without physics of an upright robot that turns with its base."""
 
 from drivers.api import Attitude, Health, Quality, Reading
 from drivers.api.sections import ImuKeys
@@ -9,7 +9,7 @@ GRAVITY = 9.81
 
 
 class ImuTwin:
-    """A ``drivers.api.Imu`` on a ``stage``."""
+    """Simulated IMU on a ``stage``: a ``drivers.api.Imu``."""
 
     name = "imu"
 
@@ -19,7 +19,7 @@ class ImuTwin:
         self._latest: Reading[Attitude] = Reading(None, 0.0, Quality.NONE)
 
     def attitude(self) -> Reading[Attitude]:
-        """Return how the robot leans now; as felt last, and stale, while it is unplugged."""
+        """Return the current attitude; the last one, stale, while unplugged."""
         now = self._stage.clock.now()
         if self.plug.online:
             self._latest = Reading(self._measure(now), now, Quality.GOOD)
@@ -28,18 +28,18 @@ class ImuTwin:
         return self._latest
 
     def open(self) -> None:
-        """Be there at once, unless it is unplugged."""
+        """Connect at once, unless unplugged."""
         self.plug.open()
 
     def rest(self) -> None:
-        """Do nothing: it moves nothing."""
+        """Do nothing: an IMU moves nothing."""
 
     def close(self) -> None:
-        """Feel no more. Safe from any state, more than once."""
+        """End the measurements. Safe from any state, more than once."""
         self.plug.close()
 
     def health(self) -> Health:
-        """Say whether it is there."""
+        """Return whether the IMU is plugged in."""
         return self.plug.health({})
 
     def _measure(self, now: float) -> Attitude:

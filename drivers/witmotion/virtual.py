@@ -1,4 +1,4 @@
-"""A virtual IMU of WitMotion's: it reports that the robot stands upright, a hundred times a second once it is told."""
+"""Virtual WitMotion IMU at wire level: reports an upright robot, 100 times per second once configured."""
 
 from drivers.sim.context import SimContext
 from drivers.virtual.device import VirtualDevice
@@ -6,11 +6,11 @@ from drivers.witmotion import wire
 from drivers.witmotion.declared import WitMotionKeys
 
 DEFAULT_INTERVAL, CONFIGURED_INTERVAL = 0.1, 0.01
-"""Seconds from one report to the next."""
+"""Seconds between two reports."""
 
 
 class VirtualWitMotion:
-    """A ``drivers.virtual.terminal.WireDevice``. ``report`` is what it tells."""
+    """Virtual IMU: a ``drivers.virtual.terminal.WireDevice``. ``report`` is the content of its reports."""
 
     def __init__(self, baud: int = 115_200) -> None:
         self.baud = baud
@@ -21,7 +21,7 @@ class VirtualWitMotion:
         self._due = 0.0
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Hear what it is told; it answers nothing."""
+        """Handle commands; there are no replies."""
         del now
         self._received = (self._received + data)[-3 * len(wire.UNLOCK) :]
         self._unlocked = self._unlocked or wire.UNLOCK in self._received
@@ -30,7 +30,7 @@ class VirtualWitMotion:
         return b""
 
     def poll(self, now: float) -> bytes:
-        """Report what is due by now; what nobody took for long is not made up for."""
+        """Return the report that is due by now; missed ones are dropped."""
         if now < self._due:
             return b""
         self._due = max(self._due + self.interval, now)
@@ -38,5 +38,5 @@ class VirtualWitMotion:
 
 
 def imu(keys: WitMotionKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
-    """Return a virtual IMU on a robot that stands upright."""
+    """Return a virtual IMU on an upright robot."""
     return VirtualDevice(VirtualWitMotion(keys.baud), "imu")

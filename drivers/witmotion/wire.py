@@ -1,7 +1,7 @@
-"""The serial protocol of WitMotion's IMUs: bytes from and to values. Source: WitMotion's standard protocol.
+"""Serial protocol of WitMotion's IMUs. Source: WitMotion's standard protocol.
 
-A report is three packets of eleven bytes: acceleration, rates, angles; each ``0x55``, its kind, four numbers of 16
-bits, and the sum of the ten bytes before. Nothing is asked: they come at a rate that can be set.
+A report is three packets of eleven bytes: acceleration, rates, angles; each has ``0x55``, its kind, four numbers of 16
+bits, and the sum of the ten bytes before. Reports are periodic, at a configurable rate.
 """
 
 import struct
@@ -14,25 +14,25 @@ PACKET_SIZE = 11
 ACCELERATION, RATES, ANGLES = 0x51, 0x52, 0x53
 
 PACKET_KINDS = frozenset(range(0x50, 0x5B))
-"""The kinds of packets that there are; those that are not of a report are passed over."""
+"""Kinds of packets; those that are not part of a report are skipped."""
 
 FORCE_PER_STEP = 16 * 9.80665 / 32768
 RATE_PER_STEP = 2000 * pi / 180 / 32768
 ANGLE_PER_STEP = pi / 32768
-"""What one step is worth, in m/s2, rad/s, rad."""
+"""Values of one step in m/s2, rad/s and rad."""
 
 UNLOCK = b"\xff\xaa\x69\x88\xb5"
-"""Lets it be told something, for ten seconds; without a later save, it is forgotten with its power."""
+"""Permits settings for ten seconds; without a later save, they are lost at power-off."""
 
 HUNDRED_HERTZ = b"\xff\xaa\x03\x09\x00"
-"""Have a hundred reports a second."""
+"""Sets 100 reports per second."""
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class WitMotionReport:
-    """One report: forces (m/s2), rates (rad/s), angles (rad) about x, y, z as printed on the case."""
+    """Report: forces (m/s2), rates (rad/s), angles (rad) about x, y, z as printed on the case."""
 
     forces: Triple
     rates: Triple
@@ -56,7 +56,7 @@ def pack(report: WitMotionReport) -> bytes:
 
 
 class WitMotionReportFinder:
-    """Finds reports in bytes that are cut anywhere. ``malformed`` counts what looked like a packet and was none."""
+    """Finds reports in a stream of chunks. ``malformed`` counts packets with a wrong checksum."""
 
     def __init__(self) -> None:
         self.malformed = 0
@@ -64,16 +64,16 @@ class WitMotionReportFinder:
         self._packets: dict[int, Triple] = {}
 
     def feed(self, data: bytes) -> Iterator[WitMotionReport]:
-        """Yield the reports that are whole by now: each with its angles, which come last."""
+        """Yield the complete reports; the packet with the angles is the last of each."""
         self._bytes += data
         while (start := self._bytes.find(HEADER)) >= 0 and len(self._bytes) >= start + PACKET_SIZE:
-            found = self._bytes[start : start + PACKET_SIZE]
-            if found[1] not in PACKET_KINDS or sum(found[:-1]) & 0xFF != found[-1]:
-                self.malformed += found[1] in PACKET_KINDS
+            packet = self._bytes[start : start + PACKET_SIZE]
+            if packet[1] not in PACKET_KINDS or sum(packet[:-1]) & 0xFF != packet[-1]:
+                self.malformed += packet[1] in PACKET_KINDS
                 self._bytes = self._bytes[start + 1 :]
                 continue
             self._bytes = self._bytes[start + PACKET_SIZE :]
-            report = self._handle_packet(found)
+            report = self._handle_packet(packet)
             if report is not None:
                 yield report
         if HEADER not in self._bytes:
@@ -87,5 +87,5 @@ class WitMotionReportFinder:
         self._packets[kind] = (x * unit, y * unit, z * unit)
         if kind != ANGLES or len(self._packets) < 3:
             return None
-        heard, self._packets = self._packets, {}
-        return WitMotionReport(heard[ACCELERATION], heard[RATES], heard[ANGLES])
+        packets, self._packets = self._packets, {}
+        return WitMotionReport(packets[ACCELERATION], packets[RATES], packets[ANGLES])
