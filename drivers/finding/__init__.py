@@ -1,1 +1,1 @@
-"""What is plugged in: ports, cameras, sound and game pads, who holds them, and which device answers on a port."""
+"""Detection of connected hardware: ports, cameras, sound cards and game pads, and the devices on the ports."""

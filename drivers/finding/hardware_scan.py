@@ -1,4 +1,4 @@
-"""All that is plugged in, in one look; and what changed between two looks."""
+"""Scan of all connected hardware: serial ports, cameras, sound cards and game pads."""
 
 import fcntl
 import re
@@ -20,7 +20,7 @@ from drivers.finding.serial_ports import (
 from drivers.finding.video import CSI_HINT, CSI_SOURCE, Ioctl, list_devices
 from drivers.transport.programs import Program, end_command
 
-# Cameras, microphones, loudspeakers and game pads that are plugged in.
+# Connected cameras, sound cards and game pads.
 
 _CARD = re.compile(r"^\s*(\d+) \[(\S+)\s*\]: .* - (.+)$", re.MULTILINE)
 _STREAM = re.compile(r"^(\d+)-\d+: [^:]*:[^:]*: ?(.*)$", re.MULTILINE)
@@ -30,9 +30,9 @@ _EVENT = re.compile(r"\bevent\d+\b")
 
 @dataclass(frozen=True, slots=True)
 class ConnectedCamera:
-    """A camera: its device, its name, its pictures' sizes, who has it open, and what is wrong with it.
+    """Camera: its device, its name, its picture sizes, the programs that have it open, and its problem.
 
-    ``source`` is what a robot file calls it: a CSI camera is read by TCP, from ``rpicam-vid``.
+    ``source`` is its name in a robot file: a CSI camera is read over TCP, from ``rpicam-vid``.
     """
 
     path: str
@@ -46,7 +46,7 @@ class ConnectedCamera:
 
 @dataclass(frozen=True, slots=True)
 class SoundCard:
-    """A sound card: its number, its name, and whether it can hear and be heard."""
+    """Sound card: its number, its name, and whether it has a microphone and a loudspeaker."""
 
     number: int
     name: str
@@ -56,7 +56,7 @@ class SoundCard:
 
 @dataclass(frozen=True, slots=True)
 class ConnectedGamePad:
-    """A game pad: its device, its name, and what is wrong with it."""
+    """Game pad: its device, its name, and its problem."""
 
     path: str
     name: str
@@ -64,12 +64,12 @@ class ConnectedGamePad:
 
 
 def find_cameras(machine: HostMachine, ioctl: Ioctl = fcntl.ioctl) -> list[ConnectedCamera]:
-    """Return the cameras that are plugged in, each once; no picture is taken."""
+    """Return the connected cameras, each once; no picture is taken."""
     holders = machine.device_holders()
-    found = []
+    cameras = []
     for device in list_devices(machine.local_path("/sys/class/video4linux"), machine.local_path("/dev"), ioctl):
         path = f"/dev/{device.path.name}"
-        held = tuple(holders.get(path, ()))
+        camera_holders = tuple(holders.get(path, ()))
         usb = find_usb_device(machine, f"/sys/class/video4linux/{device.path.name}/device")
         trouble = DeviceProblem(device.trouble, f"ls -l {path}") if device.trouble else None
         source: int | str = int(device.path.name.removeprefix("video"))
@@ -77,19 +77,20 @@ def find_cameras(machine: HostMachine, ioctl: Ioctl = fcntl.ioctl) -> list[Conne
             source, trouble = CSI_SOURCE, DeviceProblem(device.trouble, CSI_HINT)
         elif machine.can_open(path) is False:
             trouble = DeviceProblem(*machine.explain_denied(path))
-        elif held:
+        elif camera_holders:
             trouble = DeviceProblem(
-                f"in use by {', '.join(map(str, held))}", end_command(held, f"end that program, or: fuser -v {path}")
+                f"in use by {', '.join(map(str, camera_holders))}",
+                end_command(camera_holders, f"end that program, or: fuser -v {path}"),
             )
-        found.append(ConnectedCamera(path, device.name, device.sizes, usb, held, trouble, source))
-    return found
+        cameras.append(ConnectedCamera(path, device.name, device.sizes, usb, camera_holders, trouble, source))
+    return cameras
 
 
 def find_sound_cards(machine: HostMachine) -> list[SoundCard]:
-    """Return the sound cards, as ALSA tells of them."""
+    """Return the sound cards, from the files of ALSA."""
     streams: dict[int, str] = {}
-    for number, told in _STREAM.findall(machine.read_text("/proc/asound/pcm")):
-        streams[int(number)] = streams.get(int(number), "") + told
+    for number, stream in _STREAM.findall(machine.read_text("/proc/asound/pcm")):
+        streams[int(number)] = streams.get(int(number), "") + stream
     cards = _CARD.findall(machine.read_text("/proc/asound/cards"))
     return [
         SoundCard(
@@ -100,20 +101,20 @@ def find_sound_cards(machine: HostMachine) -> list[SoundCard]:
 
 
 def find_game_pads(machine: HostMachine) -> list[ConnectedGamePad]:
-    """Return the game pads, by the nodes that `mission teleop --pad` takes."""
-    found = []
+    """Return the game pads, with the event nodes for `mission teleop --pad`."""
+    pads = []
     for block in machine.read_text("/proc/bus/input/devices").split("\n\n"):
         event = _EVENT.search(block)
         if _JOYSTICK.search(block) and event:
             path, name = f"/dev/input/{event[0]}", re.search(r'^N: Name="(.*)"$', block, re.MULTILINE)
             denied = None if machine.can_open(path) else DeviceProblem(*machine.explain_denied(path))
-            found.append(ConnectedGamePad(path, name[1] if name else path, denied))
-    return found
+            pads.append(ConnectedGamePad(path, name[1] if name else path, denied))
+    return pads
 
 
 @dataclass(frozen=True, slots=True)
 class ScannedPort:
-    """A serial port, and what came of asking it; ``scan`` is None where it was not to be asked."""
+    """Serial port and the result of probing it; ``scan`` is None if it was not to be probed."""
 
     port: SerialPortInfo
     scan: PortScan | None = None
@@ -121,7 +122,7 @@ class ScannedPort:
 
 @dataclass(frozen=True, slots=True)
 class HardwareScan:
-    """What is plugged in. ``portless_adapters`` are adapters that have no port."""
+    """All connected hardware. ``portless_adapters`` are adapters without a port."""
 
     ports: tuple[ScannedPort, ...] = ()
     portless_adapters: tuple[tuple[UsbDevice, DeviceProblem], ...] = ()
@@ -131,28 +132,28 @@ class HardwareScan:
 
     @property
     def device_names(self) -> list[tuple[str, str]]:
-        """The devices of its cameras and pads, each with its name."""
+        """Devices of the cameras and game pads, each with its name."""
         return [(camera.path, camera.name) for camera in self.cameras] + [
             (pad.path, pad.name) for pad in self.game_pads
         ]
 
     @property
     def paths(self) -> frozenset[str]:
-        """The devices of its ports, cameras and pads."""
+        """Device files of the ports, cameras and game pads."""
         return frozenset(path for path, _ in self.device_names) | {plug.port.path for plug in self.ports}
 
     @property
     def identified(self) -> list[tuple[SerialPortInfo, PortScan]]:
-        """The ports on which a driver's device has answered."""
+        """Ports on which the device of a driver has replied."""
         return [(plug.port, plug.scan) for plug in self.ports if plug.scan is not None and plug.scan.device is not None]
 
 
 PortProber = Callable[[SerialPortInfo], PortScan | None]
-"""Asks a port who is there; None for one that is not to be asked."""
+"""Probes a port; returns None for a port that is not to be probed."""
 
 
 def scan_hardware(machine: HostMachine, ask: PortProber | None = None, ioctl: Ioctl = fcntl.ioctl) -> HardwareScan:
-    """Return what is plugged in; with ``ask`` each serial port is asked who is behind it, one after another."""
+    """Return all connected hardware; with ``ask`` each serial port is probed, one after another."""
     plugs = tuple(ScannedPort(port, None if ask is None else ask(port)) for port in find_serial_ports(machine))
     return HardwareScan(
         plugs,
@@ -171,7 +172,7 @@ def make_prober(
     consented_ports: Iterable[str] = (),
     extra_timeout: float = EXTRA_TIMEOUT,
 ) -> PortProber:
-    """Return what asks ports by the probes of ``drivers``; those ``consented`` without scruple."""
+    """Return a function that probes ports with ``drivers``; ``consented_ports`` are probed in any case."""
     drivers, consented_ports = tuple(drivers), frozenset(consented_ports)
 
     def ask(port: SerialPortInfo) -> PortScan:

@@ -1,4 +1,4 @@
-"""The machine as its files tell of it: /sys, /proc and /dev, of this machine or of a recorded one."""
+"""Files of a machine in /sys, /proc and /dev: of this machine, or of a recorded one."""
 
 import os
 import stat
@@ -9,7 +9,7 @@ from pathlib import Path
 from drivers.transport.programs import Program, explain_denied, identify_program
 
 MAX_FILE_BYTES = 4096
-"""Bytes that are read of a file: files of /sys are at most a page."""
+"""Maximum bytes that are read of a file: files of /sys have one page at most."""
 
 
 def _my_groups() -> frozenset[int]:
@@ -18,9 +18,9 @@ def _my_groups() -> frozenset[int]:
 
 @dataclass(frozen=True, slots=True)
 class HostMachine:
-    """A machine whose files lie under ``root``, seen by the user ``uid`` who is in these ``groups``.
+    """Machine whose files are under ``root``, for the user ``uid`` in these ``groups``.
 
-    Paths are those of the machine itself, such as ``/dev/ttyUSB0``. What cannot be read is as if it were not there.
+    Paths are those of the machine itself, such as ``/dev/ttyUSB0``. Unreadable files count as missing.
     """
 
     root: Path = Path("/")
@@ -29,13 +29,13 @@ class HostMachine:
     pid: int = field(default_factory=os.getpid)
 
     def local_path(self, path: str) -> Path:
-        """Return where a file of the machine lies here."""
+        """Return the path under ``root``."""
         return self.root / path.lstrip("/")
 
     def read_text(self, path: str) -> str:
-        """Return what a file says, without blanks at its ends; nothing where there is none."""
+        """Return the text of a file without surrounding spaces; empty if there is none."""
         try:
-            # A recorded tree may hold a pipe, which would be waited for.
+            # A recorded tree may contain a pipe, which would block.
             with os.fdopen(os.open(self.local_path(path), os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
                 regular = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
                 return file.read(MAX_FILE_BYTES).decode(errors="replace").strip() if regular else ""
@@ -43,29 +43,29 @@ class HostMachine:
             return ""
 
     def list_names(self, folder: str) -> list[str]:
-        """Return what is in a folder: ``tty2`` comes before ``tty10``."""
+        """Return the names in a folder, ``tty2`` before ``tty10``."""
         try:
             return sorted((each.name for each in self.local_path(folder).iterdir()), key=lambda name: (len(name), name))
         except OSError:
             return []
 
     def resolve(self, path: str) -> str:
-        """Return where the links of a path lead, as a path of the machine."""
+        """Return a path with all links resolved, as a path of the machine."""
         try:
             return "/" + str(self.local_path(path).resolve().relative_to(self.root.resolve()))
-        except (OSError, ValueError, RuntimeError):  # links that lead in a circle, too
+        except (OSError, ValueError, RuntimeError):  # also circular links
             return path
 
     def read_link(self, path: str) -> str:
-        """Return where one link leads, as a path of the machine; nothing for what is no link."""
+        """Return the target of one link, as a path of the machine; empty if the path is no link."""
         try:
-            told = self.local_path(path).readlink()
+            target = self.local_path(path).readlink()
         except OSError:
             return ""
-        return os.path.normpath(Path(path).parent / told)
+        return os.path.normpath(Path(path).parent / target)
 
     def can_open(self, path: str) -> bool | None:
-        """Say whether the user may read and write a device; None where there is none."""
+        """Return whether the user may read and write a device; None if there is none."""
         try:
             status = self.local_path(path).stat()
         except OSError:
@@ -80,7 +80,7 @@ class HostMachine:
         return explain_denied(self.local_path(path), path, self.groups)
 
     def processes(self) -> Iterator[Program]:
-        """Yield the programs that run."""
+        """Yield the running programs."""
         for name in self.list_names("/proc"):
             if name.isdecimal():
                 yield identify_program(
@@ -88,12 +88,12 @@ class HostMachine:
                 )
 
     def device_holders(self) -> dict[str, list[Program]]:
-        """Return who has which device open, but for this program itself, as far as the user may look."""
-        found: dict[str, list[Program]] = {}
+        """Return the other programs that have each device open, as far as the user may see them."""
+        holders: dict[str, list[Program]] = {}
         for process in self.processes():
             folder = f"/proc/{process.pid}/fd"
             opened = {self.read_link(f"{folder}/{number}") for number in self.list_names(folder)}
             for path in opened if process.pid != self.pid else ():
                 if path.startswith("/dev/"):
-                    found.setdefault(path, []).append(process)
-        return found
+                    holders.setdefault(path, []).append(process)
+        return holders

@@ -1,4 +1,4 @@
-"""Whether a machine is fit to run a robot: rights, ports, sound, disk, clock, processor; as its files tell."""
+"""Check whether a machine is fit to run a robot: rights, ports, sound, disk, clock, processor, from its files."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -11,20 +11,20 @@ from drivers.finding.machine import HostMachine
 from drivers.finding.serial_ports import DeviceProblem, SerialPortInfo
 
 GROUPS = ("dialout", "video", "audio", "input")
-"""The groups whose members may open ports, cameras, sound cards and game pads, on Debian and its like."""
+"""Groups whose members may open ports, cameras, sound cards and game pads, on Debian and similar systems."""
 
 MIN_FREE_BYTES = {"wrong": 200e6, "warning": 2e9}
-"""Bytes on the disk below which a record will not fit."""
+"""Free bytes on the disk below which a record may not fit."""
 
 MIN_FREE_MEMORY = 300e6
-"""Bytes of memory that must be there."""
+"""Bytes of available memory."""
 
 MAX_TEMPERATURE = 80.0
-"""Degrees at which small computers slow down."""
+"""Degrees Celsius at which small computers slow down."""
 
 CPU_FOLDER = "/sys/devices/system/cpu"
 THROTTLED_FILE = "/sys/devices/platform/soc/soc:firmware/get_throttled"
-"""Where a Raspberry Pi says that it had too little power (bits 0 and 16) or slowed down (1, 2, 17 to 19)."""
+"""File in which a Raspberry Pi reports low power (bits 0 and 16) or a reduced clock (1, 2, 17 to 19)."""
 
 
 def check_machine(
@@ -36,10 +36,10 @@ def check_machine(
     folder: Path,
     free_bytes: Callable[[Path], float] | None = None,
 ) -> Iterator[Finding]:
-    """Yield what is found of a machine with what is plugged in.
+    """Yield the findings about a machine with its connected hardware.
 
-    ``now`` is the time of day, ``installed`` that of this installation, ``folder`` where records go, and ``free`` says
-    how many bytes there are left: by the disk, unless somebody else says it.
+    ``now`` is the time of day, ``installed_at`` that of this installation, ``folder`` the folder of records.
+    ``free_bytes`` returns the free bytes of the disk of a folder, by default those of this machine.
     """
     yield from _check_groups(machine)
     yield from chain.from_iterable(_check_port(plug.port) for plug in scan.ports)
@@ -50,8 +50,10 @@ def check_machine(
     for pad in scan.game_pads:
         yield _device_finding(f"game pad {pad.path}", pad.name, pad.trouble)
     for card in scan.sound_cards:
-        what = " and ".join(["microphone"] * card.hears + ["loudspeaker"] * card.speaks) or "neither hears nor speaks"
-        yield Finding(f"sound card {card.number}", f"{what}: {card.name}")
+        message = (
+            " and ".join(["microphone"] * card.hears + ["loudspeaker"] * card.speaks) or "neither hears nor speaks"
+        )
+        yield Finding(f"sound card {card.number}", f"{message}: {card.name}")
     yield from _check_disk(folder, free_bytes or _free_bytes)
     yield from _check_clock(machine, now, installed_at)
     yield from _check_governor(machine)
@@ -60,17 +62,17 @@ def check_machine(
 
 
 def _check_groups(machine: HostMachine) -> Iterator[Finding]:
-    """Look which of the groups the user lacks; root needs none, and a system that has not got them uses others."""
+    """Check the groups of the user; root needs none, and a group that the system does not have is not missed."""
     if machine.uid == 0:
         yield Finding("rights", "root may open everything")
         return
     numbers = {
         line.split(":")[0]: int(line.split(":")[2]) for line in _lines(machine, "/etc/group") if line.count(":") > 2
     }
-    lacking = [name for name in GROUPS if name in numbers and numbers[name] not in machine.groups]
-    if lacking:
-        cure = f"sudo usermod -a -G {','.join(lacking)} $USER  (then log in again)"
-        yield warning("rights", f"you are not in {', '.join(lacking)}: what belongs to them cannot be opened", cure)
+    missing = [name for name in GROUPS if name in numbers and numbers[name] not in machine.groups]
+    if missing:
+        fix = f"sudo usermod -a -G {','.join(missing)} $USER  (then log in again)"
+        yield warning("rights", f"you are not in {', '.join(missing)}: what belongs to them cannot be opened", fix)
     else:
         yield Finding("rights", f"you are in {', '.join(name for name in GROUPS if name in numbers)}")
 
@@ -89,53 +91,55 @@ def _device_finding(about: str, name: str, trouble: DeviceProblem | None) -> Fin
 
 
 def _free_bytes(folder: Path) -> float:
-    there = next(each for each in (folder, *folder.parents) if each.exists())
-    disk = os.statvfs(there)
+    existing = next(each for each in (folder, *folder.parents) if each.exists())
+    disk = os.statvfs(existing)
     return disk.f_bavail * disk.f_frsize
 
 
 def _check_disk(folder: Path, free_bytes: Callable[[Path], float]) -> Iterator[Finding]:
-    room = free_bytes(folder)
-    told = f"{room / 1e9:.1f} GB free where records are kept"
-    cure = "mission record list  (which may go?); sudo apt clean"
-    if room < MIN_FREE_BYTES["wrong"]:
-        yield failure("disk", told, cure)
-    elif room < MIN_FREE_BYTES["warning"]:
-        yield warning("disk", told, cure)
+    free = free_bytes(folder)
+    message = f"{free / 1e9:.1f} GB free where records are kept"
+    fix = "mission record list  (which may go?); sudo apt clean"
+    if free < MIN_FREE_BYTES["wrong"]:
+        yield failure("disk", message, fix)
+    elif free < MIN_FREE_BYTES["warning"]:
+        yield warning("disk", message, fix)
     else:
-        yield Finding("disk", told)
+        yield Finding("disk", message)
 
 
 def _check_clock(machine: HostMachine, now: float, installed_at: float) -> Iterator[Finding]:
-    """Judge the time of day: a computer without a battery for its clock wakes up in the past."""
-    cure = "sudo timedatectl set-ntp true  (with a network)"
+    """Check the time of day: a computer without a battery for its clock boots with a time in the past."""
+    fix = "sudo timedatectl set-ntp true  (with a network)"
     if now < installed_at:
-        yield failure("clock", "the time of day lies before this installation: records and tasks get wrong times", cure)
+        yield failure("clock", "the time of day lies before this installation: records and tasks get wrong times", fix)
     elif (
         machine.list_names("/run/systemd/timesync")
         and not machine.local_path("/run/systemd/timesync/synchronized").exists()
     ):
-        yield warning("clock", "the time of day was not set by the network yet", cure)
+        yield warning("clock", "the time of day was not set by the network yet", fix)
     else:
         yield Finding("clock", "the time of day is plausible")
 
 
 def _check_governor(machine: HostMachine) -> Iterator[Finding]:
-    """Judge how the processor's clock is governed: one that rises late makes ticks late."""
+    """Check the governor of the processor's clock: a slow one makes ticks late."""
     policies = [f"{CPU_FOLDER}/{name}/cpufreq" for name in machine.list_names(CPU_FOLDER) if name[3:].isdecimal()]
-    found = {
+    governors = {
         (machine.read_text(f"{path}/scaling_governor"), machine.read_text(f"{path}/scaling_driver"))
         for path in policies
     }
-    found.discard(("", ""))
+    governors.discard(("", ""))
     slow = [
-        name for name, driver in found if name == "powersave" and not driver.startswith(("intel_pstate", "amd-pstate"))
+        name
+        for name, driver in governors
+        if name == "powersave" and not driver.startswith(("intel_pstate", "amd-pstate"))
     ]
     if slow:
-        cure = f"echo performance | sudo tee {CPU_FOLDER}/cpu*/cpufreq/scaling_governor  (until the next start)"
-        yield warning("processor", "its governor is powersave: it stays at its lowest rate", cure)
+        fix = f"echo performance | sudo tee {CPU_FOLDER}/cpu*/cpufreq/scaling_governor  (until the next start)"
+        yield warning("processor", "its governor is powersave: it stays at its lowest rate", fix)
     else:
-        names = ", ".join(sorted({name for name, _ in found})) or "not told"
+        names = ", ".join(sorted({name for name, _ in governors})) or "not told"
         yield Finding(
             "processor",
             f"{sum(name[3:].isdecimal() for name in machine.list_names(CPU_FOLDER))} cores, governor {names}",
@@ -148,10 +152,10 @@ def _check_governor(machine: HostMachine) -> Iterator[Finding]:
 
 
 def _check_power_and_heat(machine: HostMachine) -> Iterator[Finding]:
-    told = machine.read_text(THROTTLED_FILE)
-    if told and int(told, 16) & 0x1_0001:
+    flags = machine.read_text(THROTTLED_FILE)
+    if flags and int(flags, 16) & 0x1_0001:
         yield warning("power", "this Raspberry Pi had too little of it", "a supply of 5 V, 3 A or more; a short cable")
-    elif told:
+    elif flags:
         yield Finding("power", "enough since the start")
     zones = [machine.read_text(f"/sys/class/thermal/{zone}/temp") for zone in machine.list_names("/sys/class/thermal")]
     warmest = max((int(heat) / 1000 for heat in zones if heat.lstrip("-").isdecimal()), default=0.0)
@@ -162,14 +166,14 @@ def _check_power_and_heat(machine: HostMachine) -> Iterator[Finding]:
 
 
 def _check_memory(machine: HostMachine) -> Iterator[Finding]:
-    told = {line.split(":")[0]: line.split()[1] for line in _lines(machine, "/proc/meminfo") if ":" in line}
-    if "MemAvailable" not in told:
+    values = {line.split(":")[0]: line.split()[1] for line in _lines(machine, "/proc/meminfo") if ":" in line}
+    if "MemAvailable" not in values:
         return
-    left = int(told["MemAvailable"]) * 1024
-    if left < MIN_FREE_MEMORY:
-        yield warning("memory", f"{left / 1e6:.0f} MB are left", "end programs that need much: top -o %MEM")
+    available = int(values["MemAvailable"]) * 1024
+    if available < MIN_FREE_MEMORY:
+        yield warning("memory", f"{available / 1e6:.0f} MB are left", "end programs that need much: top -o %MEM")
     else:
-        yield Finding("memory", f"{left / 1e9:.1f} GB are left")
+        yield Finding("memory", f"{available / 1e9:.1f} GB are left")
 
 
 def _lines(machine: HostMachine, path: str) -> list[str]:

@@ -1,7 +1,7 @@
-"""Who answers on a serial port: asked by the probes that drivers declare, politely.
+"""Identify the device on a serial port, with the probes that drivers declare.
 
-Nothing is sent to a port that somebody has open, that is no adapter of robots, or whose opening would start a board
-anew, unless the user names that port.
+Nothing is sent to a port that another program has open. Unless the user names the port, nothing is sent either if its
+adapter is of an unknown kind, or if opening it would reset a board.
 """
 
 from collections.abc import Generator, Iterable, Sequence
@@ -19,33 +19,33 @@ from drivers.transport.ports import SerialPort as OpenPort
 from drivers.transport.ports import make_port_error, open_port
 
 EXTRA_TIMEOUT = 0.002
-"""Seconds beyond what a question waits that this computer may be late."""
+"""Seconds added to the timeout of each request, since this computer may be late."""
 
 
 class ProbeWire(Protocol):
-    """A port that is open."""
+    """Open port for a probe."""
 
     def exchange(self, request: ProbeRequest) -> bytes:
-        """Send what is to be sent and return what came back, without the echo. Raises NotConnected when it has gone."""
+        """Send a request and return the reply without the echo. Raises NotConnected if the port is gone."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedDevice:
-    """A driver whose device has answered, and what it said."""
+    """Driver whose device has replied, and the result of its probe."""
 
     driver: Driver
     result: ProbeResult
 
     @property
     def title(self) -> str:
-        """The driver, as `mission list drivers` has it."""
+        """Name of the driver, as in `mission list drivers`."""
         return f"{self.driver.kind}.{self.driver.name}"
 
 
 @dataclass(frozen=True, slots=True)
 class PortScan:
-    """What came of asking a port: who answered, or why it was not asked, or that nobody did."""
+    """Result of probing a port: the device, the reason why it was skipped, or a problem."""
 
     device: IdentifiedDevice | None = None
     skip_reason: DeviceProblem | None = None
@@ -53,7 +53,7 @@ class PortScan:
 
 
 class ExclusivePort:
-    """A real port, at the rate of the newest question; nobody else may have it meanwhile."""
+    """Real port at the rate of the latest request, opened exclusively."""
 
     def __init__(self, path: str, clock: Clock, *, extra_timeout: float = EXTRA_TIMEOUT) -> None:
         self._path = path
@@ -62,21 +62,21 @@ class ExclusivePort:
         self._port: OpenPort | None = None
 
     def exchange(self, request: ProbeRequest) -> bytes:
-        """Ask."""
+        """See ``ProbeWire``."""
         try:
             port = self._open_at(request.baud)
             port.write(request.send)
-            heard, echo, end = b"", b"", self._clock.now() + request.timeout + self._total_extra_timeout
-            while not request.is_complete(heard) and (left := end - self._clock.now()) > 0:
-                heard += port.read_available(left)
-                if request.send and not echo and heard.startswith(request.send):
-                    heard, echo = heard.removeprefix(request.send), request.send
-            return echo + heard if request.keep_echo else heard
+            received, echo, end = b"", b"", self._clock.now() + request.timeout + self._total_extra_timeout
+            while not request.is_complete(received) and (left := end - self._clock.now()) > 0:
+                received += port.read_available(left)
+                if request.send and not echo and received.startswith(request.send):
+                    received, echo = received.removeprefix(request.send), request.send
+            return echo + received if request.keep_echo else received
         except OSError as error:
             raise make_port_error("ports", self._path, error) from error
 
     def close(self) -> None:
-        """Let the port go, with DTR as it is: a lidar stays at rest, a board is not started once more."""
+        """Close the port and leave DTR on: a lidar stays at rest, and a board is not reset once more."""
         port, self._port = self._port, None
         if port is not None:
             with suppress(OSError):
@@ -94,15 +94,15 @@ class ExclusivePort:
 
 
 def skip_reason(port: SerialPortInfo) -> DeviceProblem | None:
-    """Say why nothing is sent to a port of which the user has not said that it may be asked; None where it is asked."""
+    """Return why a port is not probed without the user's consent; None if it may be probed."""
     if port.shut is not None:
         return port.shut
     consent = f"mission ports --ask {port.path}"
     if port.usb is None:
         return DeviceProblem("not asked: nobody knows what is behind it", consent)
     if port.usb.resets_on_open:
-        what = "not asked: opening it starts an Arduino anew, which may move its servos"
-        return DeviceProblem(what, f"{consent}  (hands off the robot)")
+        message = "not asked: opening it starts an Arduino anew, which may move its servos"
+        return DeviceProblem(message, f"{consent}  (hands off the robot)")
     if port.usb.ids not in ADAPTERS:
         return DeviceProblem("not asked: it is no adapter that robots usually have", consent)
     return None
@@ -111,7 +111,7 @@ def skip_reason(port: SerialPortInfo) -> DeviceProblem | None:
 def identify_device(
     port: SerialPortInfo, drivers: Iterable[Driver], wire: ProbeWire, *, consent: bool = False
 ) -> PortScan:
-    """Ask a port who is there. Raises DriverError when it goes meanwhile, or cannot be opened after all."""
+    """Probe a port for a device. Raises DriverError if the port is gone, or cannot be opened."""
     reason = port.shut if consent else skip_reason(port)
     if reason is not None:
         return PortScan(skip_reason=reason)
@@ -125,21 +125,21 @@ def identify_device(
 
 
 def run_probe(probe: Probe, wire: ProbeWire) -> ProbeResult | None:
-    """Put the questions of a probe to a wire; return what it concludes."""
-    asking: Generator[ProbeRequest, bytes, ProbeResult | None] = probe()
+    """Exchange the requests of a probe over a wire; return its result."""
+    generator: Generator[ProbeRequest, bytes, ProbeResult | None] = probe()
     try:
-        question = next(asking)
+        request = next(generator)
         while True:
-            question = asking.send(wire.exchange(question))
-    except StopIteration as done:
-        answer: ProbeResult | None = done.value
+            request = generator.send(wire.exchange(request))
+    except StopIteration as stop:
+        answer: ProbeResult | None = stop.value
         return answer
     finally:
-        asking.close()
+        generator.close()
 
 
 def probing_drivers(all_drivers: Iterable[tuple[str, str, Driver | BrokenDriver]]) -> list[Driver]:
-    """Return the drivers that say how they are recognised."""
+    """Return the drivers that have a probe."""
     return [driver for _, _, driver in all_drivers if isinstance(driver, Driver) and driver.probe]
 
 
@@ -152,7 +152,7 @@ def probe_port(
     extra_timeout: float = EXTRA_TIMEOUT,
     path: str = "",
 ) -> PortScan:
-    """Open a port and ask who is there; what goes wrong is what came of it. ``path`` is where it lies, if elsewhere."""
+    """Open a port and probe it; an error becomes a problem of the result. ``path`` is the device file, if it differs."""
     opened = ExclusivePort(path or port.path, clock, extra_timeout=extra_timeout)
     try:
         return identify_device(port, drivers, opened, consent=consent)
@@ -163,20 +163,20 @@ def probe_port(
 
 
 def driver_by_serial_number(port: SerialPortInfo, drivers: Iterable[Driver]) -> Driver | None:
-    """Return the driver whose device alone has such an adapter, by its serial number."""
+    """Return the driver whose device is the only one with such an adapter, by its serial number."""
     usb = port.usb
     if usb is None:
         return None
-    sure = ((driver, pattern) for driver in drivers for pattern in driver.usb if pattern.count(":") > 1)
-    return next((driver for driver, pattern in sure if usb.matches(pattern)), None)
+    patterns = ((driver, pattern) for driver in drivers for pattern in driver.usb if pattern.count(":") > 1)
+    return next((driver for driver, pattern in patterns if usb.matches(pattern)), None)
 
 
 def _candidates(port: SerialPortInfo, drivers: Iterable[Driver], *, include_all: bool) -> Sequence[Driver]:
-    """Return those who may be behind an adapter, the likely ones first; of a port that the user names, all."""
+    """Return the drivers to probe, likely ones first; ``include_all`` adds those for other adapters."""
     drivers = list(drivers)
-    sure = driver_by_serial_number(port, drivers)
-    if sure is not None:
-        return [sure]
+    certain = driver_by_serial_number(port, drivers)
+    if certain is not None:
+        return [certain]
     usb = port.usb
     likely = [driver for driver in drivers if usb is not None and any(usb.matches(each) for each in driver.usb)]
     rest = [driver for driver in drivers if driver not in likely and (include_all or not driver.usb)]
@@ -190,7 +190,7 @@ def _no_reply_problem(port: SerialPortInfo, drivers: Sequence[Driver]) -> Device
             f"{name[0].lower()}{name[1:]}, by its adapter, but it is silent", "switch it on, and look at its battery"
         )
     names = ", ".join(f"{driver.kind}.{driver.name}" for driver in drivers) or "no driver"
-    what = f"nothing answers; asked were: {names}"
+    message = f"nothing answers; asked were: {names}"
     scan = any(driver.name == "dynamixel" for driver in drivers)
-    cure = "switch on the power of what is behind it: USB feeds the adapter alone; look at the cable"
-    return DeviceProblem(what, f"{cure}; mission servo scan --all-bauds --port {port.call}" if scan else cure)
+    fix = "switch on the power of what is behind it: USB feeds the adapter alone; look at the cable"
+    return DeviceProblem(message, f"{fix}; mission servo scan --all-bauds --port {port.call}" if scan else fix)

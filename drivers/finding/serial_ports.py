@@ -1,4 +1,4 @@
-"""The serial ports that there are: what they are, how they are called, who holds them, why they cannot be opened."""
+"""Serial ports of a machine: their adapters, names, holders, and the reasons why they cannot be opened."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -11,12 +11,12 @@ from drivers.finding.machine import HostMachine
 from drivers.transport.ports import DEBUG_CONNECTOR, PINS_PORT, UART_SETTING, is_raspberry_pi_5
 from drivers.transport.programs import Program, end_command
 
-# What a USB device says of itself, and which adapters there are.
+# USB devices, and known adapters.
 
 
 @dataclass(frozen=True, slots=True)
 class UsbDevice:
-    """A device on USB: its ids (four hexadecimal digits each), what it says of itself, and the socket it is in."""
+    """USB device: its ids (four hexadecimal digits each), its descriptors, and its socket."""
 
     vendor: str
     product: str
@@ -27,37 +27,41 @@ class UsbDevice:
 
     @property
     def ids(self) -> str:
-        """Both ids as `lsusb` writes them."""
+        """Both ids in the format of `lsusb`."""
         return f"{self.vendor}:{self.product}"
 
     @property
     def title(self) -> str:
-        """What it is called, by itself or by us."""
+        """Name of the device, from the table of adapters or its descriptors."""
         known = ADAPTERS.get(self.ids)
-        told = " ".join(word for word in (self.maker, self.name) if word)
-        return (known.name if known else "") or told or ("an Arduino" if self.vendor in _ARDUINO else "a USB device")
+        descriptors = " ".join(word for word in (self.maker, self.name) if word)
+        return (
+            (known.name if known else "")
+            or descriptors
+            or ("an Arduino" if self.vendor in _ARDUINO else "a USB device")
+        )
 
     @property
     def resets_on_open(self) -> bool:
-        """Whether it may be a board that starts anew when its port is opened."""
+        """Whether it may be a board that is reset when its port is opened."""
         return self.vendor in _ARDUINO or (self.ids in ADAPTERS and ADAPTERS[self.ids].resets)
 
     def matches(self, pattern: str) -> bool:
-        """Whether it is what a driver declares as ``0403:6014``, or with a serial number, ``0403:6001:kobuki_*``."""
+        """Return whether it matches a driver's pattern: ``0403:6014``, with a serial number ``0403:6001:kobuki_*``."""
         whole = pattern if pattern.count(":") > 1 else f"{pattern}:*"
         return fnmatchcase(f"{self.ids}:{self.serial}", whole)
 
 
 @dataclass(frozen=True, slots=True)
 class Adapter:
-    """What is known of an adapter: its name, and whether a board that it sits on starts anew when it is opened."""
+    """Known adapter: its name, and whether opening its port resets a board."""
 
     name: str
     resets: bool = False
 
 
 _ARDUINO = frozenset({"2341", "2a03"})
-"""The vendor ids of Arduino boards. They pull the reset line when DTR rises, which Linux raises at each opening."""
+"""Vendor ids of Arduino boards. A rising DTR resets them, and Linux raises DTR at each opening."""
 
 ADAPTERS: Mapping[str, Adapter] = MappingProxyType(
     {
@@ -77,26 +81,33 @@ ADAPTERS: Mapping[str, Adapter] = MappingProxyType(
         "fff1:ff48": Adapter("ROBOTIS OpenCM 9.04"),
     }
 )
-"""Adapters that robots have, by their ids. Others are not asked unless the user names their port."""
+"""Adapters that robots use, by their ids. Others are not probed unless the user names their port."""
 
 
 def find_usb_device(machine: HostMachine, device: str) -> UsbDevice | None:
-    """Return the USB device that a device of /sys is on; None where it is on none."""
+    """Return the USB device of a device in /sys; None if it is on no USB device."""
     here = PurePosixPath(machine.resolve(device))
     for folder in map(str, (here, *here.parents)):
         vendor = machine.read_text(f"{folder}/idVendor")
         if vendor:
-            told = {
+            descriptors = {
                 each: machine.read_text(f"{folder}/{each}")
                 for each in ("idProduct", "serial", "manufacturer", "product")
             }
             socket = PurePosixPath(folder).name
-            return UsbDevice(vendor, told["idProduct"], told["serial"], told["manufacturer"], told["product"], socket)
+            return UsbDevice(
+                vendor,
+                descriptors["idProduct"],
+                descriptors["serial"],
+                descriptors["manufacturer"],
+                descriptors["product"],
+                socket,
+            )
     return None
 
 
 def iter_usb_devices(machine: HostMachine) -> Iterator[tuple[str, UsbDevice]]:
-    """Yield every USB device that is plugged in, with its folder in /sys."""
+    """Yield every connected USB device, with its folder in /sys."""
     for name in machine.list_names("/sys/bus/usb/devices"):
         folder = machine.resolve(f"/sys/bus/usb/devices/{name}")
         if machine.read_text(f"{folder}/idVendor") and (found := find_usb_device(machine, folder)) is not None:
@@ -104,18 +115,18 @@ def iter_usb_devices(machine: HostMachine) -> Iterator[tuple[str, UsbDevice]]:
 
 
 MAX_LATENCY_MS = 1
-"""Milliseconds that an adapter may hold bytes back without doing harm."""
+"""Milliseconds for which an adapter may delay bytes without harm."""
 
 PORT_GRABBER_FIXES = {
     "ModemManager": "sudo systemctl disable --now ModemManager  (it takes robots for modems)",
     "brltty": "sudo systemctl mask --now brltty-udev brltty  (it takes adapters for Braille displays)",
 }
-"""What helps against programs that grab ports by themselves."""
+"""Fixes for programs that open ports by themselves."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceProblem:
-    """What is wrong, and what to try."""
+    """Problem of a device, and a fix."""
 
     message: str
     fix: str = ""
@@ -126,10 +137,10 @@ class DeviceProblem:
 
 @dataclass(frozen=True, slots=True)
 class SerialPortInfo:
-    """A serial port: its ``path``, its other ``names``, and the one to ``call`` it in a robot file, which stays.
+    """Serial port: its ``path``, its other ``names``, and ``call``, its most stable name for a robot file.
 
-    ``latency`` is for how many milliseconds its adapter holds bytes back, None where it does not tell. ``holders`` have
-    it open; ``shut`` says why it cannot be opened, ``troubles`` what is wrong besides.
+    ``latency`` is the delay of the adapter in milliseconds, None if unknown. ``holders`` are the programs that have the
+    port open; ``shut`` is the reason why it cannot be opened, ``troubles`` are other problems.
     """
 
     path: str
@@ -144,7 +155,7 @@ class SerialPortInfo:
 
     @property
     def title(self) -> str:
-        """What it is."""
+        """Description of the port."""
         return self.own if self.usb is None else f"{self.usb.title}, {self.usb.ids}"
 
 
@@ -152,16 +163,17 @@ def find_serial_ports(machine: HostMachine) -> list[SerialPortInfo]:
     """Return the serial ports of a machine, in the order of their names."""
     paths = list(_iter_paths(machine))
     links, holders = _read_links(machine), machine.device_holders()
-    found = [_read_port(machine, path, links.get(path, ()), tuple(holders.get(path, ()))) for path in paths]
-    alike = Counter(port.usb.ids + port.usb.serial for port in found if port.usb is not None)
-    called = [
-        _with_stable_name(port, unique=port.usb is None or alike[port.usb.ids + port.usb.serial] == 1) for port in found
+    ports = [_read_port(machine, path, links.get(path, ()), tuple(holders.get(path, ()))) for path in paths]
+    counts = Counter(port.usb.ids + port.usb.serial for port in ports if port.usb is not None)
+    named_ports = [
+        _with_stable_name(port, unique=port.usb is None or counts[port.usb.ids + port.usb.serial] == 1)
+        for port in ports
     ]
-    return [_with_pi_5_name(port) for port in called] if is_raspberry_pi_5(machine.root) else called
+    return [_with_pi_5_name(port) for port in named_ports] if is_raspberry_pi_5(machine.root) else named_ports
 
 
 def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
-    """Tell the pins of a Raspberry Pi 5 from its debug connector, to which /dev/serial0 leads on this model alone."""
+    """Name the pins and the debug connector of a Raspberry Pi 5; /dev/serial0 leads to the latter."""
     if port.path == DEBUG_CONNECTOR:
         own = f"the debug connector of this Raspberry Pi 5; its pins (GPIO 14 and 15) are {PINS_PORT}, after {UART_SETTING}"
         return replace(port, own=own, call=port.path)
@@ -169,27 +181,28 @@ def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
 
 
 def find_portless_adapters(machine: HostMachine) -> list[tuple[UsbDevice, DeviceProblem]]:
-    """Return adapters that are plugged in and have no port, with what may have taken it."""
+    """Return connected adapters without a port, each with the probable reason."""
     devices = (f"/sys/class/tty/{name}/device" for name in machine.list_names("/sys/class/tty"))
     sockets = {usb.socket for device in devices if (usb := find_usb_device(machine, device)) is not None}
     brltty = any(process.name == "brltty" for process in machine.processes())
-    lost = []
+    adapters = []
     for _, usb in iter_usb_devices(machine):
         if usb.ids in ADAPTERS and usb.socket not in sockets:
-            what = "it has no port"
+            message = "it has no port"
             trouble = (
-                DeviceProblem(f"{what}: brltty has taken it", PORT_GRABBER_FIXES["brltty"])
+                DeviceProblem(f"{message}: brltty has taken it", PORT_GRABBER_FIXES["brltty"])
                 if brltty
                 else DeviceProblem(
-                    f"{what}: the kernel has no driver for it, or another program has taken it", "sudo dmesg | tail -20"
+                    f"{message}: the kernel has no driver for it, or another program has taken it",
+                    "sudo dmesg | tail -20",
                 )
             )
-            lost.append((usb, trouble))
-    return lost
+            adapters.append((usb, trouble))
+    return adapters
 
 
 def _iter_paths(machine: HostMachine) -> Iterator[str]:
-    """Yield ports behind which there is hardware: not consoles, nor the empty places of a PC's four UARTs."""
+    """Yield ports with hardware: neither consoles nor the empty slots of a PC's four UARTs."""
     for name in machine.list_names("/sys/class/tty"):
         here = f"/sys/class/tty/{name}"
         if machine.local_path(f"{here}/device").exists() and machine.read_text(f"{here}/type") != "0":
@@ -208,26 +221,33 @@ def _read_links(machine: HostMachine) -> dict[str, tuple[str, ...]]:
 
 def _read_port(machine: HostMachine, path: str, names: tuple[str, ...], holders: tuple[Program, ...]) -> SerialPortInfo:
     name = path.removeprefix("/dev/")
-    told = machine.read_text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
-    latency = int(told) if told.isdecimal() else None
+    text = machine.read_text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
+    latency = int(text) if text.isdecimal() else None
     slow = DeviceProblem(
         f"its adapter holds bytes back for {latency} ms: servos and a Kobuki answer late",
         f"echo {MAX_LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission robot udev)",
     )
-    shut = _find_obstacle(machine, path, holders)
+    obstacle = _find_obstacle(machine, path, holders)
     troubles = (slow,) if latency is not None and latency > MAX_LATENCY_MS else ()
     return SerialPortInfo(
-        path, path, names, find_usb_device(machine, f"/sys/class/tty/{name}/device"), latency, holders, shut, troubles
+        path,
+        path,
+        names,
+        find_usb_device(machine, f"/sys/class/tty/{name}/device"),
+        latency,
+        holders,
+        obstacle,
+        troubles,
     )
 
 
 def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]) -> DeviceProblem | None:
-    """Say why a port cannot be opened; None where it can."""
+    """Return why a port cannot be opened; None if it can."""
     if holders:
-        who = ", ".join(str(each) for each in holders)
+        names = ", ".join(str(each) for each in holders)
         usual = end_command(holders, f"end that program, or: fuser -v {path}")
         return DeviceProblem(
-            f"in use by {who}",
+            f"in use by {names}",
             next((PORT_GRABBER_FIXES[each.name] for each in holders if each.name in PORT_GRABBER_FIXES), usual),
         )
     if machine.can_open(path) is None:
@@ -238,16 +258,16 @@ def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]
 
 
 def _with_stable_name(port: SerialPortInfo, *, unique: bool) -> SerialPortInfo:
-    """Give a port the name that stays with it: of a rule, of its serial number; of its socket where two are alike."""
-    own = [name for name in port.names if not name.startswith("/dev/serial/")]
+    """Set the most stable name of a port: of a rule, by serial number, or by socket if two adapters are equal."""
+    by_rule = [name for name in port.names if not name.startswith("/dev/serial/")]
     by_id = [name for name in port.names if "/by-id/" in name]
     by_path = [name for name in port.names if "/by-path/" in name]
-    call = next(iter([*own, *(by_id if unique else []), *by_path, *by_id]), port.path)
-    if unique or own:
+    call = next(iter([*by_rule, *(by_id if unique else []), *by_path, *by_id]), port.path)
+    if unique or by_rule:
         return replace(port, call=call)
     where = f"socket {port.usb.socket}" if port.usb is not None else "its socket"
-    twin = DeviceProblem(
+    problem = DeviceProblem(
         f"another adapter is just like it: only {where} tells them apart",
         "leave both in their sockets; mission ports --find  (which is which)",
     )
-    return replace(port, call=call, troubles=(*port.troubles, twin))
+    return replace(port, call=call, troubles=(*port.troubles, problem))

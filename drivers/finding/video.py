@@ -1,4 +1,4 @@
-"""Which cameras are plugged in, by the Linux video interface (V4L2): their names and the sizes of their pictures.
+"""Connected cameras by the Linux video interface (V4L2): their names and picture sizes.
 
 The requests and their structures are those of <linux/videodev2.h>.
 """
@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 Ioctl = Callable[[int, int, bytearray], object]
-"""``fcntl.ioctl``, or what stands in for it: changes the bytes, and raises OSError for what the device refuses."""
+"""``fcntl.ioctl`` or a replacement: modifies the bytes, and raises OSError if the device refuses."""
 
 SYSTEM_FOLDER = Path("/sys/class/video4linux")
 DEVICE_FOLDER = Path("/dev")
@@ -24,14 +24,14 @@ _ENUM_FRAMESIZES, _ENUM_FRAMESIZES_SIZE = 0xC02C564A, 44
 _CAPTURE, _HAS_DEVICE_CAPS = 0x1, 0x80000000
 _BUFFER_CAPTURE = 1
 _DISCRETE = 1
-_MAX_ENTRIES = 64  # of formats and of sizes: a device that never says "no more" must not hang us
+_MAX_ENTRIES = 64  # of formats and of sizes: a device with an endless list must not block
 
 
 CSI_RECEIVERS = ("unicam", "rp1-cfe")
-"""How the names begin of the devices that receive the raw data of a CSI camera, on a Raspberry Pi up to 4, and 5."""
+"""Prefixes of the names of devices that receive the raw data of a CSI camera, on a Raspberry Pi up to 4, and 5."""
 
 CSI_PROCESSORS = ("bcm2835-isp", "pispbe")
-"""How the names begin of the devices that make pictures of that, for libcamera alone."""
+"""Prefixes of the names of devices that process the raw data, for libcamera only."""
 
 CSI_TROUBLE = "a camera of the CSI connector, which OpenCV cannot read: libcamera alone can"
 
@@ -45,10 +45,10 @@ CSI_HINT = (
 
 @dataclass(frozen=True, slots=True)
 class CameraDevice:
-    """One camera: its ``path``, the ``name`` that it gives itself, and its pictures' sizes (width, height), rising.
+    """Camera: its ``path``, its ``name``, and its picture sizes (width, height), in rising order.
 
-    ``trouble`` says why it could not be asked for them, "" when it could. ``csi`` is for a camera of a Raspberry Pi's
-    CSI connector, which has no pictures for OpenCV.
+    ``trouble`` is the reason why the sizes could not be read, or empty. ``csi`` is True for a camera on the CSI
+    connector of a Raspberry Pi, which OpenCV cannot read.
     """
 
     path: Path
@@ -61,27 +61,27 @@ class CameraDevice:
 def list_devices(
     system: Path = SYSTEM_FOLDER, devices: Path = DEVICE_FOLDER, ioctl: Ioctl = fcntl.ioctl
 ) -> list[CameraDevice]:
-    """Return the cameras in the order of their numbers, without those devices of them that give no pictures.
+    """Return the cameras in the order of their numbers, without devices that give no pictures.
 
-    A webcam shows up twice or more: as its pictures, and as data about them. Empty also where there is no V4L2.
+    A webcam has two devices or more: its pictures, and metadata. Empty without V4L2.
     """
     if not system.is_dir():
         return []
     entries = sorted(system.glob("video*"), key=lambda entry: (len(entry.name), entry.name))
-    found, received = list[CameraDevice | None](), set[str]()
+    cameras, received = list[CameraDevice | None](), set[str]()
     for entry in entries:
         name, path = _name(entry), devices / entry.name
         if receiver := next((each for each in CSI_RECEIVERS if name.startswith(each)), ""):
             if receiver not in received:  # one has several devices
-                found.append(CameraDevice(path, name, trouble=CSI_TROUBLE, csi=True))
+                cameras.append(CameraDevice(path, name, trouble=CSI_TROUBLE, csi=True))
             received.add(receiver)
         elif not name.startswith(CSI_PROCESSORS):
-            found.append(_query_camera(path, name, ioctl))
-    return [device for device in found if device is not None]
+            cameras.append(_query_camera(path, name, ioctl))
+    return [device for device in cameras if device is not None]
 
 
 def is_csi(path: Path, system: Path = SYSTEM_FOLDER) -> bool:
-    """Whether a device is that of a CSI camera, which OpenCV cannot read."""
+    """Return whether a device is a CSI camera, which OpenCV cannot read."""
     return _name(system / path.resolve().name).startswith((*CSI_RECEIVERS, *CSI_PROCESSORS))
 
 
@@ -93,7 +93,7 @@ def _name(entry: Path) -> str:
 
 
 def _query_camera(path: Path, name: str, ioctl: Ioctl) -> CameraDevice | None:
-    """Ask a device what it gives; None when that is no pictures."""
+    """Return a camera with its picture sizes; None if the device gives no pictures."""
     try:
         number = os.open(path, os.O_RDWR | os.O_NONBLOCK)
     except OSError as error:
@@ -121,8 +121,8 @@ def _captures(ask: Callable[[int, bytearray], object]) -> bool:
 
 
 def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ...]:
-    """Return the sizes of all its formats; of one that scales freely, the largest."""
-    found: set[tuple[int, int]] = set()
+    """Return the sizes of all formats; the largest of a format with free scaling."""
+    sizes: set[tuple[int, int]] = set()
     for form in range(_MAX_ENTRIES):
         data = bytearray(_ENUM_FMT_SIZE)
         struct.pack_into("=II", data, 0, form, _BUFFER_CAPTURE)
@@ -135,14 +135,14 @@ def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ..
             if not _query_entry(ask, _ENUM_FRAMESIZES, size):
                 break
             kind, *numbers = struct.unpack_from("=7I", size, 8)
-            found.add((numbers[0], numbers[1]) if kind == _DISCRETE else (numbers[1], numbers[4]))
+            sizes.add((numbers[0], numbers[1]) if kind == _DISCRETE else (numbers[1], numbers[4]))
             if kind != _DISCRETE:
                 break
-    return tuple(sorted(found))
+    return tuple(sorted(sizes))
 
 
 def _query_entry(ask: Callable[[int, bytearray], object], request: int, data: bytearray) -> bool:
-    """Ask for one entry of a list; False behind its end."""
+    """Query one entry of a list; return False behind its end."""
     try:
         ask(request, data)
     except OSError as error:

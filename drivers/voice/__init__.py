@@ -1,1 +1,1 @@
-"""Speech: a synthesiser where there is one, printed words where there is none."""
+"""Speech: a synthesiser if one is installed, else printed text."""

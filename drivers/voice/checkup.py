@@ -1,4 +1,4 @@
-"""How a voice is: what speaks, and whether it is there. Nothing is said."""
+"""Check-up of a voice: whether a synthesiser is installed. It stays silent."""
 
 from collections.abc import Iterator
 
@@ -10,9 +10,9 @@ from drivers.voice.speech import auto
 
 
 def checkup(keys: SpeechKeys, site: DriverContext) -> Iterator[Finding]:
-    """Look for what speaks."""
+    """Search for a synthesiser."""
     if isinstance(auto(keys, site), PrintedVoice):
-        cure = extra_hint("speak", "sudo apt install espeak-ng")
-        yield warning("synthesiser", "there is none: what the robot says is printed", cure)
+        fix = extra_hint("speak", "sudo apt install espeak-ng")
+        yield warning("synthesiser", "there is none: what the robot says is printed", fix)
     else:
         yield Finding("synthesiser", "there is one")

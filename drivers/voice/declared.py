@@ -1,4 +1,4 @@
-"""What a robot may speak with, as drivers of voices, and their keys in a robot file."""
+"""Declarations and keys of the voices."""
 
 import re
 import shlex
@@ -9,12 +9,12 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import VoiceKeys
 
 PLACEHOLDERS = ("voice", "language", "name", "speed", "volume")
-"""What stands in braces in a command and is filled in, as drivers.sound.speech_programs knows it."""
+"""Placeholders in braces in a command, as in drivers.sound.program."""
 
 
 @keys
 class SpeechKeys(VoiceKeys):
-    """The ``voice`` section of a robot."""
+    """Keys of a voice that speaks."""
 
     model: str = key(default="", help="The file of a voice of Piper, for `piper`.")
     command: str = key(
@@ -24,7 +24,7 @@ class SpeechKeys(VoiceKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield what is wrong with the command."""
+        """Yield errors in the command."""
         try:
             shlex.split(self.command)
         except ValueError as error:
@@ -37,10 +37,10 @@ class SpeechKeys(VoiceKeys):
 
 @keys
 class PiperKeys(SpeechKeys):
-    """The ``voice`` section of a robot that speaks with Piper."""
+    """Keys of a voice that uses Piper."""
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a voice that is missing, and what SpeechKeys finds."""
+        """Yield a missing model, and the errors of SpeechKeys."""
         if not self.model:
             yield KeyDiagnostic("a voice with 'driver: piper' needs 'model'", hint="model: en_US-amy-medium.onnx")
         yield from SpeechKeys.diagnostics(self)
@@ -48,10 +48,10 @@ class PiperKeys(SpeechKeys):
 
 @keys
 class CommandKeys(SpeechKeys):
-    """The ``voice`` section of a robot that speaks with a command."""
+    """Keys of a voice that uses a command."""
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a command that is missing, and what SpeechKeys finds."""
+        """Yield a missing command, and the errors of SpeechKeys."""
         if not self.command:
             yield KeyDiagnostic("a voice with 'driver: command' needs 'command'", hint='command: "my_tts --stdin"')
         yield from SpeechKeys.diagnostics(self)

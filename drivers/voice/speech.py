@@ -1,4 +1,4 @@
-"""The voice of a machine that has one: words and sounds in their turn, on a thread of its own."""
+"""Voice with a synthesiser: queue of speech and sounds, played on a thread of its own."""
 
 import shlex
 from collections.abc import Callable
@@ -33,11 +33,11 @@ from drivers.voice.declared import SpeechKeys
 
 
 class SpeechVoice:
-    """A ``drivers.api.Voice`` that speaks with ``engine`` and plays with ``player``; ``style`` is the robot's manner.
+    """Voice that speaks with ``engine`` and plays with ``player``: a ``drivers.api.Voice``.
 
-    Whatever takes the first of its ``Turns`` breaks off what has it, which is said again afterwards. What cannot be
-    heard goes to ``out``, and takes as long; why, is reported. ``changed`` is called from the thread whenever something
-    has ended.
+    ``default_style`` is the style of the robot file. An utterance of higher priority interrupts the current one, which
+    is repeated afterwards. An utterance that cannot be played is printed by ``out``, takes as long, and the reason is
+    reported. ``changed`` is called from the thread at the end of each utterance.
     """
 
     name = "voice"
@@ -60,7 +60,7 @@ class SpeechVoice:
         self._out = guard_callback(out)
         self._report = guard_callback(report)
         self._changed = guard_callback(changed)
-        self._condition = Condition()  # over everything below
+        self._condition = Condition()  # over all attributes below
         self._queue = UtteranceQueue[SpokenUtterance]()
         self._current: SpokenUtterance | None = None
         self._cut = CancelToken()  # of the current one
@@ -70,7 +70,7 @@ class SpeechVoice:
         self._counters = {"said": 0, "failed": 0}
 
     def open(self) -> None:
-        """Start the thread that speaks, and the programs; returns at once."""
+        """Start the thread and the worker processes; returns at once."""
         with self._condition:
             if self._thread is None:
                 self._ending = False
@@ -81,13 +81,13 @@ class SpeechVoice:
                 self._thread.start()
 
     def rest(self) -> None:
-        """Fall silent: cancel all that is being said or waiting."""
+        """Cancel all utterances."""
         with self._condition:
             for words in self._queue:
                 words.cancel()
 
     def close(self) -> None:
-        """Fall silent at once, end the thread and the programs."""
+        """Cancel all utterances, end the thread and the worker processes."""
         with self._condition:
             self._ending = True
             self.rest()
@@ -99,7 +99,7 @@ class SpeechVoice:
         self._player.close()
 
     def health(self) -> Health:
-        """Say whether it can speak; after a failure, how the last utterance failed."""
+        """Return whether the voice can speak; after a failure, the reason."""
         with self._condition:
             counters = dict(self._counters)
             if self._thread is None:
@@ -108,17 +108,17 @@ class SpeechVoice:
             if broken:
                 return Health(False, broken, "until then it prints what it would say", counters)
             mute = self._player.mute_reason
-            trouble = (mute, self._player.hint) if mute else self._last_problem
-            return Health(True, *trouble, counters=counters)
+            problem = (mute, self._player.hint) if mute else self._last_problem
+            return Health(True, *problem, counters=counters)
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Speak ``text`` in its turn. Raises NotConnected before ``open`` and after ``close``."""
+        """Queue ``text`` for speech. Raises NotConnected before ``open`` and after ``close``."""
         return self._enqueue(
             SpokenUtterance(self._drop, text, fill_manner(manner, self._default_style), priority, None)
         )
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Play a file in its turn. Raises BadRequest and NotConnected."""
+        """Queue an audio file. Raises BadRequest and NotConnected."""
         return self._enqueue(
             SpokenUtterance(
                 self._drop, f"[{path.name}]", self._default_style, priority, check_sound_file(self.name, path)
@@ -126,7 +126,7 @@ class SpeechVoice:
         )
 
     def speaking(self) -> Utterance | None:
-        """Return what is heard now."""
+        """Return the utterance that is playing."""
         current = self._current
         return current if current is not None and current.started is not None else None
 
@@ -144,7 +144,7 @@ class SpeechVoice:
         return words
 
     def _drop(self, words: SpokenUtterance, *, cancelled: bool = True) -> None:
-        """End ``words`` now: take them out of the queue, and break them off if they are being said."""
+        """End ``words`` now: remove them from the queue, and interrupt them if they are playing."""
         with self._condition:
             if not words.done():
                 words.cancelled = cancelled
@@ -173,16 +173,16 @@ class SpeechVoice:
                 self._changed()
 
     def _say(self, words: SpokenUtterance, cut: CancelToken) -> bool:
-        """Say or play ``words``; True when they have come to their end. What cannot be heard is printed."""
+        """Speak or play ``words``; return True if they were played to the end. If that fails, print them."""
         try:
             whole = self._play_or_speak(words, cut)
-        except BadRequest as error:  # it is no sound: there is nothing to take time for
+        except BadRequest as error:  # not an audio file: there is no duration to wait for
             self._fail(error)
             words.cancel()
             return False
         except DriverError as error:
             self._fail(error)
-        except Exception as error:  # whatever it is: this thread is the robot's voice
+        except Exception as error:  # any error: the voice needs this thread
             self._fail(DeviceFault(f"{self.name}: {words.text[:40]!r}: {type(error).__name__}: {error}"))
         else:
             if whole:
@@ -193,7 +193,7 @@ class SpeechVoice:
         return self._print(words, cut)
 
     def _play_or_speak(self, words: SpokenUtterance, cut: CancelToken) -> bool:
-        def begun(at: float, seconds: float) -> None:
+        def on_start(at: float, seconds: float) -> None:
             words.on_start(at, seconds)
             if self._player.mute_reason:
                 self._out(words.text)
@@ -201,7 +201,7 @@ class SpeechVoice:
         if words.path is not None:
             words.seconds = sound_duration(words.path)
             self._player.open()
-            return self._player.play_file(words.path, cut, begun)
+            return self._player.play_file(words.path, cut, on_start)
         words.seconds = speaking_time(words.text, words.manner.speed)
         if self._engine.plays_sound:
             words.on_start(self._clock.now(), words.seconds)
@@ -209,18 +209,18 @@ class SpeechVoice:
         if speech is None:
             return not cut.is_cancelled
         words.seconds, words.shapes = speech.seconds, mouth_movement(speech.phonemes, speech.seconds)
-        return self._player.play(speech, cut, begun)
+        return self._player.play(speech, cut, on_start)
 
     def _fail(self, error: DriverError) -> None:
-        trouble = str(error), error.hint
+        problem = str(error), error.hint
         with self._condition:
             self._counters["failed"] += 1
-            known, self._last_problem = trouble == self._last_problem, trouble
-        if not known and not isinstance(error, NotConnected):  # which the program's keeper has told already
-            self._report(DeviceStatus(self.name, "fault", *trouble))
+            is_repeated, self._last_problem = problem == self._last_problem, problem
+        if not is_repeated and not isinstance(error, NotConnected):  # the worker process has reported it already
+            self._report(DeviceStatus(self.name, "fault", *problem))
 
     def _print(self, words: SpokenUtterance, cut: CancelToken) -> bool:
-        """Print what cannot be heard, and take as long, or what is left of that; False when it was broken off."""
+        """Print ``words`` and wait for their remaining duration; return False if interrupted."""
         if cut.is_cancelled:
             return False
         if words.started is None or not self._player.mute_reason:
@@ -230,15 +230,15 @@ class SpeechVoice:
         return not cut.wait(words.end - self._clock.now())
 
 
-# From the keys of a robot file to a voice; one that cannot speak here prints its words.
+# Factories of voices from the keys of a robot file; without a synthesiser the voice prints its text.
 
 SPEECH_WHEELS = ("espeakng_loader", "miniaudio")
-"""What the extra ``speak`` installs."""
+"""Wheels of the extra ``speak``."""
 
 
 @dataclass(frozen=True, slots=True)
 class VoiceSettings:
-    """The voice that is wanted, in the words of a robot file; ``backend`` is one of miniaudio's, for tests."""
+    """Settings of a voice from its section; ``backend`` is one of miniaudio's, for tests."""
 
     driver: str = "auto"
     style: SpeechStyle = DEFAULT_STYLE
@@ -257,7 +257,7 @@ def make_voice(
     report: StatusCallback = ignore,
     changed: Callable[[], None] = ignore,
 ) -> Voice:
-    """Return a voice; ``out`` prints what cannot be heard."""
+    """Return a voice; ``out`` prints text that cannot be spoken."""
     engine = _make_engine(settings, clock, report)
     if engine is None:
         from drivers.sound.printed_voice import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
@@ -281,13 +281,13 @@ def _make_engine(settings: VoiceSettings, clock: Clock, report: StatusCallback) 
             return ProgramEngine(Synthesiser(program, tuple(arguments), settings.volume), clock)
         case "auto" | "program" if installed is not None:
             return ProgramEngine(installed, clock)
-        case "program":  # which will say that it is missing
+        case "program":  # it will report that the program is missing
             return ProgramEngine(Synthesiser("espeak-ng", KNOWN_PROGRAMS["espeak-ng"]), clock)
     return None
 
 
 def auto(keys: SpeechKeys, site: DriverContext) -> Voice:
-    """Return the first of a synthesiser's wheel, an installed synthesiser and printing that there is."""
+    """Return the first available voice: the synthesiser's wheel, an installed synthesiser, printed text."""
     return _make_from_keys("auto", keys, site)
 
 
@@ -312,7 +312,7 @@ def command(keys: SpeechKeys, site: DriverContext) -> Voice:
 
 
 def printed(keys: VoiceKeys, site: DriverContext) -> Voice:
-    """Return a voice that prints its words."""
+    """Return a voice that prints its text."""
     return make_voice(
         VoiceSettings("print", keys.style), site.clock, site.print_line, report=site.report, changed=site.on_change
     )
@@ -320,5 +320,5 @@ def printed(keys: VoiceKeys, site: DriverContext) -> Voice:
 
 def _make_from_keys(driver: str, keys: SpeechKeys, site: DriverContext) -> Voice:
     model = str(Path(keys.model).expanduser().absolute()) if keys.model else ""
-    wish = VoiceSettings(driver, keys.style, keys.volume, keys.device, model, keys.command)
-    return make_voice(wish, site.clock, site.print_line, report=site.report, changed=site.on_change)
+    settings = VoiceSettings(driver, keys.style, keys.volume, keys.device, model, keys.command)
+    return make_voice(settings, site.clock, site.print_line, report=site.report, changed=site.on_change)
