@@ -73,7 +73,7 @@ def test_they_are_listed_with_whose_they_are_and_in_the_schema(site: Path) -> No
     assert "base.kobuki" in listed.stdout
     reference = mission(site, "schema", "robots", "--reference").stdout
     assert "- `driver: rover`: A rover that talks in lines of text." in reference
-    assert "| `max_speed` | a speed | 0.05 m/s to 2 m/s | `0.4 m/s` | The highest speed. |" in reference
+    assert "| `max_speed` | a speed | 0.05 m/s to 2 m/s | `0.4 m/s` | Maximum speed. |" in reference
     schema = json.loads(mission(site, "schema", "robots").stdout)
     bases = schema["properties"]["base"]["properties"]["driver"]["enum"]
     assert bases == ["kobuki", "waveshare", "pi_car", "ros2", "legs", "rover"]
@@ -161,7 +161,7 @@ def test_it_is_looked_at_by_its_own_check_up(site: Path, tmp_path: Path) -> None
         told = mission(site, "doctor", *asked)
     found = {(each["part"], each["about"]): each for each in json.loads(told.stdout)["findings"]}
     assert found["base", "reports"]["verdict"] == "ok"
-    assert found["base", "reports"]["what"].endswith(" a second")
+    assert found["base", "reports"]["message"].endswith(" a second")
 
 
 def test_a_broken_declaration_is_told_in_one_line_and_breaks_nothing_else(site: Path, tmp_path: Path) -> None:

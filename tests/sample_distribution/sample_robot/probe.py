@@ -1,4 +1,4 @@
-"""How the rover is recognised on a serial port."""
+"""Probe of the rover on a serial port."""
 
 from collections.abc import Generator
 
@@ -8,6 +8,6 @@ BAUD = 38_400
 
 
 def rover() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Listen for its reports, of which it sends fifty a second."""
-    heard = yield ProbeRequest(BAUD, wait=0.2, enough=lambda heard: heard.count(b"\no ") > 1)
-    return ProbeResult("a rover", {"baud": BAUD}) if heard.count(b"\no ") > 1 else None
+    """Listen for reports, of which it sends fifty per second."""
+    data = yield ProbeRequest(BAUD, timeout=0.2, is_complete=lambda data: data.count(b"\no ") > 1)
+    return ProbeResult("a rover", {"baud": BAUD}) if data.count(b"\no ") > 1 else None

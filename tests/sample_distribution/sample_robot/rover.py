@@ -1,21 +1,21 @@
-"""The rover: lines of text over a serial port.
+"""Driver of the rover: lines of text over a serial port.
 
-It takes ``v 250 -100``: millimetres and milliradians a second, valid for 0.3 s; ``b 440 200``: a tone in hertz and
-milliseconds. Fifty times a second it says ``o 1200 -35 1570 250 -100``: where it is, its heading, how it moves.
+Its commands are ``v 250 -100``: millimetres and milliradians per second, valid for 0.3 s; ``b 440 200``: a tone in hertz
+and milliseconds. Fifty times per second it reports ``o 1200 -35 1570 250 -100``: position, heading and velocity.
 """
 
 from drivers.api import BaseState, Pose2D, Tune, Velocity
-from drivers.api.driver import Site
+from drivers.api.driver import DriverContext
 from drivers.base.arbitrated import settings_of
-from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, Parsed
+from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, ParsedReports
 from drivers.transport.link import SerialLink
 from sample_robot.declared import RoverKeys
 
 
-def make(keys: RoverKeys, site: Site) -> DiffDriveBase:
+def make(keys: RoverKeys, context: DriverContext) -> DiffDriveBase:
     """Return the driver."""
-    link = SerialLink("base", site.port, keys.baud, report=site.report)
-    return DiffDriveBase(link, site.clock, RoverProtocol(horn=keys.horn), **settings_of(keys, site))
+    link = SerialLink("base", context.port, keys.baud, report=context.report)
+    return DiffDriveBase(link, context.clock, RoverProtocol(horn=keys.horn), **settings_of(keys, context))
 
 
 class RoverProtocol(DiffDriveProtocol):
@@ -26,22 +26,22 @@ class RoverProtocol(DiffDriveProtocol):
 
     def __init__(self, *, horn: bool) -> None:
         self.sounds = self if horn else None
-        self._begun = b""
+        self._partial_line = b""
 
     def restart(self) -> None:
-        self._begun = b""
+        self._partial_line = b""
 
     def greet(self) -> bytes:
         return b""  # it reports by itself
 
-    def parse(self, data: bytes, now: float) -> Parsed:
+    def parse(self, data: bytes, now: float) -> ParsedReports:
         del now
-        *lines, self._begun = (self._begun + data).split(b"\n")
-        parsed = Parsed()
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
+        parsed = ParsedReports()
         for line in lines:
-            word, *figures = line.split() or [b""]
-            if word == b"o" and len(figures) == 5:
-                x, y, heading, linear, angular = (int(figure) / 1000 for figure in figures)
+            word, *values = line.split() or [b""]
+            if word == b"o" and len(values) == 5:
+                x, y, heading, linear, angular = (int(value) / 1000 for value in values)
                 pose, velocity = Pose2D(x, y, heading), Velocity(linear, angular)
                 parsed.states.append(BaseState(pose, velocity, battery_voltage=12.0, battery_percent=80.0))
         return parsed

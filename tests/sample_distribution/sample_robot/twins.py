@@ -1,4 +1,4 @@
-"""Twins for simulated time."""
+"""Simulated devices for simulated time."""
 
 from drivers.base.twin import BaseTwin, make
 from drivers.servos.twin import NeckTwin
@@ -7,15 +7,15 @@ from sample_robot.declared import PeriscopeKeys, RoverKeys
 from sample_robot.periscope import axes
 
 
-def rover(keys: RoverKeys, stage: SimContext) -> BaseTwin:
+def rover(keys: RoverKeys, context: SimContext) -> BaseTwin:
     """Return the twin of the rover: that of any base on two wheels."""
-    return make(keys, stage)
+    return make(keys, context)
 
 
-def periscope(keys: PeriscopeKeys, stage: SimContext) -> NeckTwin:
+def periscope(keys: PeriscopeKeys, context: SimContext) -> NeckTwin:
     """Return the twin of the periscope, over the arm's."""
-    arm = stage.parts["arm"]
+    arm = context.parts["arm"]
     pan, tilt = axes(keys, arm)
     return NeckTwin(
-        arm, stage.clock, pan=pan, tilt=tilt, speed=keys.speed, acceleration=keys.acceleration, report=stage.report
+        arm, context.clock, pan=pan, tilt=tilt, speed=keys.speed, acceleration=keys.acceleration, report=context.report
     )

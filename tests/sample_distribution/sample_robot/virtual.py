@@ -1,34 +1,34 @@
-"""Virtual devices: what the real drivers talk to in a simulation down to the wire."""
+"""Virtual devices at wire level, for the real drivers."""
 
 from math import cos, sin
 
 from drivers.api import HeadPose, Pose2D
-from drivers.sim.base_body import Body
+from drivers.sim.base_body import BaseBody
 from drivers.sim.context import SimContext
-from drivers.virtual.device import Plugged
+from drivers.virtual.device import VirtualDevice
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 
-PERIOD = 0.02
+REPORT_INTERVAL = 0.02
 """Seconds between two reports."""
 
-LIFE = 0.3
+COMMAND_TIMEOUT = 0.3
 """Seconds for which a command is valid."""
 
 
 class VirtualRover:
-    """A ``drivers.virtual.terminal.WireDevice`` that plays the rover, with the body of a base on two wheels."""
+    """Virtual rover with the body of a base on two wheels: a ``drivers.virtual.terminal.WireDevice``."""
 
-    def __init__(self, baud: int, body: Body) -> None:
+    def __init__(self, baud: int, body: BaseBody) -> None:
         self.baud = baud
         self.horned: list[bytes] = []
         self._body = body
         self._start = body.pose
-        self._begun = b""
+        self._partial_line = b""
         self._commanded_at = self._due = float("-inf")
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take commands."""
-        *lines, self._begun = (self._begun + data).split(b"\n")
+        """Handle commands; return the report that is due."""
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         for line in lines:
             word, *figures = line.split()
             if word == b"v" and len(figures) == 2:
@@ -40,41 +40,41 @@ class VirtualRover:
         return self.poll(now)
 
     def poll(self, now: float) -> bytes:
-        """Report where it is, when that is due; it stands still where it is told nothing."""
-        if now - self._commanded_at > LIFE:
+        """Return the report that is due; stop after ``COMMAND_TIMEOUT`` seconds without a command."""
+        if now - self._commanded_at > COMMAND_TIMEOUT:
             self._body.command(0.0, 0.0, now)
         pose = self._body.advance(now)
         if now < self._due:
             return b""
-        self._due = now + PERIOD
+        self._due = now + REPORT_INTERVAL
         moves = self._body.velocity
         figures = (*_seen_from(pose, self._start), moves.linear, moves.angular)
         return b"o %s\n" % b" ".join(b"%d" % round(1000 * figure) for figure in figures)
 
     def pose(self, time: float) -> Pose2D:
-        """Return where it truly is in the world."""
+        """Return the true pose in the world."""
         return self._body.advance(time)
 
 
-def rover(keys: RoverKeys, stage: SimContext) -> Plugged:
+def rover(keys: RoverKeys, context: SimContext) -> VirtualDevice:
     """Return a virtual rover."""
-    device = VirtualRover(keys.baud, stage.body())
-    return Plugged(device, "rover", pose=device.pose)
+    device = VirtualRover(keys.baud, context.make_body())
+    return VirtualDevice(device, "rover", pose=device.pose)
 
 
-def periscope(keys: PeriscopeKeys, stage: SimContext) -> Plugged:
-    """Return the periscope, which sits on the arm's wire, and looks where its joints are."""
-    arm = stage.parts["arm"]
+def periscope(keys: PeriscopeKeys, context: SimContext) -> VirtualDevice:
+    """Return the periscope, which is on the arm's wire, with the direction of its joints."""
+    arm = context.parts["arm"]
 
-    def looks(time: float) -> HeadPose:
+    def head_pose(time: float) -> HeadPose:
         joints = arm.state(time)
         return HeadPose(joints[keys.turned_by], joints[keys.tilted_by])
 
-    return Plugged(None, looks=looks)
+    return VirtualDevice(None, head_pose=head_pose)
 
 
 def _seen_from(pose: Pose2D, start: Pose2D) -> tuple[float, float, float]:
-    """Return a pose as the rover counts it: from where it was switched on."""
+    """Return a pose relative to the one at power-on, as the rover reports it."""
 
     dx, dy = pose.x - start.x, pose.y - start.y
     c, s = cos(start.heading), sin(start.heading)
