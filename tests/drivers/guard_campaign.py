@@ -200,7 +200,7 @@ def _motion(run: RunState, robot: Robot, chance: Random, *, endless: bool = True
         GoTo: {"x": chance.uniform(-2, 4), "y": chance.uniform(-2, 2)},
         Wander: {"speed": chance.uniform(0.1, 0.7)},
     }[kind]
-    leaf: Leaf = kind(kind.word)
+    leaf: Leaf = kind(kind.tag)
     leaf.run, leaf.robot, leaf.kind, leaf.scope = run, robot, leaf.tag, run.variables
     for name, value in given.items():
         setattr(leaf, name, value)

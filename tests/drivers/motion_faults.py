@@ -264,7 +264,18 @@ def leaf_of(case: MotionCase) -> tuple[BaseMotion, dict[str, float]]:
 def strike(stand: Stand, case: MotionCase) -> None:
     """Begin the fault."""
     body, now = stand.body, stand.timeline.clock.now()
-    late = None if stand.odometer is None else stand.odometer.late
+    delay_line = (
+        next(
+            (
+                vars(stand.odometer)[name]
+                for name in ("late", "report_delay", "odometry_delay")
+                if name in vars(stand.odometer)
+            ),
+            None,
+        )
+        if stand.odometer is not None
+        else None
+    )
     begin: Mapping[str, Callable[[], object]] = {
         "blocked": lambda: setattr(body.wheels, "blocked", True),
         "slipping": lambda: setattr(body.wheels, "slip", 0.95),
@@ -277,7 +288,7 @@ def strike(stand: Stand, case: MotionCase) -> None:
         "gyro drift": lambda: body.gyro_drift.set_rate(case.amount, now),
         "e-stop": lambda: setattr(body, "e_stop", True),
         "backup limit": lambda: setattr(body, "backup_limit", BackupLimit(0.025)),
-        "late odometry": lambda: None if late is None else setattr(late, "seconds", case.amount),
+        "late odometry": lambda: None if delay_line is None else setattr(delay_line, "delay", case.amount),
     }
     if case.fault:
         begin[case.fault]()

@@ -221,9 +221,9 @@ def test_a_report_that_cannot_be_read_stops_the_base_at_once(kind: Any, monkeypa
     for _ in range(10):
         rig.wait(0.02)
     assert next(failures, None) is None
-    assert rig.device.steering().given == ZERO_VELOCITY
+    assert rig.device.steering().allowed == ZERO_VELOCITY
     assert rig.truth().x - before < 0.03
-    rig.drive(0.2, 0.0, lambda: rig.device.steering().given == AHEAD)  # it goes on when it is commanded anew
+    rig.drive(0.2, 0.0, lambda: rig.device.steering().allowed == AHEAD)  # it goes on when it is commanded anew
     rig.close()
 
 

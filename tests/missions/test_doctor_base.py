@@ -63,7 +63,7 @@ ENCODERS: dict[str, Wiring] = {
 class Counters:
     """Encoders that are wired wrongly."""
 
-    lost = swapped = False
+    is_lost = is_swapped = False
 
     def __init__(self, wheels: Any, wiring: Wiring) -> None:
         self._wheels, self._wiring = wheels, wiring
@@ -111,9 +111,9 @@ def fault(
 
     wheels.command = command
     if encoders is not ENCODERS[""]:
-        body.counters = Counters(wheels, encoders)
+        body.wheel_encoders = Counters(wheels, encoders)
     if (gyro, drift) != (1.0, 0.0):
-        body.gyro = Gyro(body, gyro, drift)
+        body.gyro_drift = Gyro(body, gyro, drift)
 
 
 class Trial:
@@ -246,11 +246,11 @@ def test_healthy_bases_raise_no_false_alarm() -> None:
         body = body_of(made)
         body.wheels.slip = chance.uniform(0.0, 0.2)
         if made.__class__ in (WireBase, TwinBase):
-            body.gyro = Gyro(body, 1.0, radians(chance.uniform(-0.25, 0.25)))
+            body.gyro_drift = Gyro(body, 1.0, radians(chance.uniform(-0.25, 0.25)))
         if hasattr(made.device, "_gyro_noise"):
             made.device._gyro_noise = radians(chance.uniform(0.0, 0.5))
         if hasattr(getattr(made, "kobuki", None), "late"):
-            made.kobuki.late.seconds = chance.uniform(0.0, 0.3)  # type: ignore[attr-defined]
+            made.kobuki.late.delay = chance.uniform(0.0, 0.3)  # type: ignore[attr-defined]
         _, found = tried(made)
         made.close()
         assert all(verdict == "ok" for verdict, _ in found.values()), (seed, found)

@@ -112,19 +112,19 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--json")
     found = findings(told)
     assert told.code == 0
-    assert found["base", "battery"]["what"] == "16.5 V"
-    assert found["arm", "elbow (servo 2)"]["what"].startswith("AX-12A, firmware")
+    assert found["base", "battery"]["message"] == "16.5 V"
+    assert found["arm", "elbow (servo 2)"]["message"].startswith("AX-12A, firmware")
     nano = found["head", "port"]
     assert nano["verdict"] == "ok"
-    assert "left alone" in nano["what"]
+    assert "left alone" in nano["message"]
     assert json.loads(told.out)["ok"] is True
-    assert found["voice", "driver"]["what"] == "print: not looked at, for it has no check-up"
-    assert found["base", "delay"]["what"] == "not learnt yet"
+    assert found["voice", "driver"]["message"] == "print: not looked at, for it has no check-up"
+    assert found["base", "delay"]["message"] == "not learnt yet"
     kit = LearntDelays(load_robot(Path("kit.yaml")), simulated=False)
     kit.lag.seconds, kit.lag.spread, kit.lag.reports = 0.19, 0.003, MIN_SAMPLES
     kit.save()
     again = findings(mission("--robot", "kit.yaml", "--root", str(desk.root), "--json"))
-    assert again["base", "delay"]["what"] == "190 ms, as earlier runs have learnt"
+    assert again["base", "delay"]["message"] == "190 ms, as earlier runs have learnt"
 
 
 @pytest.mark.usefixtures("plugged")
@@ -148,8 +148,8 @@ def test_parts_that_are_not_plugged_in_are_told(mission: Mission, desk: Recorded
     assert told.code == 1
     found = findings(told)
     for part, port in (("base", "/dev/kobuki"), ("head", "/dev/nano"), ("arm", "/dev/u2d2")):
-        assert found[part, "port"]["what"] == f"nothing is plugged in at {port}"
-        assert found[part, "port"]["cure"].startswith("mission ports")
+        assert found[part, "port"]["message"] == f"nothing is plugged in at {port}"
+        assert found[part, "port"]["fix"].startswith("mission ports")
 
 
 def test_a_part_that_the_robot_has_not_cannot_be_plugged_in_elsewhere(mission: Mission) -> None:
@@ -171,8 +171,8 @@ def test_a_driver_whose_check_up_fails_is_told_and_the_others_are_looked_at(
     foreign = Driver("kobuki", "base", "", declared.KobukiKeys, make="", checkup=f"{__name__}:failing")
     monkeypatch.setattr(declared, "KOBUKI", foreign)
     found = findings(mission("--robot", "kit.yaml", "--root", str(desk.root), "--json"))
-    assert found["base", "lamp"]["what"] == "KobukiKeysTrue"
-    assert found["base", "driver"]["what"] == "the check-up of base.kobuki fails: ZeroDivisionError: "
+    assert found["base", "lamp"]["message"] == "KobukiKeysTrue"
+    assert found["base", "driver"]["message"] == "the check-up of base.kobuki fails: ZeroDivisionError: "
     assert ("arm", "elbow (servo 2)") in found
 
 
@@ -328,9 +328,9 @@ def test_the_cure_of_a_servo_that_has_shut_down_cures_it(
     servos[1].overload()
     asked = ("--robot", "kit.yaml", "--root", str(desk.root), "--json")
     shut = findings(mission(*asked))["arm", "elbow (servo 2)"]
-    assert shut["what"] == "it has shut down: overload"
+    assert shut["message"] == "it has shut down: overload"
     servos[1].load = 0.0  # the cause is removed
-    cure = shlex.split(shut["cure"].partition("then: mission ")[2])
+    cure = shlex.split(shut["fix"].partition("then: mission ")[2])
     port = str(Path(desk.root / "dev/u2d2").resolve())
     assert command(capsys, *cure, "--port", port).code == 0
     assert findings(mission(*asked))["arm", "elbow (servo 2)"]["verdict"] == "ok"
@@ -345,7 +345,7 @@ def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
     kept = json.loads(checkup_file().read_text())
     told = {(each["part"], each["about"]): each for each in kept["ailing"]}
     assert kept["robot"] == "kit"
-    assert told["base", "port"]["what"] == "nothing is plugged in at /dev/USER"
+    assert told["base", "port"]["message"] == "nothing is plugged in at /dev/USER"
     assert told["base", "port"]["verdict"] == "wrong"
     assert all(each["verdict"] != "ok" for each in kept["ailing"])
 
@@ -363,7 +363,7 @@ def test_the_cure_of_a_second_arm_names_it(
         terminal.open()
         desk.port("ttyUSB0", "0403:6014", behind=terminal.path, rule="u2d2")
         told = mission("--robot", str(file), "--root", str(desk.root), "--json")
-    assert findings(told)["right_arm", "lift (servo 1)"]["cure"].endswith(f"--robot {file} --arm right_arm")
+    assert findings(told)["right_arm", "lift (servo 1)"]["fix"].endswith(f"--robot {file} --arm right_arm")
 
 
 def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mission, desk: RecordedMachine) -> None:

@@ -154,8 +154,8 @@ def test_in_a_simulated_room_the_head_is_tried_and_judged(tmp_path: Path, flippe
     runner.observe(on_frame=log)
     assert runner.twins is not None
     twin: Any = runner.twins.parts["head"]
-    axes = zip(("pan", "tilt"), twin._built, strict=True)
-    twin._built = tuple(replace(axis, flip=axis.flip is not (name == flipped)) for name, axis in axes)
+    axes = zip(("pan", "tilt"), twin._untrimmed_axes, strict=True)
+    twin._untrimmed_axes = tuple(replace(axis, flip=axis.flip is not (name == flipped)) for name, axis in axes)
     result = runner.run()
     assert result.result == "success", result.reason
     leaf = next(node for node in runner.root.iterate() if isinstance(node, TryHead))

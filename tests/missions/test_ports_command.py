@@ -65,7 +65,7 @@ def test_programs_get_the_same_as_json(mission: Mission, desk: RecordedMachine) 
     told = json.loads(mission("--json").out)
     (port,) = told["ports"]
     assert (port["path"], port["answers"], port["usb"]["vendor"]) == ("/dev/ttyUSB0", None, "1a86")
-    assert [trouble["cure"] for trouble in port["troubles"]] == [
+    assert [trouble["fix"] for trouble in port["troubles"]] == [
         "mission ports --ask /dev/ttyUSB0  (hands off the robot)"
     ]
     assert told["cameras"][0]["name"] == "HD Webcam"

@@ -99,7 +99,7 @@ from missions.cli import run
 from missions.request import RunRequest
 from missions.runner import Runner
 runner = Runner(RunRequest("square_3m", robot="turtlebot2"))
-assert runner.assembled.robot.base_part is not None
+assert runner.assembled_robot.robot.base_part is not None
 print("\\n".join(sys.modules))
 """
 
