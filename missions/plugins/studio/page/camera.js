@@ -43,7 +43,7 @@ export async function paint(canvas, picture) {
 /** Say in words what was found. */
 export function found(picture) {
   const names = (picture.found ?? []).map((each) => (each.name ? `${each.kind} ${each.name}` : each.kind));
-  return names.length ? `sees ${names.join(", ")}` : "sees nobody and nothing that it knows";
+  return names.length ? `sees ${names.join(", ")}` : "no detections";
 }
 
 export class Camera extends HTMLElement {
@@ -100,7 +100,7 @@ export class Camera extends HTMLElement {
     try {
       await paint(this.#canvas, picture);
     } catch {
-      put(this.#said, "a picture that cannot be read");
+      put(this.#said, "unreadable picture");
     } finally {
       this.#busy = false;
       if (this.#watcher.lives) this.#watcher.send("seen", { t: picture.t });

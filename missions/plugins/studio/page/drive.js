@@ -37,7 +37,7 @@ export class Drive {
   #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
   #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
   #take = button("Take the wheels", () => this.#wheels(), { class: "main" });
-  #resume = button("Go on", () => this.#watcher.ask("resume").catch(tell), { hidden: true });
+  #resume = button("Resume", () => this.#watcher.ask("resume").catch(tell), { hidden: true });
   #said = el("p", { class: "wheels", role: "status" });
   #asked = el("div", { class: "warning", role: "alert", hidden: true });
   #delay = el("p", { class: "facts delay" });
@@ -50,7 +50,7 @@ export class Drive {
   #begun = null; // the form of it, once it was asked for
   #target = null; // what in it says on what
   #edition = "";
-  #pad = el("p", { class: "hint" }, "Game pad: press one of its buttons to be seen.");
+  #pad = el("p", { class: "hint" }, "Game pad: press a button to connect it.");
 
   constructor({ link, watcher, stop }) {
     this.#link = link;
@@ -113,7 +113,7 @@ export class Drive {
       const library = await this.#begun;
       const target = (this.#target = new Target(library));
       this.#edition = library.edition;
-      const seeing = toggle("With its head and its camera", true);
+      const seeing = toggle("With head and camera", true);
       const begin = button("Drive without a mission", async () => {
         begin.disabled = true;
         try {
@@ -163,7 +163,7 @@ export class Drive {
     });
     for (const stick of [this.#base, this.#head]) stick.addEventListener("push", () => this.#push(stick));
     addEventListener("gamepaddisconnected", () => {
-      put(this.#pad, "The game pad is gone.");
+      put(this.#pad, "The game pad was disconnected.");
       this.#block();
     });
   }
@@ -196,7 +196,7 @@ export class Drive {
     }
     if (!pad || !this.#shown) return [];
     const held = pad.buttons[SHOULDER]?.pressed;
-    put(this.#pad, held ? "Game pad: drives." : "Game pad: hold its left shoulder button to drive; its right red button is STOP.");
+    put(this.#pad, held ? "Game pad: driving." : "Game pad: hold the left shoulder button to drive; the red button on the right is STOP.");
     if (!held) return [];
     const [x, y, pan, tilt] = pad.axes.map((value) => (Math.abs(value) < PAD_DEAD ? 0 : value));
     return [-y, -x, -(pan ?? 0), tilt ?? 0];
@@ -211,12 +211,12 @@ export class Drive {
   /** Why the base does not obey; an empty text where it does. */
   get #refusal() {
     if (!this.#watcher.lives || !this.#link.open || this.#link.welcome?.role !== "operator") return "";
-    if (this.#mine && performance.now() - this.#watcher.came > OLDEST) return "Driving is refused: no new state comes from the robot.";
+    if (this.#mine && performance.now() - this.#watcher.came > OLDEST) return "Driving is refused: no new state from the robot.";
     if (this.#roundTrip > OLDEST) {
-      return "Driving is refused: the link is too slow. You would see too late what the robot does, and it would stop too late. "
-        + "Go nearer to its wireless network, or switch the camera off.";
+      return "Driving is refused: the connection is too slow. You would see the robot too late, and it would stop too late. "
+        + "Move closer to its wireless network, or switch the camera off.";
     }
-    if (this.#blocked && this.#refused) return "The base was stopped. Let go of all, then drive again.";
+    if (this.#blocked && this.#refused) return "The base was stopped. Let go of all controls, then drive again.";
     return "";
   }
 
@@ -225,7 +225,7 @@ export class Drive {
     const known = this.#watcher.lives && this.#link.open;
     const delay = this.#roundTrip;
     const told = delay < 1000 ? `${Math.round(delay / 10) * 10} ms` : seconds(delay / 1000);
-    put(this.#delay, known ? `Round trip: ${told} (up to ${OLDEST} ms to drive)` : "");
+    put(this.#delay, known ? `Round trip: ${told} (driving needs at most ${OLDEST} ms)` : "");
     const refusal = this.#refusal;
     put(this.#slow, refusal);
     this.#slow.hidden = !refusal;
@@ -289,7 +289,7 @@ export class Drive {
     }
     try {
       const { yours } = await this.#watcher.ask("take");
-      if (!yours) tell("The driver has been asked for the wheels.", "good");
+      if (!yours) tell("The driver was asked for the wheels.", "good");
     } catch (error) {
       tell(error);
     }
@@ -306,9 +306,9 @@ export class Drive {
     this.#take.disabled = !operator || !lives || !base || !this.#link.open || Boolean(asked);
     put(this.#take, mine ? "Give up the wheels" : state?.driver ? `Ask ${state.driver} for the wheels` : "Take the wheels");
     let words = "The mission drives.";
-    if (!lives) words = "Nothing runs that could be driven.";
+    if (!lives) words = "There is no run to drive.";
     else if (!base) words = "This run has no base to drive.";
-    else if (!operator) words = "You may look, and stop.";
+    else if (!operator) words = "You can watch and stop.";
     else if (mine) words = state.stopped ? "A stop is latched: release it first." : this.#refusal ? "You have the wheels." : `You drive.${state.paused ? " The mission is paused." : ""}`;
     else if (asked) words = `You have asked ${state.driver} for the wheels.`;
     else if (state.driver) words = `${state.driver} drives.`;

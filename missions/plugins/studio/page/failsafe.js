@@ -2,7 +2,7 @@
 
 import { button, choice, el, field, panel, put, tell } from "./dom.js";
 
-const NAMES = { who: "Who drives", wish: "Where to", fault: "What happens", battery: "Battery", reflexes: "Reflexes" };
+const NAMES = { who: "Controlled by", wish: "Motion", fault: "Fault", battery: "Battery", reflexes: "Reflexes" };
 const PATIENCE = 20000; // milliseconds: the first answer waits for a reader's process to start
 
 export class Failsafe {
@@ -18,7 +18,7 @@ export class Failsafe {
 
   constructor({ link }) {
     this.#link = link;
-    const tools = el("div", { class: "tools" }, button("Before", () => this.#go(this.#at - 1)), button("Next", () => this.#go(this.#at + 1)), this.#clock);
+    const tools = el("div", { class: "tools" }, button("Previous", () => this.#go(this.#at - 1)), button("Next", () => this.#go(this.#at + 1)), this.#clock);
     this.node = el("div", { class: "view failsafe" }, panel("Failsafe", "failsafe", this.#said, this.#form, tools, this.#list));
   }
 
@@ -35,9 +35,9 @@ export class Failsafe {
       const { robot, choices, chosen, moments } = await this.#link.ask({ do: "failsafe", ...this.#chosen }, PATIENCE);
       if (number !== this.#asked) return; // another one was chosen meanwhile
       if (!this.#form.childElementCount) this.#draw(choices, chosen);
-      put(this.#said, `The base of ${robot}, by the rules of its driver. What happens does so at 0 s; who commands tries again whenever it has failed.`);
+      put(this.#said, `The base of ${robot}, with the rules of its driver. The fault begins at 0 s. A mission or person tries again after each failure.`);
       this.#steps = moments.map(({ t, ahead, words }) =>
-        el("li", null, el("b", null, `${t.toFixed(2)} s`), el("span", null, words), el("em", null, `${(100 * ahead).toFixed(0)} cm from there`)));
+        el("li", null, el("b", null, `${t.toFixed(2)} s`), el("span", null, words), el("em", null, `${(100 * ahead).toFixed(0)} cm since the fault`)));
       this.#list.replaceChildren(...this.#steps);
       this.#go(Math.max(0, moments.findIndex((each) => each.t >= 0)));
     } catch (error) {

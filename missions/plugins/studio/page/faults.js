@@ -7,8 +7,8 @@ export class Faults {
   #watcher;
   #what = choice([]);
   #time = el("input", { type: "text", value: "2 s", autocomplete: "off" });
-  #strike = button("Let it happen", () => this.#happen());
-  #form = el("div", { class: "faults" }, field("What goes wrong", this.#what), field("For how long", this.#time, "Empty: for good"), this.#strike);
+  #strike = button("Inject fault", () => this.#happen());
+  #form = el("div", { class: "faults" }, field("Fault", this.#what), field("Duration", this.#time, "Empty: until the run ends"), this.#strike);
   #about = el("p", { class: "hint", role: "status" });
   #told = "";
 
@@ -28,7 +28,7 @@ export class Faults {
   async show() {
     const { examples, command } = await this.#watcher.ask("faults");
     this.#draw(examples);
-    put(this.#about, examples.length ? "" : `Only in simulated time: ${command}`);
+    put(this.#about, examples.length ? "" : `Faults need simulated time: ${command}`);
   }
 
   #draw(examples) {
@@ -50,7 +50,7 @@ export class Faults {
     const words = this.#time.disabled ? this.#what.value : `${this.#what.value} ${this.#time.value}`.trim();
     try {
       await this.#watcher.ask("fault", { what: words });
-      put(this.#about, `It happens: ${words}`);
+      put(this.#about, `Injected: ${words}`);
     } catch (error) {
       tell(error);
     }

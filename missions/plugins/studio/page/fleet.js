@@ -41,7 +41,7 @@ export class Fleet {
       const { fleet, robots, missing } = await this.#link.ask({ do: "fleet" });
       const text = JSON.stringify([robots.map((each) => ({ ...each, age: 0 })), missing]);
       if (text === this.#told) return; // what has the keyboard keeps it
-      put(this.#said, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `Nobody is in fleet ${fleet}: mission task serve --fleet ${fleet}`);
+      put(this.#said, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `No robots in fleet ${fleet}: mission task serve --fleet ${fleet}`);
       this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
       this.#told = text; // once it is shown: what failed is tried again
     } catch (error) {

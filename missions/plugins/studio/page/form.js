@@ -49,7 +49,7 @@ function help(param) {
   const { low, high } = param;
   const bounds = low && high ? `${low} to ${high}` : low ? `at least ${low}` : high ? `at most ${high}` : "";
   const list = param.kind === "list" ? `a list of ${param.of}: [one, two]` : "";
-  return [param.help, list, bounds, param.default === null ? "must be given" : ""].filter(Boolean).join(" · ");
+  return [param.help, list, bounds, param.default === null ? "required" : ""].filter(Boolean).join(" · ");
 }
 
 /** The params of a mission as a form. */
@@ -99,15 +99,15 @@ export class Params {
     const { values, missing } = this.changed;
     if (!missing) return values;
     this.#controls.get(missing).labelled.focus();
-    throw new Error(`“${plain(missing.name)}” must be given.`);
+    throw new Error(`“${plain(missing.name)}” is required.`);
   }
 }
 
 const HOW = [
   ["fast", "simulated time"],
-  ["wire", "real time, down to the wires"],
+  ["wire", "real time, virtual devices"],
 ];
-const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", "2 ×"], ["5", "5 ×"], ["20", "20 ×"], ["", "as fast as it can"]];
+const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", "2 ×"], ["5", "5 ×"], ["20", "20 ×"], ["", "as fast as possible"]];
 
 /** On what a mission runs: simulated, or on a robot, which moves. Kept from mission to mission. */
 export class Target {
@@ -121,9 +121,9 @@ export class Target {
     this.speed = choice(SPEEDS, "1");
     this.options = library.options;
     this.seed = el("input", { type: "text", inputmode: "numeric", value: String(this.options.seed.default), size: "6" });
-    this.sure = toggle("I have looked: there is room around the robot, and I can reach its switch.", false);
+    this.sure = toggle("I have checked: the robot has room to move, and I can reach its switch.", false);
     this.sure.classList.add("sure");
-    const kinds = el("div", { class: "segments", role: "radiogroup", "aria-label": "On what" });
+    const kinds = el("div", { class: "segments", role: "radiogroup", "aria-label": "Where it runs" });
     this.kinds = [["Simulated", false], ["On the robot", true]].map(([text, real]) => {
       const input = el("input", { type: "radio", name: "real", onchange: () => this.#choose(real), ...(!real && { checked: true }) });
       kinds.append(el("label", null, input, el("span", null, text)));
@@ -131,7 +131,7 @@ export class Target {
     });
     this.paced = field("Speed", this.speed, this.options.speed.help);
     const seed = field("Seed", this.seed, this.options.seed.help);
-    this.simulated = el("div", { class: "fields two" }, field("World", this.world, this.options.world.help), field("How", this.how), this.paced, seed);
+    this.simulated = el("div", { class: "fields two" }, field("World", this.world, this.options.world.help), field("Simulation", this.how), this.paced, seed);
     this.moving = el("div", { class: "warning", hidden: true }, el("p", null, "The robot will move."), this.sure);
     this.how.addEventListener("change", () => (this.paced.hidden = this.how.value !== "fast"));
     this.node = el("div", { class: "target" }, kinds, field("Robot", this.robot), this.simulated, this.moving);
@@ -140,8 +140,8 @@ export class Target {
   /** Offer the robots and worlds that there are now. */
   update({ robots, worlds }) {
     const named = (each) => [each.name, [heading(each), each.trouble ? "has errors" : each.summary].filter(Boolean).join(": ")];
-    offer(this.robot, [["", "the usual one"], ...robots.map(named)]);
-    offer(this.world, [["", "the usual one"], ...worlds.map(named)]);
+    offer(this.robot, [["", "default"], ...robots.map(named)]);
+    offer(this.world, [["", "default"], ...worlds.map(named)]);
   }
 
   /** Whether a robot would move. */
@@ -173,7 +173,7 @@ export class Target {
     if (later) return found;
     const seed = Number(this.seed.value);
     const { low } = this.options.seed;
-    if (!Number.isSafeInteger(seed) || seed < low) throw new Error(`The seed is a whole number from ${low} upwards.`);
+    if (!Number.isSafeInteger(seed) || seed < low) throw new Error(`The seed must be a whole number of at least ${low}.`);
     return { ...found, seed, ...(this.how.value === "fast" && this.speed.value && { speed: Number(this.speed.value) }) };
   }
 }

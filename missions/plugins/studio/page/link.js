@@ -105,10 +105,10 @@ export class Link {
     return new Promise((resolve, reject) => {
       const id = ++this.#number;
       if (!this.send({ ...command, id })) {
-        reject(new StudioError({ error: "lost", message: "The link to the studio is lost: nothing was sent." }));
+        reject(new StudioError({ error: "lost", message: "No connection to the studio: nothing was sent." }));
         return;
       }
-      const timer = setTimeout(() => this.#settle(id, { ok: false, error: "no_answer", message: "The studio has not answered." }), patience);
+      const timer = setTimeout(() => this.#settle(id, { ok: false, error: "no_answer", message: "The studio did not reply in time." }), patience);
       this.#asked.set(id, { resolve, reject, timer });
     });
   }
@@ -168,7 +168,7 @@ export class Link {
 
   #lost() {
     this.#socket.onmessage = this.#socket.onclose = null;
-    for (const id of [...this.#asked.keys()]) this.#settle(id, { ok: false, error: "lost", message: "The link was lost before the answer came." });
+    for (const id of [...this.#asked.keys()]) this.#settle(id, { ok: false, error: "lost", message: "The connection was lost before the reply." });
     if (this.how === "old" || this.how === "refused") return;
     this.#become("lost");
     const wait = WAITS[Math.min(this.#tries++, WAITS.length - 1)];

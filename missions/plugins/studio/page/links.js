@@ -12,7 +12,7 @@ export function links(link, stop) {
   const press = button("New links", async () => {
     clearTimeout(armed);
     if (press.textContent === "New links") {
-      put(press, "Shut all others out?");
+      put(press, "Sign out everyone else?");
       armed = setTimeout(() => put(press, "New links"), ARMED);
       return;
     }
@@ -22,11 +22,11 @@ export function links(link, stop) {
       keep_proof((await fetch(`/?token=${operator}`, { cache: "no-store" })).url); // and this page has its new cookie
       stop.retry(); // its connection was shut out, and may have been refused since
       const row = (title, token) => el("p", null, `${title}: `, el("code", null, `${location.origin}/?token=${token}`));
-      found.replaceChildren(row("For operators", operator), row("To look and stop only", viewer));
+      found.replaceChildren(row("For operators", operator), row("For viewers, who watch and stop", viewer));
     } catch (error) {
       tell(error);
     }
   });
-  const about = el("p", { class: "hint" }, "Whoever came by the former links is shut out, and what they drive stands.");
-  return panel("Who may", "who", about, press, found);
+  const about = el("p", { class: "hint" }, "The old links stop working. Everyone who used them is signed out, and what they drive stops.");
+  return panel("Permissions", "who", about, press, found);
 }

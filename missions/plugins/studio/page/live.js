@@ -26,7 +26,7 @@ export class Live {
   #variables = new Variables(this.#tree);
   #parts = new Parts();
   #joints = new Joints();
-  #spoken = new Lines("What is said and heard", ["said", "heard"]);
+  #spoken = new Lines("Speech", ["said", "heard"]);
   #log = new Lines("Log");
   #pause = button("Pause", () => this.#do(this.#watcher.state?.paused ? "resume" : "pause"));
   #step = button("Step", () => this.#do("step"));
@@ -49,7 +49,7 @@ export class Live {
       el("div", { class: "actions begin" }, el("a", { class: "button", href: "#run" }, "Choose a mission"), el("a", { class: "button", href: "#drive" }, "Drive without a mission")),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", tools, this.#tree), panel("Variables", "values", this.#variables.node)),
-        el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Said and heard", "spoken", this.#spoken.node)),
+        el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Speech", "spoken", this.#spoken.node)),
         el("div", null, panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
     this.#camera.begin(watcher);
     watcher.addEventListener("which", () => this.#clear());
@@ -80,8 +80,8 @@ export class Live {
     this.#plan.clear();
     this.#tree.clear();
     this.node.classList.add("none");
-    put(this.#title, this.#watcher.run ? "…" : "Nothing runs");
-    put(this.#facts, this.#watcher.run ? "" : "Start a mission from Run, or on a terminal: it shows here.");
+    put(this.#title, this.#watcher.run ? "…" : "No run");
+    put(this.#facts, this.#watcher.run ? "" : "Start a mission in Run or in a terminal to see it here.");
     put(this.#result, "");
     this.#controls();
   }
@@ -129,14 +129,14 @@ export class Live {
     const may = this.#link.welcome?.role === "operator" && this.#link.open && lives;
     const stopped = Boolean(state?.stopped);
     put(this.#clock, state ? seconds(state.t) : "");
-    put(this.#pause, state?.paused ? "Go on" : "Pause");
+    put(this.#pause, state?.paused ? "Resume" : "Pause");
     this.#pause.disabled = !may || stopped;
     this.#step.disabled = !may || stopped || !state.paused;
     this.#halt.disabled = !may || state.stopping;
     let result = "";
     if (over) result = ending(over.result, over.reason);
     else if (stopped) result = `■ ${state.stopped}`;
-    else if (state?.stopping) result = "is being ended…";
+    else if (state?.stopping) result = "ending…";
     else if (state?.paused) result = "❚❚ paused";
     else if (state?.driver) result = `${state.driver} drives`;
     put(this.#result, result);
@@ -147,7 +147,7 @@ export class Live {
     const age = this.#watcher.lives ? performance.now() - this.#watcher.came : 0;
     const old = age > OLD || (this.#watcher.lives && !this.#link.open);
     this.node.classList.toggle("old", old);
-    put(this.#age, old ? `No news for ${seconds(Math.round(age / 1000))}: this is how it was.` : "");
+    put(this.#age, old ? `No news for ${seconds(Math.round(age / 1000))}: the view is out of date.` : "");
   }
 
   async #do(word) {

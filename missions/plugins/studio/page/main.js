@@ -56,8 +56,8 @@ function named(part) {
 function runs() {
   const there = watcher.runs;
   const options = there.map((each) => [each.run, `${plain(each.mission)}, ${plain(each.robot)}, ${reality(each.simulated)}`]);
-  if (watcher.run && !watcher.entry) options.unshift([watcher.run, `${plain(watcher.scene?.mission ?? watcher.run)} (over)`]);
-  if (!options.length) options.push(["", "nothing runs"]);
+  if (watcher.run && !watcher.entry) options.unshift([watcher.run, `${plain(watcher.scene?.mission ?? watcher.run)} (ended)`]);
+  if (!options.length) options.push(["", "no runs"]);
   which.replaceChildren(...options.map(([value, text]) => el("option", { value }, text)));
   which.value = watcher.run;
 }
@@ -65,13 +65,13 @@ function runs() {
 function told() {
   const age = link.age;
   const slow = link.open && (age > 2500 || link.roundTrip > OLDEST);
-  const how = age > 2500 ? `no word for ${seconds(age / 1000)}` : `slow link: STOP takes ${seconds(link.roundTrip / 1000)} there and back`;
+  const how = age > 2500 ? `no message for ${seconds(age / 1000)}` : `slow connection: round trip ${seconds(link.roundTrip / 1000)}`;
   const words = {
     connecting: "connecting…",
-    open: slow ? how : `${link.welcome?.role}${link.welcome?.role === "viewer" ? ": you may look, and stop" : ""}`,
-    lost: `link lost ${Number.isFinite(age) ? `${seconds(Math.round(age / 1000))} ago` : ""}, trying again`,
-    refused: "not allowed: open the link that mission studio has printed",
-    old: "this page is old: reload it",
+    open: slow ? how : `${link.welcome?.role}${link.welcome?.role === "viewer" ? ": you can watch and stop" : ""}`,
+    lost: `connection lost ${Number.isFinite(age) ? `${seconds(Math.round(age / 1000))} ago` : ""}, reconnecting`,
+    refused: "not signed in: open the link that mission studio printed",
+    old: "this page is out of date: reload it",
   };
   put(said, words[link.how]);
   said.className = `link ${slow ? "lost" : link.how}`;
@@ -83,7 +83,7 @@ link.on("how", (how) => {
   told();
   if (how === "open") show();
   if (how === "old") {
-    tell("The studio has another version of this page now.");
+    tell("The studio now serves another version of this page.");
     document.getElementById("notes").lastChild.prepend(el("button", { type: "button", class: "main", onclick: () => location.reload() }, "Reload"));
   }
 });

@@ -30,7 +30,7 @@ export class Variables {
       if (value === row.text) continue;
       if (row.text !== null && row.text !== undefined) put(row.was, `was ${row.text}`);
       row.text = value;
-      put(row.value, value ?? "not known any more");
+      put(row.value, value ?? "not set any more");
       const found = NUMBER.exec(value ?? "");
       if (!found) continue;
       row.past.push([t, Number(found[0])]);
@@ -150,7 +150,7 @@ export class Lines {
 
   add(events, lost = 0) {
     const rows = [];
-    if (lost) rows.push(el("li", { class: "warn" }, el("span", null, `${lost} lines are missing: the link was too slow`)));
+    if (lost) rows.push(el("li", { class: "warn" }, el("span", null, `${lost} lines are missing: the connection was too slow`)));
     for (const event of events ?? []) {
       const [kind, text] = line(event);
       if (silent(event) || (this.#only && !this.#only.includes(kind))) continue;

@@ -14,7 +14,7 @@ const LARGEST = 60000; // letters of base64, as a message has room for
  */
 export async function pose(place, ask, send) {
   if (!navigator.mediaDevices)
-    throw new Error("A browser gives its camera only to pages by https, or of its own computer: mission studio --certificate, or ssh -L 8642:127.0.0.1:8642.");
+    throw new Error("A browser allows its camera only over https or on this computer: mission studio --certificate, or ssh -L 8642:127.0.0.1:8642.");
   const stream = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
   const video = document.createElement("video");
   try {

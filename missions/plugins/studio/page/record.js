@@ -54,7 +54,7 @@ export class Record {
     this.#link = link;
     this.#name = name;
     this.#joints.panel = panel("Arm", "arm", this.#joints.node);
-    this.node = el("article", { class: "record" }, el("p", { class: "empty" }, "It is being read…"));
+    this.node = el("article", { class: "record" }, el("p", { class: "empty" }, "Reading…"));
     this.#slider.addEventListener("input", () => this.go(Number(this.#slider.value)));
     this.#log.node.addEventListener("click", (event) => {
       const line = event.target.closest("li[data-t]");
@@ -176,7 +176,7 @@ export class Record {
     for (const t of piece.failures) this.#mark(t, "failed");
     const { failures, more, result } = this.#record;
     const failed = `${failures.length || "no"} ${failures.length === 1 ? "step" : "steps"} failed`;
-    put(this.#told, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: it is being read…`}`);
+    put(this.#told, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: reading…`}`);
     this.#log.add(piece.log);
   }
 
@@ -239,7 +239,7 @@ export class Record {
     this.#plan.show({ pose: moment.pose, percept: moment.percept ?? {}, scan: moment.scan });
     this.#plan.way(way);
     this.#canvas.hidden = !moment.picture;
-    put(this.#seen, moment.picture ? found(moment.picture) : "no picture of this moment");
+    put(this.#seen, moment.picture ? found(moment.picture) : "no picture at this moment");
     if (moment.picture) await paint(this.#canvas, moment.picture);
   }
 }

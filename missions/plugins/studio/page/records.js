@@ -42,18 +42,18 @@ export class Records {
 
   /** Where two records first decide differently, how they ended, and what they were run with. */
   #compared([name, other]) {
-    const [said, table] = [el("p", null, "They are being compared…"), el("table")];
-    const became = (change) => (change ? `${seconds(change.t)}: ${change.status}${change.reason ? `, ${change.reason}` : ""}` : "did not get there");
+    const [said, table] = [el("p", null, "Comparing…"), el("table")];
+    const became = (change) => (change ? `${seconds(change.t)}: ${change.status}${change.reason ? `, ${change.reason}` : ""}` : "did not reach it");
     const row = (what, a, b) => el("tr", null, el("th", { scope: "row" }, what), el("td", null, a), el("td", null, b));
     const show = ({ a, b, nodes, settings, split }) => {
       const there = split && Math.min(...[split.a, split.b].filter(Boolean).map((change) => change.t));
-      said.replaceChildren(...(split ? [`They first decide differently at ${split.name || split.kind}, line ${split.line}. `, button("Go there", () => this.#open.get(name)?.go(there))] : [`They decide alike: ${nodes} nodes compared, no difference.`]));
+      said.replaceChildren(...(split ? [`First different decision: ${split.name || split.kind}, line ${split.line}. `, button("Show it", () => this.#open.get(name)?.go(there))] : [`No difference: ${nodes} nodes compared.`]));
       table.append(row("ended", ...[a, b].map(({ end }) => ending(end?.result ?? "", end?.reason ?? ""))));
       if (split) table.append(row("decided", became(split.a), became(split.b)));
       for (const [what, pair] of Object.entries(settings)) table.append(row(plain(what), pair.a ?? "–", pair.b ?? "–"));
     };
     this.#link.ask({ do: "compare", name, other }).then(show, (error) => put(said, `${error.message}${error.hint ? `\nTry: ${error.hint}` : ""}`));
-    return panel("Compared", "compared", said, table);
+    return panel("Comparison", "compared", said, table);
   }
 
   hide() {
@@ -62,7 +62,7 @@ export class Records {
 
   #beside([first, second]) {
     const others = this.#records.filter((each) => each.name !== first && !each.trouble);
-    const select = choice([["", "alone"], ...others.map((each) => [each.name, `${plain(each.mission)}, ${day(each.began)}`])], second ?? "");
+    const select = choice([["", "no other record"], ...others.map((each) => [each.name, `${plain(each.mission)}, ${day(each.began)}`])], second ?? "");
     select.setAttribute("aria-label", "Compare with");
     select.addEventListener("change", () => {
       location.hash = `#records/${[first, select.value].filter(Boolean).map(encodeURIComponent).join("/")}`;

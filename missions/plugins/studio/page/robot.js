@@ -17,7 +17,7 @@ export class Robot {
   #joints = new Joints();
   #knobs = el("div", { class: "knobs" });
   #file = el("p", { class: "hint", role: "status" });
-  #keep = button("Write into the robot file", () => this.#write());
+  #keep = button("Write to the robot file", () => this.#write());
   #told = "";
   #faults;
 
@@ -26,7 +26,7 @@ export class Robot {
     this.#watcher = watcher;
     this.#faults = new Faults({ link, watcher });
     this.#joints.panel = panel("Arm", "arm", this.#joints.node);
-    const about = el("p", { class: "hint" }, "What you change holds until the run ends, unless you write it into the robot file, whose comments stay. Joints obey from their next goal on.");
+    const about = el("p", { class: "hint" }, "A change holds until the run ends. To keep it, write it to the robot file; comments there stay. Joints use a new limit from their next goal on.");
     this.node = el("div", { class: "view robot" }, el("div", null, this.#title, this.#facts),
       el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel, this.#faults.panel),
         panel("Trims and limits", "tuning", about, this.#knobs, el("div", { class: "actions" }, this.#keep), this.#file)));
@@ -39,8 +39,8 @@ export class Robot {
   async show() {
     const { scene, state, lives } = this.#watcher;
     this.node.classList.toggle("none", !scene);
-    put(this.#title, scene ? plain(scene.robot) : "Nothing runs");
-    put(this.#facts, scene ? `${plain(scene.mission)} · ${reality(scene.simulated)}` : "Start a mission from Run: its robot shows here.");
+    put(this.#title, scene ? plain(scene.robot) : "No run");
+    put(this.#facts, scene ? `${plain(scene.mission)} · ${reality(scene.simulated)}` : "Start a mission in Run to see its robot here.");
     if (state) this.#state(state);
     if (!lives) return;
     try {
@@ -97,7 +97,7 @@ export class Robot {
       // What is shown is rounded: its ends mean the ends.
       const value = [knob.low, knob.high].find((end) => figure(end) === String(typed)) ?? typed / factor;
       if (Number.isFinite(value)) this.#tune(knob.name, value);
-      else tell(`${plain(label)}: “${input.value}” is no number`);
+      else tell(`${plain(label)}: “${input.value}” is not a number`);
     });
     return el("label", { class: knob.tuned ? "tune tuned" : "tune" }, el("span", null, plain(name)), el("span", { class: "joined" }, input, el("span", { class: "unit" }, unit)));
   }
@@ -115,7 +115,7 @@ export class Robot {
   async #write() {
     try {
       const { file, changes } = await this.#link.ask({ do: "keep_tuning", run: this.#watcher.run });
-      tell(changes.length ? `Written into ${file}: ${changes.join("; ")}` : `${file} says so already.`, "good");
+      tell(changes.length ? `Wrote to ${file}: ${changes.join("; ")}` : `${file} has these values already.`, "good");
     } catch (error) {
       tell(error);
     }

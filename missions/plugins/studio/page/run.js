@@ -24,7 +24,7 @@ export class Run {
   #trouble = el("p", { class: "trouble", role: "alert" });
   #search = el("input", { type: "search", placeholder: "Search missions", "aria-label": "Search missions" });
   #list = el("ul", { class: "missions" });
-  #yours = el("li", { class: "group" }, "Yours");
+  #yours = el("li", { class: "group" }, "Your missions");
   #shipped = el("li", { class: "group" }, "Shipped with MissionTree");
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
@@ -32,14 +32,14 @@ export class Run {
   #enrol = button("Add with the robot's camera", () => this.#add(false));
   #enrolHere = button("Add with this browser's camera", () => this.#add(true));
   #seen = el("div", { class: "pose" });
-  #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of who stands alone before the camera, and wants to be known"), el("div", { class: "actions" }, this.#enrol, this.#enrolHere), this.#seen);
+  #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of the person in front of the camera; ask them first"), el("div", { class: "actions" }, this.#enrol, this.#enrolHere), this.#seen);
   #checkup = el("div", { class: "hint" });
   #form = el("div", { class: "chosen" }, el("p", { class: "empty" }, "Reading the missions…"));
   #links = el("div", { hidden: true });
-  #approval = toggle("Begin it only once somebody has approved it", false);
+  #approval = toggle("Needs approval before it begins", false);
   #go = button("Run", () => this.#start(), { class: "main" });
   #when = {
-    at: el("input", { type: "text", placeholder: "at once" }),
+    at: el("input", { type: "text", placeholder: "now" }),
     every: el("input", { type: "text", placeholder: "once" }),
     priority: el("input", { type: "text", inputmode: "numeric", value: "0" }),
     retry: el("input", { type: "text", inputmode: "numeric", value: "0" }),
@@ -103,7 +103,7 @@ export class Run {
     }
     this.#arrange(library.missions);
     put(this.#trouble, library.trouble);
-    put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows nobody yet: mission person add NAME");
+    put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows no people yet: mission person add NAME");
     this.#checkup.replaceChildren(...checked(library.checkup));
     return true;
   }
@@ -127,8 +127,8 @@ export class Run {
     const name = this.#person.value.trim();
     this.#enrol.disabled = this.#enrolHere.disabled = true;
     try {
-      if (!name) throw new Error("What are they called?");
-      if (!here && !this.#watcher.lives) throw new Error("Nothing runs: a camera is seen by way of a run, such as Drive without a mission.");
+      if (!name) throw new Error("Enter a name first.");
+      if (!here && !this.#watcher.lives) throw new Error("The robot's camera needs a run: start one, such as Drive without a mission.");
       tell("Look into the camera, and turn your head a little to each side…", "good");
       if (here) await pose(this.#seen, (words) => tell(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
       const { message } = await this.#link.ask({ do: "add_person", name, run: here ? "" : this.#watcher.run }, 70000);
@@ -176,14 +176,14 @@ export class Run {
       el("h1", null, plain(mission.title)),
       el("p", { class: "summary" }, mission.summary),
       panel("Params", "params", params.node),
-      panel("On what", "target", this.#target.node),
+      panel("Where it runs", "target", this.#target.node),
       el("div", { class: "actions" }, this.#go),
-      panel("Later, or again and again", "later",
+      panel("Schedule", "later",
         el("div", { class: "fields two" }, field("At", at, "18:00, or 2026-12-24 18:00"), field("Every", every, "30 min, day, monday 18:00"),
-          field("Priority", priority, "-100 to 100: the highest is first"), field("Retry", retry, "how often to try again when it fails")),
+          field("Priority", priority, "-100 to 100, the highest runs first"), field("Retry", retry, "number of retries after a failure")),
         this.#approval,
         button("Add to the queue", () => this.#queue())),
-      panel("Its tree", "preview", tree));
+      panel("Tree", "preview", tree));
     this.#named();
   }
 
@@ -212,7 +212,7 @@ export class Run {
     try {
       const members = this.#target.members();
       for (const each of buttons) each.disabled = true;
-      tell(`${plain(mission)} is being started…`, "good");
+      tell(`Starting ${plain(mission)}…`, "good");
       const { run, message } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
       if (message) tell(message);
       this.#target.unsure();
@@ -233,7 +233,7 @@ export class Run {
       const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again, needs_approval: this.#approval.getAttribute("aria-checked") === "true" };
       const answer = await this.#link.ask({ do: "add_task", mission: this.#mission.name, params: this.#params.values, ...this.#target.members(true), ...when });
       this.#target.unsure();
-      tell(answer.message || `Task ${answer.task} waits.`, "good");
+      tell(answer.message || `Task ${answer.task} is queued.`, "good");
     } catch (error) {
       tell(error);
     }
@@ -251,9 +251,9 @@ function item(entry) {
 
 /** The last check-up in words: what ails, with what to try. */
 function checked(told) {
-  if (!told) return ["Not looked at yet: mission doctor"];
+  if (!told) return ["No check-up yet: mission doctor"];
   const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;
-  if (!told.ailing.length) return [`All was well (${of}).`];
+  if (!told.ailing.length) return [`No problems found (${of}).`];
   const lines = told.ailing.map(({ part, about, what, verdict, cure }) =>
     el("li", null, el("b", null, `${verdict}: ${plain(part)}, ${about}`), ` ${what}`, el("br"), cure ? `Try: ${cure}` : ""));
   return [`mission doctor, ${of}:`, el("ul", null, ...lines)];

@@ -115,7 +115,7 @@ export class Stop extends HTMLElement {
     const doubts = troubles(Object.entries(stopped).map(([run, found]) => ({ run, ...found })));
     this.#doubt = doubts && `${DOUBT}: ${doubts}`;
     const ended = Object.values(stopped).flatMap((found) => found.ended ?? []);
-    this.#show(ended.length ? `Ended: ${ended.join("; ")}` : Object.keys(stopped).length ? "" : "Nothing runs: there was nothing to stop.");
+    this.#show(ended.length ? `Ended: ${ended.join("; ")}` : Object.keys(stopped).length ? "" : "No runs; nothing to stop.");
   }
 
   #failed(error) {
@@ -152,11 +152,11 @@ export class Stop extends HTMLElement {
   #show(text = "") {
     const lost = !this.#links.some((link) => link.open);
     let said = text;
-    if (this.#pending) said = lost ? "NOT STOPPED: no link to the robot. Use its own switch." : "Stopping…";
+    if (this.#pending) said = lost ? "NOT STOPPED: no connection to the robot. Use its own switch." : "Stopping…";
     else if (this.#doubt) said = `${this.#doubt}\nUse the robot's own switch.`;
     else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#who(each.by)))].join("; ")}`;
-    else if (lost) said = "No link: STOP does not reach the robot. Use its own switch.";
-    else if (!text && this.#unreached) said = `STOP perhaps does not reach all that runs: ${this.#unreached}`;
+    else if (lost) said = "No connection: STOP does not reach the robot. Use its own switch.";
+    else if (!text && this.#unreached) said = `STOP may not reach every run: ${this.#unreached}`;
     put(this.#said, said);
     this.classList.toggle("is-latched", this.latched);
     document.body.classList.toggle("is-stopped", this.latched);
@@ -196,7 +196,7 @@ export class Stop extends HTMLElement {
       const since = performance.now() - armed;
       if (since > 500 && since < ARMED) this.#let_go();
       armed = performance.now();
-      put(this.#said, "Press release once more to let the robot move again.");
+      put(this.#said, "Press release again to let the robot move.");
     });
   }
 
@@ -205,7 +205,7 @@ export class Stop extends HTMLElement {
       try {
         await this.#main.ask({ do: "release", run, stop: number });
         this.#latched.delete(run);
-        const go = button("Go on", () => this.#main.ask({ do: "resume", run }).catch(tell));
+        const go = button("Resume", () => this.#main.ask({ do: "resume", run }).catch(tell));
         tell(run === this.#watcher.run ? "Released. The mission is paused." : `Run ${run} is released, and paused.`, "good", go);
       } catch (error) {
         if (error.error === "no_such_run" || error.error === "not_stopped") this.#latched.delete(run);

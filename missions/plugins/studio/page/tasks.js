@@ -15,7 +15,7 @@ export class Tasks {
 
   constructor({ link }) {
     this.#link = link;
-    const all = toggle("Also those that have ended", false, (on) => {
+    const all = toggle("Show ended tasks", false, (on) => {
       this.#ended = on;
       this.#fetch();
     });
@@ -37,7 +37,7 @@ export class Tasks {
     if (!this.#link.open) return;
     try {
       const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#ended });
-      put(this.#served, served ? "" : "Nobody does tasks at the moment: mission task serve");
+      put(this.#served, served ? "" : "No task server is running: mission task serve");
       const text = JSON.stringify(tasks);
       if (text === this.#told) return; // what has the keyboard keeps it
       this.#told = text;
@@ -52,7 +52,7 @@ export class Tasks {
     const waits = task.state === "waiting";
     const name = plain(task.mission.split("/").at(-1).replace(/\.yaml$/, ""));
     const params = Object.entries(task.params).map(([key, value]) => `${plain(key)}: ${value}`);
-    const when = task.due ? `at ${day(task.due)}` : "as soon as its turn comes";
+    const when = task.due ? `at ${day(task.due)}` : "when its turn comes";
     const facts = [
       task.robot ? plain(task.robot) : "simulated",
       waits && when,

@@ -64,14 +64,14 @@ export const reality = (simulated) => ({ "": "on the robot", wire: "simulated", 
 /** Return a result with its reason. */
 export function ending(result, reason) {
   const sign = SIGNS[result] ?? "?";
-  return `${sign} ${result || "nobody knows how it ended"}${reason ? `: ${reason}` : ""}`;
+  return `${sign} ${result || "unknown result"}${reason ? `: ${reason}` : ""}`;
 }
 
 const LINES = {
-  started: (e) => ["", `${e.mission} begins on ${e.robot}`],
-  ended: (e) => [e.result === "success" ? "good" : "bad", `${e.mission} is over: ${e.result}${e.reason ? `, ${e.reason}` : ""}`],
-  reflex: (e) => [e.on ? "warn" : "", `${plain(e.what)}${e.where ? ` (${e.where})` : ""}${e.on ? "" : " is over"}`],
-  fault: (e) => [e.what === "online" ? "" : "bad", `${e.part}: ${e.what === "online" ? "there" : e.detail || e.what}${e.hint ? `. Try: ${e.hint}` : ""}`],
+  started: (e) => ["", `${e.mission} starts on ${e.robot}`],
+  ended: (e) => [e.result === "success" ? "good" : "bad", `${e.mission} ended: ${e.result}${e.reason ? `, ${e.reason}` : ""}`],
+  reflex: (e) => [e.on ? "warn" : "", `${plain(e.what)}${e.where ? ` (${e.where})` : ""}${e.on ? "" : " cleared"}`],
+  fault: (e) => [e.what === "online" ? "" : "bad", `${e.part}: ${e.what === "online" ? "connected" : e.detail || e.what}${e.hint ? `. Try: ${e.hint}` : ""}`],
   notice: (e) => ["warn", `notice: ${e.text}`],
   command: (e) => ["", `${e.to}: ${Object.entries(e.values ?? {}).map(([name, value]) => sized(name, value)).join(", ")}`],
 };
