@@ -48,25 +48,25 @@ export function found(picture) {
 
 export class Camera extends HTMLElement {
   #canvas = el("canvas", { width: 640, height: 480, role: "img", "aria-label": "Camera" });
-  #said = el("p", { class: "caption" });
+  #caption = el("p", { class: "caption" });
   #watcher = null;
-  #shown = false; // the view
-  #seen = false; // this place of it
-  #on = true; // by the person's wish
-  #busy = false;
-  #worded = 0;
+  #is_view_shown = false; // the view
+  #is_visible = false; // this place of it
+  #is_on = true; // by the person's wish
+  #is_busy = false;
+  #described_at = 0;
 
   connectedCallback() {
     if (this.firstChild) return;
     const off = button("Camera off", () => {
-      this.#on = !this.#on;
-      put(off, this.#on ? "Camera off" : "Camera on");
-      this.#look();
+      this.#is_on = !this.#is_on;
+      put(off, this.#is_on ? "Camera off" : "Camera on");
+      this.#update_rate();
     }, { class: "small" });
-    this.append(this.#canvas, el("div", { class: "under" }, this.#said, off));
+    this.append(this.#canvas, el("div", { class: "under" }, this.#caption, off));
     new IntersectionObserver(([entry]) => {
-      this.#seen = entry.isIntersecting;
-      this.#look();
+      this.#is_visible = entry.isIntersecting;
+      this.#update_rate();
     }).observe(this.#canvas);
   }
 
@@ -74,41 +74,41 @@ export class Camera extends HTMLElement {
   begin(watcher, rate = 10) {
     this.#watcher = watcher;
     this.rate = rate;
-    watcher.addEventListener("picture", ({ detail }) => this.#take(detail));
+    watcher.addEventListener("picture", ({ detail }) => this.#show_picture(detail));
     watcher.addEventListener("which", () => this.#clear());
   }
 
   /** The view is shown, or not any more. */
   set shown(shown) {
-    this.#shown = shown;
-    this.#look();
-    if (shown && this.#watcher?.picture) this.#take(this.#watcher.picture); // the next one may be long in coming
+    this.#is_view_shown = shown;
+    this.#update_rate();
+    if (shown && this.#watcher?.picture) this.#show_picture(this.#watcher.picture); // the next one may be long in coming
   }
 
-  #look() {
-    this.#watcher?.look(this, this.#shown && this.#seen && this.#on ? this.rate : 0);
+  #update_rate() {
+    this.#watcher?.look(this, this.#is_view_shown && this.#is_visible && this.#is_on ? this.rate : 0);
   }
 
   #clear() {
     this.#canvas.getContext("2d").clearRect(0, 0, this.#canvas.width, this.#canvas.height);
-    put(this.#said, "");
+    put(this.#caption, "");
   }
 
-  async #take(picture) {
-    if (!this.#shown || this.#busy) return;
-    this.#busy = true;
+  async #show_picture(picture) {
+    if (!this.#is_view_shown || this.#is_busy) return;
+    this.#is_busy = true;
     try {
       await paint(this.#canvas, picture);
     } catch {
-      put(this.#said, "unreadable picture");
+      put(this.#caption, "unreadable picture");
     } finally {
-      this.#busy = false;
+      this.#is_busy = false;
       if (this.#watcher.lives) this.#watcher.send("seen", { t: picture.t });
     }
-    if (performance.now() - this.#worded < 1000) return;
-    this.#worded = performance.now();
-    put(this.#said, found(picture));
-    this.#canvas.setAttribute("aria-label", `Camera: ${this.#said.textContent}`);
+    if (performance.now() - this.#described_at < 1000) return;
+    this.#described_at = performance.now();
+    put(this.#caption, found(picture));
+    this.#canvas.setAttribute("aria-label", `Camera: ${this.#caption.textContent}`);
   }
 }
 

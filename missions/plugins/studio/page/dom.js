@@ -1,8 +1,8 @@
 // Elements, made by script. Whatever comes over the link is a stranger's text: it becomes text nodes, and nothing else.
 
-const FOLDED = ["later", "preview", "who"]; // panels that nobody needs at first
-const BREATH = 3; // times that it takes to draw something, until it is drawn again
-export const SHARE = 12; // milliseconds of script before a picture of the screen: what is left waits for the next one
+const FOLDED_PANELS = ["later", "preview", "who"]; // panels that nobody needs at first
+const REDRAW_FACTOR = 3; // times that it takes to draw something, until it is drawn again
+export const FRAME_BUDGET = 12; // milliseconds of script before a picture of the screen: what is left waits for the next one
 const SVG = "http://www.w3.org/2000/svg";
 
 /** Return an element with attributes (or properties, where the value is no text), listeners ("onclick") and children. */
@@ -67,7 +67,7 @@ export function choice(options, value = "") {
 }
 
 /** Give a choice other options; what is chosen stays so while it is among them. */
-export function offer(select, options) {
+export function set_options(select, options) {
   const { value } = select;
   select.replaceChildren(...choice(options).children);
   if (options.some((option) => (Array.isArray(option) ? option[0] : option) === value)) select.value = value;
@@ -94,7 +94,7 @@ export function panel(title, key, ...children) {
     localStorage.setItem(`folded ${key}`, folded() ? "1" : "");
     node.dispatchEvent(new Event("fold"));
   }, { class: "fold-panel" });
-  if (localStorage.getItem(`folded ${key}`) ?? FOLDED.includes(key)) node.classList.add("folded");
+  if (localStorage.getItem(`folded ${key}`) ?? FOLDED_PANELS.includes(key)) node.classList.add("folded");
   head.setAttribute("aria-expanded", String(!folded()));
   node.append(el("h2", null, head), body);
   node.body = body;
@@ -105,7 +105,7 @@ export function panel(title, key, ...children) {
  * Return a function that calls `work` before a picture of the screen, once, however often it is called: at once after a
  * rest, else `every` milliseconds, and less often where that would be more than a share of what the device can do.
  */
-export function soon(work, every = 0) {
+export function on_frame(work, every = 0) {
   let waiting = false;
   let next = 0;
   const drawn = () => {
@@ -113,40 +113,40 @@ export function soon(work, every = 0) {
     waiting = false;
     work();
     // When this picture is done is known once what comes after it begins: that has drawn it, too.
-    setTimeout(() => (next = began + Math.max(every, BREATH * (performance.now() - began))));
+    setTimeout(() => (next = began + Math.max(every, REDRAW_FACTOR * (performance.now() - began))));
   };
   return () => {
     if (waiting) return;
     waiting = true;
     const rest = next - performance.now();
-    if (rest > 0) setTimeout(() => before_picture(drawn), rest);
-    else before_picture(drawn);
+    if (rest > 0) setTimeout(() => before_frame(drawn), rest);
+    else before_frame(drawn);
   };
 }
 
-const works = new Set(); // what is to be drawn yet
-let asked = false;
+const frame_works = new Set(); // what is to be drawn yet
+let is_frame_requested = false;
 
 /** Do a work before the next picture of the screen; if other works have taken their share of it, before a later one. */
-export function before_picture(work) {
-  works.add(work);
-  if (!asked) requestAnimationFrame(picture);
-  asked = true;
+export function before_frame(work) {
+  frame_works.add(work);
+  if (!is_frame_requested) requestAnimationFrame(run_frame_works);
+  is_frame_requested = true;
 }
 
-function picture() {
-  const until = performance.now() + SHARE;
-  for (const work of works) {
-    works.delete(work);
+function run_frame_works() {
+  const until = performance.now() + FRAME_BUDGET;
+  for (const work of frame_works) {
+    frame_works.delete(work);
     work();
     if (performance.now() > until) break;
   }
-  asked = works.size > 0;
-  if (asked) requestAnimationFrame(picture);
+  is_frame_requested = frame_works.size > 0;
+  if (is_frame_requested) requestAnimationFrame(run_frame_works);
 }
 
 /** Return a button for what cannot be taken back: `work` is done at a second press. */
-export function twice(text, again, work, more) {
+export function confirm_button(text, again, work, more) {
   const armed = () => node.classList.contains("armed");
   const node = button(text, () => {
     if (armed()) work();
@@ -159,7 +159,7 @@ export function twice(text, again, work, more) {
 const notes = document.getElementById("notes");
 
 /** Say something: an error of the protocol with its hint, or a text; `action` is a button for what to do then. */
-export function tell(what, kind = "bad", action = null) {
+export function notify(what, kind = "bad", action = null) {
   const text = typeof what === "string" ? what : what.message;
   const hint = typeof what === "string" ? "" : what.hint;
   const node = el("div", { class: `note ${kind}` }, el("span", null, text, hint && el("em", null, `\nTry: ${hint}`)));

@@ -1,53 +1,53 @@
 // Drive: sticks, keys and a game pad. Whatever is lost (focus, page, pointer, link), the base stops at once.
 
-import { button, el, field, panel, put, tell, toggle } from "./dom.js";
+import { button, el, field, panel, put, notify, toggle } from "./dom.js";
 import { Target } from "./form.js";
 import { figure, seconds } from "./words.js";
 import "./camera.js";
 import "./plan.js";
 import "./stick.js";
 
-const PERIOD = 60; // milliseconds from one command to the next
-const TOLD = 1000; // milliseconds in which a run tells who drives
-const ZEROS = 3; // commands of standing still, after the last one that moves
-const PROBE = 500; // milliseconds from one command to the next while the stick rests: the run measures the round trip
-export const OLDEST = 500; // milliseconds that the state behind a command may be old: the run refuses older ones
+const SEND_INTERVAL = 60; // milliseconds from one command to the next
+const GIVE_TIMEOUT = 1000; // milliseconds in which a run tells who drives
+const ZERO_COMMANDS = 3; // commands of standing still, after the last one that moves
+const PROBE_INTERVAL = 500; // milliseconds from one command to the next while the stick rests: the run measures the round trip
+export const MAX_STATE_AGE = 500; // milliseconds that the state behind a command may be old: the run refuses older ones
 const KEYS = {
   w: [1, 0, 0, 0], ArrowUp: [1, 0, 0, 0], s: [-1, 0, 0, 0], ArrowDown: [-1, 0, 0, 0],
   a: [0, 1, 0, 0], ArrowLeft: [0, 1, 0, 0], d: [0, -1, 0, 0], ArrowRight: [0, -1, 0, 0],
   j: [0, 0, 1, 0], l: [0, 0, -1, 0], k: [0, 0, 0, 1], i: [0, 0, 0, -1],
 };
-const SHOULDER = 4; // the button of a game pad that is held to drive
-const RED = 1; // the one that is STOP
-const PAD_DEAD = 0.12;
+const DRIVE_BUTTON = 4; // the button of a game pad that is held to drive
+const STOP_BUTTON = 1; // the one that is STOP
+const PAD_DEAD_ZONE = 0.12;
 
 export class Drive {
   #link;
   #watcher;
   #stop;
-  #shown = false;
+  #is_shown = false;
   #keys = new Set();
   #number = 0;
-  #still = { drive: ZEROS, look: ZEROS };
-  #given = false; // the wheels, and the run has not told so yet
-  #red = []; // the game pads, by index, whose red button is held
-  #blocked = false; // until all is let go: a command was late, or a stop was pressed
-  #refused = false; // by the run, since all was let go last
-  #driven = -Infinity; // when a command was sent last
+  #zero_count = { drive: ZERO_COMMANDS, look: ZERO_COMMANDS };
+  #is_giving = false; // the wheels, and the run has not told so yet
+  #held_stops = []; // the game pads, by index, whose red button is held
+  #is_blocked = false; // until all is let go: a command was late, or a stop was pressed
+  #is_refused = false; // by the run, since all was let go last
+  #last_sent_at = -Infinity; // when a command was sent last
   #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
   #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
-  #take = button("Take the wheels", () => this.#wheels(), { class: "main" });
-  #resume = button("Resume", () => this.#watcher.ask("resume").catch(tell), { hidden: true });
-  #said = el("p", { class: "wheels", role: "status" });
-  #asked = el("div", { class: "warning", role: "alert", hidden: true });
+  #take = button("Take the wheels", () => this.#toggle_wheels(), { class: "main" });
+  #resume = button("Resume", () => this.#watcher.ask("resume").catch(notify), { hidden: true });
+  #status = el("p", { class: "wheels", role: "status" });
+  #request = el("div", { class: "warning", role: "alert", hidden: true });
   #delay = el("p", { class: "facts delay" });
-  #slow = el("div", { class: "warning slow", role: "alert", hidden: true });
+  #refusal_box = el("div", { class: "warning slow", role: "alert", hidden: true });
   #pace = el("input", { type: "range", min: "5", max: "100", step: "5", value: "30" });
   #limit = el("output");
   #camera = el("studio-camera");
   #plan = el("studio-plan");
-  #alone = el("div", { hidden: true }); // begins a run without a mission
-  #begun = null; // the form of it, once it was asked for
+  #start_box = el("div", { hidden: true }); // begins a run without a mission
+  #library_request = null; // the form of it, once it was asked for
   #target = null; // what in it says on what
   #edition = "";
   #pad = el("p", { class: "hint" }, "Game pad: press a button to connect it.");
@@ -62,41 +62,41 @@ export class Drive {
     this.node = el("div", { class: "view drive" },
       el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Plan", "plan", this.#plan)),
       el("div", { class: "cockpit" },
-        this.#alone, el("div", { class: "row" }, this.#take, this.#said, this.#resume), this.#delay, this.#slow, this.#asked, limit,
+        this.#start_box, el("div", { class: "row" }, this.#take, this.#status, this.#resume), this.#delay, this.#refusal_box, this.#request, limit,
         el("div", { class: "sticks" }, el("div", null, this.#base, el("span", null, "drive")), el("div", null, this.#head, el("span", null, "head"))),
         keys, this.#pad));
     this.#camera.begin(watcher);
     this.#listen();
-    watcher.addEventListener("which", () => (this.#let_go(), this.#plan.clear(), this.#state()));
+    watcher.addEventListener("which", () => (this.#release_sticks(), this.#plan.clear(), this.#show_state()));
     watcher.addEventListener("scene", ({ detail }) => this.#plan.under(link, detail.world));
     watcher.addEventListener("state", ({ detail }) => {
       this.#plan.show(detail);
-      this.#state();
-      if (!this.#still.drive || !this.#still.look) this.#send(); // while it moves: by the newest state, as soon as it is there
+      this.#show_state();
+      if (!this.#zero_count.drive || !this.#zero_count.look) this.#send(); // while it moves: by the newest state, as soon as it is there
     });
-    watcher.addEventListener("over", () => (this.#let_go(), this.#state()));
-    link.on("how", () => (this.#let_go(), this.#state()));
+    watcher.addEventListener("over", () => (this.#release_sticks(), this.#show_state()));
+    link.on("how", () => (this.#release_sticks(), this.#show_state()));
     link.on("trouble", ({ error }) => {
       if (error !== "stale" && error !== "let_go") return;
-      this.#refused = true;
+      this.#is_refused = true;
       this.#block();
     });
     stop.addEventListener("stop", () => this.#block());
-    setInterval(() => this.#send(), PERIOD);
-    this.#pace.addEventListener("input", () => this.#state());
+    setInterval(() => this.#send(), SEND_INTERVAL);
+    this.#pace.addEventListener("input", () => this.#show_state());
     if (watcher.state) this.#plan.show(watcher.state);
-    this.#state();
+    this.#show_state();
   }
 
   show() {
-    this.#shown = this.#camera.shown = true;
+    this.#is_shown = this.#camera.shown = true;
     if (this.#watcher.scene) this.#plan.under(this.#link, this.#watcher.scene.world);
-    this.#state();
-    this.#renew().catch(() => null); // the robots and worlds of before are offered then
+    this.#show_state();
+    this.#update_library().catch(() => null); // the robots and worlds of before are offered then
   }
 
   /** Offer the robots and worlds that there are now. */
-  async #renew() {
+  async #update_library() {
     if (!this.#target) return;
     const library = await this.#link.library(this.#edition);
     this.#edition = library.edition;
@@ -104,13 +104,13 @@ export class Drive {
   }
 
   /** Where nothing runs: a robot is driven by hand in a run that does nothing by itself. */
-  async #offer() {
+  async #offer_start() {
     const wanted = !this.#watcher.lives && this.#link.open && this.#link.welcome?.role === "operator";
-    this.#alone.hidden = !wanted;
-    if (!wanted || !this.#shown || this.#begun) return;
-    this.#begun = this.#link.library();
+    this.#start_box.hidden = !wanted;
+    if (!wanted || !this.#is_shown || this.#library_request) return;
+    this.#library_request = this.#link.library();
     try {
-      const library = await this.#begun;
+      const library = await this.#library_request;
       const target = (this.#target = new Target(library));
       this.#edition = library.edition;
       const seeing = toggle("With head and camera", true);
@@ -123,36 +123,36 @@ export class Drive {
           this.#watcher.follow(run);
           await this.#watcher.ask("take");
         } catch (error) {
-          tell(error);
+          notify(error);
         } finally {
           begin.disabled = false;
         }
       }, { class: "main" });
-      this.#alone.replaceChildren(el("div", { class: "alone" }, target.node, seeing, el("div", { class: "actions" }, begin)));
+      this.#start_box.replaceChildren(el("div", { class: "alone" }, target.node, seeing, el("div", { class: "actions" }, begin)));
     } catch (error) {
-      this.#begun = null; // it is asked again when the link is there again, or this view is shown again
-      tell(error);
+      this.#library_request = null; // it is asked again when the link is there again, or this view is shown again
+      notify(error);
     }
   }
 
   hide() {
-    this.#shown = this.#camera.shown = false;
-    this.#give();
+    this.#is_shown = this.#camera.shown = false;
+    this.#give_wheels();
   }
 
   /** Whether this page has the wheels. */
-  get #mine() {
+  get #has_wheels() {
     const { state, lives } = this.#watcher;
     return Boolean(lives && this.#link.open && state?.driver && state.driver === this.#link.welcome?.name);
   }
 
   #listen() {
-    document.addEventListener("visibilitychange", () => document.hidden && this.#give());
-    addEventListener("pagehide", () => this.#give());
-    addEventListener("blur", () => this.#give());
+    document.addEventListener("visibilitychange", () => document.hidden && this.#give_wheels());
+    addEventListener("pagehide", () => this.#give_wheels());
+    addEventListener("blur", () => this.#give_wheels());
     addEventListener("keydown", (event) => {
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-      if (!this.#shown || !(key in KEYS) || event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, textarea, li")) return;
+      if (!this.#is_shown || !(key in KEYS) || event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, textarea, li")) return;
       event.preventDefault();
       this.#keys.add(key);
       if (!event.repeat) this.#send();
@@ -174,83 +174,83 @@ export class Drive {
   }
 
   /** What sticks, keys and the game pad want: ahead and left of the base, left and down of the head. */
-  #wanted() {
+  #setpoint() {
     const found = [this.#base.up, this.#base.left, this.#head.left, -this.#head.up];
     for (const key of this.#keys) KEYS[key].forEach((share, at) => (found[at] += share));
-    this.#padded().forEach((share, at) => (found[at] += share));
+    this.#read_pads().forEach((share, at) => (found[at] += share));
     return found.map((share) => Math.max(-1, Math.min(1, share)) || 0);
   }
 
-  #padded() {
+  #read_pads() {
     const all = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected);
     const pads = all.filter((each) => each.mapping === "standard");
     // Of another pad the browser does not know which button is red (one in mode D, say): each of them stops.
-    const stops = (each) => (each.mapping === "standard" ? each.buttons[RED]?.pressed : each.buttons.some((one) => one.pressed));
+    const stops = (each) => (each.mapping === "standard" ? each.buttons[STOP_BUTTON]?.pressed : each.buttons.some((one) => one.pressed));
     const red = all.filter(stops).map((each) => each.index);
-    const pressed = red.some((index) => !this.#red.includes(index));
-    this.#red = red;
+    const pressed = red.some((index) => !this.#held_stops.includes(index));
+    this.#held_stops = red;
     if (pressed) this.#stop.stop(); // whatever else is so: driving blocked, another view, a second pad
     const pad = pads[0];
-    if (!pad && all.length && this.#shown) {
+    if (!pad && all.length && this.#is_shown) {
       put(this.#pad, "Game pad: this browser does not know its buttons. Each of them is STOP, and it does not drive; try its mode X.");
     }
-    if (!pad || !this.#shown) return [];
-    const held = pad.buttons[SHOULDER]?.pressed;
+    if (!pad || !this.#is_shown) return [];
+    const held = pad.buttons[DRIVE_BUTTON]?.pressed;
     put(this.#pad, held ? "Game pad: driving." : "Game pad: hold the left shoulder button to drive; the red button on the right is STOP.");
     if (!held) return [];
-    const [x, y, pan, tilt] = pad.axes.map((value) => (Math.abs(value) < PAD_DEAD ? 0 : value));
+    const [x, y, pan, tilt] = pad.axes.map((value) => (Math.abs(value) < PAD_DEAD_ZONE ? 0 : value));
     return [-y, -x, -(pan ?? 0), tilt ?? 0];
   }
 
   /** Milliseconds between a state and a command that is based on it: as the run has measured it, or by the link. */
   get #roundTrip() {
     const { state } = this.#watcher;
-    return Math.max(this.#link.roundTrip, this.#mine ? 1000 * state.round_trip : 0);
+    return Math.max(this.#link.roundTrip, this.#has_wheels ? 1000 * state.round_trip : 0);
   }
 
   /** Why the base does not obey; an empty text where it does. */
   get #refusal() {
     if (!this.#watcher.lives || !this.#link.open || this.#link.welcome?.role !== "operator") return "";
-    if (this.#mine && performance.now() - this.#watcher.came > OLDEST) return "Driving is refused: no new state from the robot.";
-    if (this.#roundTrip > OLDEST) {
+    if (this.#has_wheels && performance.now() - this.#watcher.came > MAX_STATE_AGE) return "Driving is refused: no new state from the robot.";
+    if (this.#roundTrip > MAX_STATE_AGE) {
       return "Driving is refused: the connection is too slow. You would see the robot too late, and it would stop too late. "
         + "Move closer to its wireless network, or switch the camera off.";
     }
-    if (this.#blocked && this.#refused) return "The base was stopped. Let go of all controls, then drive again.";
+    if (this.#is_blocked && this.#is_refused) return "The base was stopped. Let go of all controls, then drive again.";
     return "";
   }
 
   #show_delay() {
-    if (!this.#shown) return;
+    if (!this.#is_shown) return;
     const known = this.#watcher.lives && this.#link.open;
     const delay = this.#roundTrip;
     const told = delay < 1000 ? `${Math.round(delay / 10) * 10} ms` : seconds(delay / 1000);
-    put(this.#delay, known ? `Round trip: ${told} (driving needs at most ${OLDEST} ms)` : "");
+    put(this.#delay, known ? `Round trip: ${told} (driving needs at most ${MAX_STATE_AGE} ms)` : "");
     const refusal = this.#refusal;
-    put(this.#slow, refusal);
-    this.#slow.hidden = !refusal;
+    put(this.#refusal_box, refusal);
+    this.#refusal_box.hidden = !refusal;
     this.node.classList.toggle("refused", Boolean(refusal));
   }
 
   /** The number of a command, and the newest state that it is based on. */
   #stamp() {
-    this.#driven = performance.now();
+    this.#last_sent_at = performance.now();
     return { n: ++this.#number, stamp: this.#watcher.state.stamp };
   }
 
   #send() {
-    const [ahead, left, pan, tilt] = this.#wanted();
+    const [ahead, left, pan, tilt] = this.#setpoint();
     const moving = ahead || left || pan || tilt;
-    if (!moving) this.#blocked = this.#refused = false;
-    else if (this.#mine && this.#refusal) this.#blocked = true;
+    if (!moving) this.#is_blocked = this.#is_refused = false;
+    else if (this.#has_wheels && this.#refusal) this.#is_blocked = true;
     this.#show_delay();
-    if (!this.#mine || !this.#shown || this.#given || this.#watcher.state.stopped) return;
+    if (!this.#has_wheels || !this.#is_shown || this.#is_giving || this.#watcher.state.stopped) return;
     const go = (word, members, still) => {
-      this.#still[word] = still ? this.#still[word] + 1 : 0;
-      const due = this.#still[word] <= ZEROS || (word === "drive" && performance.now() - this.#driven > PROBE);
+      this.#zero_count[word] = still ? this.#zero_count[word] + 1 : 0;
+      const due = this.#zero_count[word] <= ZERO_COMMANDS || (word === "drive" && performance.now() - this.#last_sent_at > PROBE_INTERVAL);
       if (due) this.#watcher.send(word, { ...this.#stamp(), ...members });
     };
-    if (this.#blocked) go("drive", { ahead: 0, left: 0 }, true);
+    if (this.#is_blocked) go("drive", { ahead: 0, left: 0 }, true);
     else {
       go("drive", { ahead, left, pace: this.#pace.value / 100 }, !ahead && !left);
       if (this.#watcher.scene.parts.includes("head")) go("look", { left: pan, down: tilt }, !pan && !tilt);
@@ -259,69 +259,69 @@ export class Drive {
 
   /** Stand still until everything is let go. */
   #block() {
-    this.#still.drive = 0;
-    this.#blocked = true;
+    this.#zero_count.drive = 0;
+    this.#is_blocked = true;
     this.#send();
   }
 
-  #let_go() {
+  #release_sticks() {
     this.#keys.clear();
     this.#base.release();
     this.#head.release();
   }
 
   /** Stand still at once, and give up the wheels. */
-  #give() {
-    const mine = this.#mine;
-    this.#still.drive = 0;
-    this.#let_go();
-    if (!mine || this.#given) return;
-    this.#given = true;
-    setTimeout(() => (this.#given = false), TOLD);
+  #give_wheels() {
+    const mine = this.#has_wheels;
+    this.#zero_count.drive = 0;
+    this.#release_sticks();
+    if (!mine || this.#is_giving) return;
+    this.#is_giving = true;
+    setTimeout(() => (this.#is_giving = false), GIVE_TIMEOUT);
     this.#watcher.send("drive", { ...this.#stamp(), ahead: 0, left: 0 });
     this.#watcher.send("give");
   }
 
-  async #wheels() {
-    if (this.#mine) {
-      this.#give();
+  async #toggle_wheels() {
+    if (this.#has_wheels) {
+      this.#give_wheels();
       return;
     }
     try {
       const { yours } = await this.#watcher.ask("take");
-      if (!yours) tell("The driver was asked for the wheels.", "good");
+      if (!yours) notify("The driver was asked for the wheels.", "good");
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
-  #state() {
+  #show_state() {
     const { state, scene, lives } = this.#watcher;
     const operator = this.#link.welcome?.role === "operator";
-    const mine = this.#mine;
-    if (!mine) this.#given = false;
+    const mine = this.#has_wheels;
+    if (!mine) this.#is_giving = false;
     const base = Boolean(scene?.parts.includes("base"));
     const asking = (state?.asking ?? []).filter((each) => each !== this.#link.welcome?.name);
-    const asked = state?.asking?.includes(this.#link.welcome?.name);
-    this.#take.disabled = !operator || !lives || !base || !this.#link.open || Boolean(asked);
+    const has_asked = state?.asking?.includes(this.#link.welcome?.name);
+    this.#take.disabled = !operator || !lives || !base || !this.#link.open || Boolean(has_asked);
     put(this.#take, mine ? "Give up the wheels" : state?.driver ? `Ask ${state.driver} for the wheels` : "Take the wheels");
     let words = "The mission drives.";
     if (!lives) words = "There is no run to drive.";
     else if (!base) words = "This run has no base to drive.";
     else if (!operator) words = "You can watch and stop.";
     else if (mine) words = state.stopped ? "A stop is latched: release it first." : this.#refusal ? "You have the wheels." : `You drive.${state.paused ? " The mission is paused." : ""}`;
-    else if (asked) words = `You have asked ${state.driver} for the wheels.`;
+    else if (has_asked) words = `You have asked ${state.driver} for the wheels.`;
     else if (state.driver) words = `${state.driver} drives.`;
     else if (state.stopped) words = `The robot was ${state.stopped}.`;
     else if (state.paused) words = "The mission is paused.";
-    put(this.#said, words);
+    put(this.#status, words);
     this.#resume.hidden = !operator || !lives || !state.paused || Boolean(state.stopped);
     for (const stick of [this.#base, this.#head]) stick.toggleAttribute("disabled", !mine);
     this.#head.parentElement.hidden = Boolean(scene) && !scene.parts.includes("head");
-    this.#asked.hidden = !mine || !asking.length;
-    if (!this.#asked.hidden && this.#asked.dataset.who !== asking[0]) {
-      this.#asked.dataset.who = asking[0];
-      this.#asked.replaceChildren(el("p", null, `${asking[0]} asks for the wheels.`), button("Hand over", () => this.#give()));
+    this.#request.hidden = !mine || !asking.length;
+    if (!this.#request.hidden && this.#request.dataset.who !== asking[0]) {
+      this.#request.dataset.who = asking[0];
+      this.#request.replaceChildren(el("p", null, `${asking[0]} asks for the wheels.`), button("Hand over", () => this.#give_wheels()));
     }
     const limits = scene?.limits;
     const share = this.#pace.value / 100;
@@ -330,6 +330,6 @@ export class Drive {
     this.node.classList.toggle("mine", mine);
     this.node.classList.toggle("none", !scene);
     this.#show_delay();
-    this.#offer();
+    this.#offer_start();
   }
 }

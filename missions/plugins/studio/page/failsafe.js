@@ -1,25 +1,25 @@
 // Failsafe: what a base does while something goes wrong, and why, moment by moment.
 
-import { button, choice, el, field, panel, put, tell } from "./dom.js";
+import { button, choice, el, field, panel, put, notify } from "./dom.js";
 
 const NAMES = { who: "Controlled by", wish: "Motion", fault: "Fault", battery: "Battery", reflexes: "Reflexes" };
-const PATIENCE = 20000; // milliseconds: the first answer waits for a reader's process to start
+const REPLY_TIMEOUT = 20000; // milliseconds: the first answer waits for a reader's process to start
 
 export class Failsafe {
   #link;
   #chosen = {};
   #steps = [];
   #at = 0;
-  #asked = 0;
+  #request_count = 0;
   #form = el("div", { class: "target two" });
-  #said = el("p", { class: "hint" });
+  #about = el("p", { class: "hint" });
   #clock = el("output", { class: "clock", "aria-live": "polite" });
   #list = el("ol", { class: "steps", "aria-label": "What the base does" });
 
   constructor({ link }) {
     this.#link = link;
     const tools = el("div", { class: "tools" }, button("Previous", () => this.#go(this.#at - 1)), button("Next", () => this.#go(this.#at + 1)), this.#clock);
-    this.node = el("div", { class: "view failsafe" }, panel("Failsafe", "failsafe", this.#said, this.#form, tools, this.#list));
+    this.node = el("div", { class: "view failsafe" }, panel("Failsafe", "failsafe", this.#about, this.#form, tools, this.#list));
   }
 
   show() {
@@ -30,18 +30,18 @@ export class Failsafe {
 
   async #fetch() {
     if (!this.#link.open) return;
-    const number = (this.#asked += 1);
+    const number = (this.#request_count += 1);
     try {
-      const { robot, choices, chosen, moments } = await this.#link.ask({ do: "failsafe", ...this.#chosen }, PATIENCE);
-      if (number !== this.#asked) return; // another one was chosen meanwhile
+      const { robot, choices, chosen, moments } = await this.#link.ask({ do: "failsafe", ...this.#chosen }, REPLY_TIMEOUT);
+      if (number !== this.#request_count) return; // another one was chosen meanwhile
       if (!this.#form.childElementCount) this.#draw(choices, chosen);
-      put(this.#said, `The base of ${robot}, with the rules of its driver. The fault begins at 0 s. A mission or person tries again after each failure.`);
+      put(this.#about, `The base of ${robot}, with the rules of its driver. The fault begins at 0 s. A mission or person tries again after each failure.`);
       this.#steps = moments.map(({ t, ahead, words }) =>
         el("li", null, el("b", null, `${t.toFixed(2)} s`), el("span", null, words), el("em", null, `${(100 * ahead).toFixed(0)} cm since the fault`)));
       this.#list.replaceChildren(...this.#steps);
       this.#go(Math.max(0, moments.findIndex((each) => each.t >= 0)));
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 

@@ -1,29 +1,29 @@
 // The fleet: who is there, what each does with the plan of it, and a stop for all.
 
-import { button, el, panel, put, tell } from "./dom.js";
+import { button, el, panel, put, notify } from "./dom.js";
 import "./tree.js";
 import { plain } from "./words.js";
 
-const PATIENCE = 10000; // milliseconds for all robots to answer, and those that do not to be asked again
-const EVERY = 1000; // milliseconds from one look to the next
+const REPLY_TIMEOUT = 10000; // milliseconds for all robots to answer, and those that do not to be asked again
+const REFRESH_INTERVAL = 1000; // milliseconds from one look to the next
 
 export class Fleet {
   #link;
   #timer = 0;
-  #said = el("p", { class: "hint", role: "status" });
+  #message = el("p", { class: "hint", role: "status" });
   #list = el("ul", { class: "task-list" });
   #tools = el("div", { class: "tools" });
   #plan = el("div", { class: "fleet-plan" });
-  #told = "";
+  #drawn_text = "";
 
   constructor({ link }) {
     this.#link = link;
-    this.node = el("div", { class: "view fleet" }, panel("Fleet", "fleet", this.#tools, this.#said, this.#list, this.#plan));
+    this.node = el("div", { class: "view fleet" }, panel("Fleet", "fleet", this.#tools, this.#message, this.#list, this.#plan));
   }
 
   show() {
     clearInterval(this.#timer);
-    this.#timer = setInterval(() => document.hidden || this.#fetch(), EVERY);
+    this.#timer = setInterval(() => document.hidden || this.#fetch(), REFRESH_INTERVAL);
     const may = this.#link.welcome?.role === "operator";
     this.#tools.replaceChildren(
       button("Stop the fleet", () => this.#do("stop_fleet"), { class: "danger" }),
@@ -40,12 +40,12 @@ export class Fleet {
     try {
       const { fleet, robots, missing } = await this.#link.ask({ do: "fleet" });
       const text = JSON.stringify([robots.map((each) => ({ ...each, age: 0 })), missing]);
-      if (text === this.#told) return; // what has the keyboard keeps it
-      put(this.#said, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `No robots in fleet ${fleet}: mission task serve --fleet ${fleet}`);
+      if (text === this.#drawn_text) return; // what has the keyboard keeps it
+      put(this.#message, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `No robots in fleet ${fleet}: mission task serve --fleet ${fleet}`);
       this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
-      this.#told = text; // once it is shown: what failed is tried again
+      this.#drawn_text = text; // once it is shown: what failed is tried again
     } catch (error) {
-      put(this.#said, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join("\n"));
+      put(this.#message, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join("\n"));
     }
   }
 
@@ -76,21 +76,21 @@ export class Fleet {
       tree.draw(mission.drawing, mission.first);
       this.#plan.replaceChildren(el("h3", null, `${plain(robot.mission)} on ${robot.name}`), tree);
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
   async #do(word, members = {}) {
     try {
-      const { answers, silent = [] } = await this.#link.ask({ do: word, ...members }, PATIENCE);
+      const { answers, is_hidden = [] } = await this.#link.ask({ do: word, ...members }, REPLY_TIMEOUT);
       const wrong = Object.entries(answers).filter(([, each]) => !each.ok).map(([name, each]) => `${name}: ${each.why}`);
-      const all = [...silent.map((name) => `${name} DID NOT ANSWER`), ...wrong];
-      if (all.length) tell(all.join("; "));
-      else if (!Object.keys(answers).length) tell("No robots in this fleet; none has confirmed.");
-      else tell(`${Object.keys(answers).length} robots have confirmed`, "good");
+      const all = [...is_hidden.map((name) => `${name} DID NOT ANSWER`), ...wrong];
+      if (all.length) notify(all.join("; "));
+      else if (!Object.keys(answers).length) notify("No robots in this fleet; none has confirmed.");
+      else notify(`${Object.keys(answers).length} robots have confirmed`, "good");
       await this.#fetch();
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 }

@@ -1,6 +1,6 @@
 // Forms made of declarations: the params of a mission, and on what it runs.
 
-import { choice, el, field, offer, toggle } from "./dom.js";
+import { choice, el, field, set_options, toggle } from "./dom.js";
 import { heading, plain } from "./words.js";
 
 const QUANTITY = /^\s*(-?[\d.]+)\s*([^\d\s][^\s]*)\s*$/;
@@ -8,32 +8,32 @@ const QUANTITY = /^\s*(-?[\d.]+)\s*([^\d\s][^\s]*)\s*$/;
 /** One param: a control for its kind, and the text that it stands for. */
 function control(param, people) {
   const { kind, choices, units } = param;
-  const given = param.default ?? "";
-  if (choices?.length) return of_choice(choice(given ? choices : [["", "choose"], ...choices], given));
-  if (kind === "flag") return of_flag(given);
+  const initial = param.default ?? "";
+  if (choices?.length) return choice_control(choice(initial ? choices : [["", "choose"], ...choices], initial));
+  if (kind === "flag") return flag_control(initial);
   if (kind === "person" && people.length) {
-    return of_choice(choice([given ? given : ["", "choose"], ...people.filter((each) => each !== given)], given));
+    return choice_control(choice([initial ? initial : ["", "choose"], ...people.filter((each) => each !== initial)], initial));
   }
   if (units?.length) {
-    const found = QUANTITY.exec(given);
-    if (!given || (found && units.includes(found[2]))) return of_quantity(units, found);
+    const found = QUANTITY.exec(initial);
+    if (!initial || (found && units.includes(found[2]))) return quantity_control(units, found);
   }
   const numeric = kind === "number" || kind === "count";
-  const input = el("input", { type: "text", value: given, autocomplete: "off", ...(numeric && { inputmode: "decimal" }) });
+  const input = el("input", { type: "text", value: initial, autocomplete: "off", ...(numeric && { inputmode: "decimal" }) });
   return { node: input, labelled: input, text: () => input.value.trim(), set: (text) => (input.value = text) };
 }
 
-function of_choice(select) {
+function choice_control(select) {
   return { node: select, labelled: select, text: () => select.value, set: (text) => [...select.options].some((each) => each.value === text) && (select.value = text) };
 }
 
-function of_flag(given) {
-  const [yes, no] = /^(yes|no)$/.test(given) ? ["yes", "no"] : ["true", "false"];
-  const node = toggle("", given === yes);
+function flag_control(initial) {
+  const [yes, no] = /^(yes|no)$/.test(initial) ? ["yes", "no"] : ["true", "false"];
+  const node = toggle("", initial === yes);
   return { node, labelled: node, text: () => (node.getAttribute("aria-checked") === "true" ? yes : no), set: (text) => node.setAttribute("aria-checked", String(text === yes)) };
 }
 
-function of_quantity(units, found) {
+function quantity_control(units, found) {
   const input = el("input", { type: "text", inputmode: "decimal", value: found?.[1] ?? "", autocomplete: "off" });
   const unit = choice(units, found?.[2] ?? units[0]);
   unit.setAttribute("aria-label", "unit");
@@ -103,7 +103,7 @@ export class Params {
   }
 }
 
-const HOW = [
+const SIMULATIONS = [
   ["fast", "simulated time"],
   ["wire", "real time, virtual devices"],
 ];
@@ -117,7 +117,7 @@ export class Target {
     this.robot = choice([]);
     this.world = choice([]);
     this.update(library);
-    this.how = choice(HOW);
+    this.how = choice(SIMULATIONS);
     this.speed = choice(SPEEDS, "1");
     this.options = library.options;
     this.seed = el("input", { type: "text", inputmode: "numeric", value: String(this.options.seed.default), size: "6" });
@@ -140,8 +140,8 @@ export class Target {
   /** Offer the robots and worlds that there are now. */
   update({ robots, worlds }) {
     const named = (each) => [each.name, [heading(each), each.trouble ? "has errors" : each.summary].filter(Boolean).join(": ")];
-    offer(this.robot, [["", "default"], ...robots.map(named)]);
-    offer(this.world, [["", "default"], ...worlds.map(named)]);
+    set_options(this.robot, [["", "default"], ...robots.map(named)]);
+    set_options(this.world, [["", "default"], ...worlds.map(named)]);
   }
 
   /** Whether a robot would move. */
@@ -158,7 +158,7 @@ export class Target {
   }
 
   /** What was confirmed holds for one run. */
-  unsure() {
+  reset_confirmation() {
     this.sure.setAttribute("aria-checked", "false");
   }
 

@@ -1,10 +1,10 @@
 // A connection to the studio: opened again when it is lost, with answers to commands, and an age.
 
-const PING = 1000; // milliseconds from one `hello` to the next
-const DEAD = 5000; // milliseconds without a word after which a link counts as lost
-const ANSWER = 15000; // milliseconds that an answer may take
-const READING = 120000; // and one for which all missions are read
-const WAITS = [300, 600, 1200, 2500, 5000];
+const PING_INTERVAL = 1000; // milliseconds from one `hello` to the next
+const LINK_TIMEOUT = 5000; // milliseconds without a word after which a link counts as lost
+const REPLY_TIMEOUT = 15000; // milliseconds that an answer may take
+const LIBRARY_TIMEOUT = 120000; // and one for which all missions are read
+const RETRY_DELAYS = [300, 600, 1200, 2500, 5000];
 
 export const VERSION = document.querySelector("meta[name=version]").content;
 
@@ -20,7 +20,7 @@ export class StudioError extends Error {
 let proof = ""; // of this origin: its cookie goes to servers on other ports, too
 
 /** Keep the proof that an address brings; return the address without it. */
-export function keep_proof(address) {
+export function store_proof(address) {
   const url = new URL(address);
   proof = url.searchParams.get("proof") ?? proof;
   try {
@@ -33,7 +33,7 @@ export function keep_proof(address) {
 }
 
 /** Return the proof, also where a tab beside has signed in anew. */
-function kept_proof() {
+function stored_proof() {
   try {
     proof = localStorage.getItem("proof") ?? proof;
   } catch {
@@ -42,11 +42,11 @@ function kept_proof() {
   return encodeURIComponent(proof);
 }
 
-history.replaceState(null, "", keep_proof(location.href));
+history.replaceState(null, "", store_proof(location.href));
 
 /** Return the address of the websocket. */
 export function address() {
-  return new URL(`ws${location.protocol === "https:" ? "s" : ""}://${location.host}/ws?proof=${kept_proof()}`);
+  return new URL(`ws${location.protocol === "https:" ? "s" : ""}://${location.host}/ws?proof=${stored_proof()}`);
 }
 
 export class Link {
@@ -55,19 +55,19 @@ export class Link {
   heard = -Infinity;
   welcome = null;
   #socket = null;
-  #asked = new Map();
+  #pending = new Map();
   #listeners = new Map();
   #number = 0;
   #version;
   #tries = 0;
   #timer = 0;
   #pings = []; // the number of each `hello` that is not answered yet, and when it was sent
-  #measured = 0;
+  #last_round_trip = 0;
 
   /** `version` is what `hello` says: that of the page, or of the protocol, which a page of any age may speak. */
   constructor(version = VERSION) {
     this.#version = version;
-    setInterval(() => this.#look(), PING);
+    setInterval(() => this.#check_alive(), PING_INTERVAL);
     addEventListener("online", () => this.retry());
     document.addEventListener("visibilitychange", () => document.hidden || this.retry());
     this.#open();
@@ -90,7 +90,7 @@ export class Link {
 
   /** Milliseconds that a word takes there and back, as of the last `hello`; or for which one has waited already. */
   get roundTrip() {
-    return Math.max(this.#measured, this.#pings.length ? performance.now() - this.#pings[0].sent : 0);
+    return Math.max(this.#last_round_trip, this.#pings.length ? performance.now() - this.#pings[0].sent : 0);
   }
 
   /** Send a command that needs no answer; return whether it was sent. */
@@ -101,28 +101,28 @@ export class Link {
   }
 
   /** Send a command, and return its result. Throws StudioError. */
-  ask(command, patience = ANSWER) {
+  ask(command, timeout = REPLY_TIMEOUT) {
     return new Promise((resolve, reject) => {
       const id = ++this.#number;
       if (!this.send({ ...command, id })) {
         reject(new StudioError({ error: "lost", message: "No connection to the studio: nothing was sent." }));
         return;
       }
-      const timer = setTimeout(() => this.#settle(id, { ok: false, error: "no_answer", message: "The studio did not reply in time." }), patience);
-      this.#asked.set(id, { resolve, reject, timer });
+      const timer = setTimeout(() => this.#settle(id, { ok: false, error: "no_answer", message: "The studio did not reply in time." }), timeout);
+      this.#pending.set(id, { resolve, reject, timer });
     });
   }
 
   /** Return what there is to run, and on what, unless it is still the `edition`: the first time takes a while. */
   library(edition = "") {
-    return this.ask({ do: "library", edition }, READING);
+    return this.ask({ do: "library", edition }, LIBRARY_TIMEOUT);
   }
 
   /** Try now to open a link that is lost; or, with a new cookie, one that was refused. */
-  retry(anew = false) {
-    if (this.how !== "lost" && !(anew && this.how === "refused")) return;
+  retry(with_new_cookie = false) {
+    if (this.how !== "lost" && !(with_new_cookie && this.how === "refused")) return;
     clearTimeout(this.#timer);
-    this.#become("lost");
+    this.#set_status("lost");
     this.#open();
   }
 
@@ -134,62 +134,62 @@ export class Link {
       this.#pings = [];
       this.#ping();
     };
-    socket.onmessage = (event) => socket === this.#socket && this.#hear(event.data);
-    socket.onclose = () => socket === this.#socket && this.#lost();
+    socket.onmessage = (event) => socket === this.#socket && this.#receive(event.data);
+    socket.onclose = () => socket === this.#socket && this.#on_close();
   }
 
-  #hear(text) {
+  #receive(text) {
     this.heard = performance.now();
     const message = JSON.parse(text);
     if (message.say === "answer") {
-      if (message.error === "old_page") this.#become("old");
+      if (message.error === "old_page") this.#set_status("old");
       else if (this.#pings.some(({ id }) => id === message.id)) this.#pong(message.id); // refused, as after too many commands
       else if (message.id !== undefined && message.id !== null) this.#settle(message.id, message);
-      else this.#tell("trouble", new StudioError(message));
+      else this.#emit("trouble", new StudioError(message));
       return;
     }
     if (message.say === "welcome") {
       this.welcome = message;
       if (this.#pings.length) this.#pong(this.#pings[0].id);
       this.#tries = 0;
-      this.#become(this.#version === VERSION && message.page !== VERSION ? "old" : "open");
+      this.#set_status(this.#version === VERSION && message.page !== VERSION ? "old" : "open");
     }
-    this.#tell(message.say, message);
+    this.#emit(message.say, message);
   }
 
   #settle(id, answer) {
-    const asked = this.#asked.get(id);
-    if (!asked) return;
-    this.#asked.delete(id);
-    clearTimeout(asked.timer);
-    if (answer.ok) asked.resolve(answer.result ?? {});
-    else asked.reject(new StudioError(answer));
+    const pending = this.#pending.get(id);
+    if (!pending) return;
+    this.#pending.delete(id);
+    clearTimeout(pending.timer);
+    if (answer.ok) pending.resolve(answer.result ?? {});
+    else pending.reject(new StudioError(answer));
   }
 
-  #lost() {
+  #on_close() {
     this.#socket.onmessage = this.#socket.onclose = null;
-    for (const id of [...this.#asked.keys()]) this.#settle(id, { ok: false, error: "lost", message: "The connection was lost before the reply." });
+    for (const id of [...this.#pending.keys()]) this.#settle(id, { ok: false, error: "lost", message: "The connection was lost before the reply." });
     if (this.how === "old" || this.how === "refused") return;
-    this.#become("lost");
-    const wait = WAITS[Math.min(this.#tries++, WAITS.length - 1)];
+    this.#set_status("lost");
+    const wait = RETRY_DELAYS[Math.min(this.#tries++, RETRY_DELAYS.length - 1)];
     this.#timer = setTimeout(() => this.#open(), wait * (0.75 + Math.random() / 2));
-    if (this.#tries === 2) this.#ask_why();
+    if (this.#tries === 2) this.#check_refusal();
   }
 
   /** A websocket does not say why it was refused: a plain request does. */
-  async #ask_why() {
-    const found = await fetch(`/?proof=${kept_proof()}`, { cache: "no-store", redirect: "manual" }).catch(() => null);
+  async #check_refusal() {
+    const found = await fetch(`/?proof=${stored_proof()}`, { cache: "no-store", redirect: "manual" }).catch(() => null);
     if (this.how === "lost" && found && (found.status === 401 || found.status === 403 || found.type === "opaqueredirect")) {
       clearTimeout(this.#timer);
-      this.#become("refused");
+      this.#set_status("refused");
     }
   }
 
-  #look() {
+  #check_alive() {
     if (this.how !== "open") return;
-    if (this.age > DEAD) {
+    if (this.age > LINK_TIMEOUT) {
       this.#socket.close();
-      this.#lost();
+      this.#on_close();
     } else this.#ping();
   }
 
@@ -204,16 +204,16 @@ export class Link {
   #pong(id) {
     const at = this.#pings.findIndex((each) => each.id === id);
     const [{ sent }] = this.#pings.splice(at, 1);
-    this.#measured = performance.now() - sent;
+    this.#last_round_trip = performance.now() - sent;
   }
 
-  #become(how) {
+  #set_status(how) {
     if (this.how === how) return;
     this.how = how;
-    this.#tell("how", how);
+    this.#emit("how", how);
   }
 
-  #tell(word, message) {
+  #emit(word, message) {
     for (const heard of this.#listeners.get(word) ?? []) heard(message);
   }
 }

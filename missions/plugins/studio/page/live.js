@@ -1,18 +1,18 @@
 // Live: what a run does now.
 
-import { button, el, panel, put, soon, tell, toggle } from "./dom.js";
+import { button, el, panel, put, on_frame, notify, toggle } from "./dom.js";
 import { Joints, Lines, Parts, Variables } from "./panels.js";
-import { ending, plain, reality, seconds } from "./words.js";
+import { result_text, plain, simulation_text, seconds } from "./words.js";
 import "./camera.js";
 import "./plan.js";
 import "./tree.js";
 
-const OLD = 1500; // milliseconds without news after which what is shown is greyed
+const MAX_AGE = 1500; // milliseconds without news after which what is shown is greyed
 
 export class Live {
   #link;
   #watcher;
-  #shown = false;
+  #is_shown = false;
   #title = el("h1");
   #facts = el("p", { class: "facts" });
   #result = el("p", { class: "result", role: "status" });
@@ -20,19 +20,19 @@ export class Live {
   #age = el("p", { class: "age", role: "status" });
   #tree = el("studio-tree", { class: "live" });
   #ticks = el("span", { class: "hint" });
-  #late = 0; // seconds of the last tick that was
+  #last_delay = 0; // seconds of the last tick that was
   #camera = el("studio-camera");
   #plan = el("studio-plan");
   #variables = new Variables(this.#tree);
   #parts = new Parts();
   #joints = new Joints();
-  #spoken = new Lines("Speech", ["said", "heard"]);
+  #speech = new Lines("Speech", ["said", "heard"]);
   #log = new Lines("Log");
   #pause = button("Pause", () => this.#do(this.#watcher.state?.paused ? "resume" : "pause"));
   #step = button("Step", () => this.#do("step"));
-  #halt = button("End the mission", () => this.#end(), { class: "danger" });
-  #news = new Map();
-  #parted = soon(() => this.#part(), 200);
+  #halt = button("End the mission", () => this.#end_mission(), { class: "danger" });
+  #pending = new Map();
+  #show_tables_soon = on_frame(() => this.#show_tables(), 200);
 
   constructor({ link, watcher }) {
     this.#link = link;
@@ -41,7 +41,7 @@ export class Live {
     this.#tree.follow = true;
     const tools = el("div", { class: "tools" }, follow, button("Fold all", () => this.#tree.fold(true)), button("Unfold all", () => this.#tree.fold(false)), this.#ticks);
     const cameras = panel("Camera", "camera", this.#camera);
-    cameras.addEventListener("fold", () => (this.#camera.shown = this.#shown && !cameras.classList.contains("folded")));
+    cameras.addEventListener("fold", () => (this.#camera.shown = this.#is_shown && !cameras.classList.contains("folded")));
     this.#joints.panel = panel("Arm", "arm", this.#joints.node);
     this.node = el("div", { class: "view live" },
       el("div", { class: "head" }, el("div", null, this.#title, this.#facts, this.#result, this.#age),
@@ -49,82 +49,82 @@ export class Live {
       el("div", { class: "actions begin" }, el("a", { class: "button", href: "#run" }, "Choose a mission"), el("a", { class: "button", href: "#drive" }, "Drive without a mission")),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", tools, this.#tree), panel("Variables", "values", this.#variables.node)),
-        el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Speech", "spoken", this.#spoken.node)),
+        el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Speech", "spoken", this.#speech.node)),
         el("div", null, panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
     this.#camera.begin(watcher);
     watcher.addEventListener("which", () => this.#clear());
-    watcher.addEventListener("scene", ({ detail }) => this.#scene(detail));
-    watcher.addEventListener("state", ({ detail }) => this.#state(detail));
-    watcher.addEventListener("over", () => this.#controls());
-    link.on("how", () => this.#controls());
-    setInterval(() => this.#aged(), 500);
+    watcher.addEventListener("scene", ({ detail }) => this.#show_scene(detail));
+    watcher.addEventListener("state", ({ detail }) => this.#show_state(detail));
+    watcher.addEventListener("over", () => this.#show_controls());
+    link.on("how", () => this.#show_controls());
+    setInterval(() => this.#show_age(), 500);
     this.#clear();
     if (!watcher.scene) return;
-    this.#scene(watcher.scene); // it has begun before there was this view
-    this.#state({ ...watcher.state, anew: true });
+    this.#show_scene(watcher.scene); // it has begun before there was this view
+    this.#show_state({ ...watcher.state, anew: true });
   }
 
   show() {
-    this.#shown = true;
+    this.#is_shown = true;
     this.#camera.shown = true;
-    this.#controls();
+    this.#show_controls();
   }
 
   hide() {
-    this.#shown = false;
+    this.#is_shown = false;
     this.#camera.shown = false;
   }
 
   #clear() {
-    for (const each of [this.#variables, this.#parts, this.#joints, this.#spoken, this.#log]) each.clear();
+    for (const each of [this.#variables, this.#parts, this.#joints, this.#speech, this.#log]) each.clear();
     this.#plan.clear();
     this.#tree.clear();
     this.node.classList.add("none");
     put(this.#title, this.#watcher.run ? "…" : "No run");
     put(this.#facts, this.#watcher.run ? "" : "Start a mission in Run or in a terminal to see it here.");
     put(this.#result, "");
-    this.#controls();
+    this.#show_controls();
   }
 
-  #scene(scene) {
+  #show_scene(scene) {
     this.node.classList.remove("none");
     put(this.#title, plain(scene.mission));
     const params = Object.entries(scene.params).map(([name, value]) => `${plain(name)}: ${value}`);
-    put(this.#facts, [plain(scene.robot), reality(scene.simulated), plain(scene.world), ...params].filter(Boolean).join(" · "));
+    put(this.#facts, [plain(scene.robot), simulation_text(scene.simulated), plain(scene.world), ...params].filter(Boolean).join(" · "));
     this.#tree.draw(scene.drawing, scene.first);
     this.#plan.under(this.#link, scene.world);
     this.#plan.way(scene.way);
-    for (const each of [this.#variables, this.#spoken, this.#log]) each.clear();
+    for (const each of [this.#variables, this.#speech, this.#log]) each.clear();
     for (const [name, values] of Object.entries(scene.past)) for (const [t, value] of values) this.#variables.show({ [name]: value }, t);
   }
 
-  #state(state) {
+  #show_state(state) {
     if (state.changed || state.anew) this.#tree.show(state.changed ?? {}, state.t, state.anew);
     else this.#tree.show({}, state.t);
     if (state.visited) this.#tree.visit(state.visited);
-    this.#late = state.late || this.#late;
+    this.#last_delay = state.late || this.#last_delay;
     this.#plan.show(state);
-    this.#spoken.add(state.log);
+    this.#speech.add(state.log);
     this.#log.add(state.log, state.lost);
     if (state.variables) this.#tree.values(state.variables, state.anew);
-    if (state.variables) this.#news.set("variables", { ...this.#news.get("variables"), ...state.variables });
-    for (const name of ["parts", "joints"]) if (state[name]) this.#news.set(name, state[name]);
-    this.#parted();
+    if (state.variables) this.#pending.set("variables", { ...this.#pending.get("variables"), ...state.variables });
+    for (const name of ["parts", "joints"]) if (state[name]) this.#pending.set(name, state[name]);
+    this.#show_tables_soon();
   }
 
   /** Renew what is shown as tables, once for each picture of the screen. */
-  #part() {
+  #show_tables() {
     const { state } = this.#watcher;
     if (!state) return;
-    put(this.#ticks, `tick ${state.tick}, ${state.lates ? `${state.lates} late, the last by ${Math.round(1000 * this.#late)} ms` : "none late"}`);
-    this.#variables.show(this.#news.get("variables"), state.t);
-    this.#parts.show(this.#news.get("parts"));
-    this.#joints.show(this.#news.get("joints"));
-    this.#news.clear();
-    this.#controls();
+    put(this.#ticks, `tick ${state.tick}, ${state.lates ? `${state.lates} late, the last by ${Math.round(1000 * this.#last_delay)} ms` : "none late"}`);
+    this.#variables.show(this.#pending.get("variables"), state.t);
+    this.#parts.show(this.#pending.get("parts"));
+    this.#joints.show(this.#pending.get("joints"));
+    this.#pending.clear();
+    this.#show_controls();
   }
 
-  #controls() {
+  #show_controls() {
     const { state, over, lives } = this.#watcher;
     const may = this.#link.welcome?.role === "operator" && this.#link.open && lives;
     const stopped = Boolean(state?.stopped);
@@ -134,7 +134,7 @@ export class Live {
     this.#step.disabled = !may || stopped || !state.paused;
     this.#halt.disabled = !may || state.stopping;
     let result = "";
-    if (over) result = ending(over.result, over.reason);
+    if (over) result = result_text(over.result, over.reason);
     else if (stopped) result = `■ ${state.stopped}`;
     else if (state?.stopping) result = "ending…";
     else if (state?.paused) result = "❚❚ paused";
@@ -143,9 +143,9 @@ export class Live {
     this.#result.className = `result ${over ? over.result || "unknown" : stopped ? "failure" : ""}`;
   }
 
-  #aged() {
+  #show_age() {
     const age = this.#watcher.lives ? performance.now() - this.#watcher.came : 0;
-    const old = age > OLD || (this.#watcher.lives && !this.#link.open);
+    const old = age > MAX_AGE || (this.#watcher.lives && !this.#link.open);
     this.node.classList.toggle("old", old);
     put(this.#age, old ? `No news for ${seconds(Math.round(age / 1000))}: the view is out of date.` : "");
   }
@@ -154,12 +154,12 @@ export class Live {
     try {
       await this.#watcher.ask(word);
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
   /** A mission is ended by a second press: it cannot be taken back. */
-  #end() {
+  #end_mission() {
     if (!this.#halt.classList.contains("armed")) {
       this.#halt.classList.add("armed");
       put(this.#halt, "Press again to end it");

@@ -1,7 +1,7 @@
 // The page: its views by their addresses, the run that is shown, and how the link is.
 
-import { el, put, tell } from "./dom.js";
-import { Drive, OLDEST } from "./drive.js";
+import { el, put, notify } from "./dom.js";
+import { Drive, MAX_STATE_AGE } from "./drive.js";
 import { Failsafe } from "./failsafe.js";
 import { Fleet } from "./fleet.js";
 import { Link } from "./link.js";
@@ -11,7 +11,7 @@ import { Robot } from "./robot.js";
 import { Run } from "./run.js";
 import { Tasks } from "./tasks.js";
 import { Watcher } from "./watch.js";
-import { plain, reality, seconds } from "./words.js";
+import { plain, simulation_text, seconds } from "./words.js";
 import "./stop.js";
 
 const VIEWS = { run: Run, live: Live, drive: Drive, robot: Robot, records: Records, tasks: Tasks, fleet: Fleet, failsafe: Failsafe };
@@ -20,10 +20,10 @@ const link = new Link();
 const watcher = new Watcher(link);
 const stop = document.querySelector("studio-stop");
 const view = document.getElementById("view");
-const which = document.getElementById("which");
-const said = document.getElementById("link");
-const made = {};
-let shown = null;
+const runSelect = document.getElementById("which");
+const linkOutput = document.getElementById("link");
+const views = {};
+let currentView = null;
 
 stop.begin(link, watcher);
 
@@ -34,18 +34,18 @@ function show() {
     if (each.hash === `#${word}`) each.setAttribute("aria-current", "page");
     else each.removeAttribute("aria-current");
   }
-  const next = (made[word] ??= new VIEWS[word]({ link, watcher, stop }));
-  if (next !== shown) {
-    shown?.hide();
-    shown = next;
+  const next = (views[word] ??= new VIEWS[word]({ link, watcher, stop }));
+  if (next !== currentView) {
+    currentView?.hide();
+    currentView = next;
     view.replaceChildren(next.node);
     scrollTo(0, 0);
   }
-  if (link.welcome) next.show(...rest.map(named));
+  if (link.welcome) next.show(...rest.map(decodeName));
 }
 
 /** Return the name in a part of the address; what somebody has typed may have a "%" of its own. */
-function named(part) {
+function decodeName(part) {
   try {
     return decodeURIComponent(part);
   } catch {
@@ -55,16 +55,16 @@ function named(part) {
 
 function runs() {
   const there = watcher.runs;
-  const options = there.map((each) => [each.run, `${plain(each.mission)}, ${plain(each.robot)}, ${reality(each.simulated)}`]);
+  const options = there.map((each) => [each.run, `${plain(each.mission)}, ${plain(each.robot)}, ${simulation_text(each.simulated)}`]);
   if (watcher.run && !watcher.entry) options.unshift([watcher.run, `${plain(watcher.scene?.mission ?? watcher.run)} (ended)`]);
   if (!options.length) options.push(["", "no runs"]);
-  which.replaceChildren(...options.map(([value, text]) => el("option", { value }, text)));
-  which.value = watcher.run;
+  runSelect.replaceChildren(...options.map(([value, text]) => el("option", { value }, text)));
+  runSelect.value = watcher.run;
 }
 
-function told() {
+function showLink() {
   const age = link.age;
-  const slow = link.open && (age > 2500 || link.roundTrip > OLDEST);
+  const slow = link.open && (age > 2500 || link.roundTrip > MAX_STATE_AGE);
   const how = age > 2500 ? `no message for ${seconds(age / 1000)}` : `slow connection: round trip ${seconds(link.roundTrip / 1000)}`;
   const words = {
     connecting: "connecting…",
@@ -73,29 +73,29 @@ function told() {
     refused: "not signed in: open the link that mission studio printed",
     old: "this page is out of date: reload it",
   };
-  put(said, words[link.how]);
-  said.className = `link ${slow ? "lost" : link.how}`;
+  put(linkOutput, words[link.how]);
+  linkOutput.className = `link ${slow ? "lost" : link.how}`;
   document.body.classList.toggle("is-lost", !link.open);
 }
 
-link.on("welcome", () => shown && view.contains(shown.node) && told());
+link.on("welcome", () => currentView && view.contains(currentView.node) && showLink());
 link.on("how", (how) => {
-  told();
+  showLink();
   if (how === "open") show();
   if (how === "old") {
-    tell("The studio now serves another version of this page.");
+    notify("The studio now serves another version of this page.");
     document.getElementById("notes").lastChild.prepend(el("button", { type: "button", class: "main", onclick: () => location.reload() }, "Reload"));
   }
 });
 // What is answered without having been asked is about driving: that the run has ended, is stopped, or is driven by
 // somebody else, or that commands come too late, the page shows anyway.
-link.on("trouble", (error) => ["no_such_run", "stopped", "no_wheels", "stale", "let_go"].includes(error.error) || tell(error));
+link.on("trouble", (error) => ["no_such_run", "stopped", "no_wheels", "stale", "let_go"].includes(error.error) || notify(error));
 watcher.addEventListener("runs", runs);
 watcher.addEventListener("which", runs);
 watcher.addEventListener("scene", runs);
 watcher.addEventListener("over", runs);
-which.addEventListener("change", () => watcher.follow(which.value));
+runSelect.addEventListener("change", () => watcher.follow(runSelect.value));
 addEventListener("hashchange", show);
-setInterval(told, 1000);
+setInterval(showLink, 1000);
 show();
 runs();

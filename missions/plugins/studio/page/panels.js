@@ -1,7 +1,7 @@
 // What a run has beside its tree: variables with their history, parts, joints, what is said and heard, the log.
 
 import { el, put, svg } from "./dom.js";
-import { line, plain, seconds, silent, sized } from "./words.js";
+import { line, plain, seconds, is_hidden, sized } from "./words.js";
 
 const HISTORY = 60; // values of a variable that are kept
 const LINES = 500;
@@ -153,7 +153,7 @@ export class Lines {
     if (lost) rows.push(el("li", { class: "warn" }, el("span", null, `${lost} lines are missing: the connection was too slow`)));
     for (const event of events ?? []) {
       const [kind, text] = line(event);
-      if (silent(event) || (this.#only && !this.#only.includes(kind))) continue;
+      if (is_hidden(event) || (this.#only && !this.#only.includes(kind))) continue;
       rows.push(el("li", { class: kind, "data-t": String(event.t) }, el("time", null, seconds(event.t)), el("span", null, kind === "said" ? `“${text}”` : text)));
     }
     if (!rows.length) return; // to ask where it is scrolled to costs a layout of the page

@@ -1,22 +1,22 @@
 // The plan from above: the world's drawing where there is one, and on it the robot, its way, people and the range finder.
 
-import { el, soon } from "./dom.js";
+import { el, on_frame } from "./dom.js";
 
 const RADIUS = 0.18; // metres of a Kobuki
-const TRAIL = 4000; // points
-const STEP = 0.02; // metres from one point of the trail to the next
+const MAX_TRAIL_POINTS = 4000; // points
+const TRAIL_STEP = 0.02; // metres from one point of the trail to the next
 const MARGIN = 1.5; // metres around what is drawn where there is no world
 
 export class Plan extends HTMLElement {
   #canvas = el("canvas", { role: "img", "aria-label": "Plan" });
   #image = el("img", { alt: "", hidden: true });
   #world = null;
-  #named = "";
+  #world_name = "";
   #pose = null;
   #trail = [];
   #scan = [];
   #people = [];
-  #draw = soon(() => this.#paint(), 100);
+  #draw = on_frame(() => this.#paint(), 100);
 
   connectedCallback() {
     if (!this.firstChild) this.append(this.#image, this.#canvas);
@@ -26,14 +26,14 @@ export class Plan extends HTMLElement {
 
   /** Lay the plan of a world under it; `link` is asked for it. */
   async under(link, name) {
-    if (name === this.#named) return;
-    this.#named = name;
+    if (name === this.#world_name) return;
+    this.#world_name = name;
     this.#world = null;
     this.#image.hidden = true;
     this.#draw();
     if (!name) return;
     const world = await link.ask({ do: "world", name }).catch(() => null);
-    if (!world || this.#named !== name) return;
+    if (!world || this.#world_name !== name) return;
     // As a picture: scripts in it do not run, and it asks nobody for anything.
     this.#image.src = `data:image/svg+xml,${encodeURIComponent(world.svg)}`;
     this.#image.hidden = false;
@@ -53,7 +53,7 @@ export class Plan extends HTMLElement {
   /** Show where the robot is now, and what it sees, as far as a state tells of that. */
   show({ pose, scan, percept }) {
     if (!pose && !scan && !percept) return;
-    if (pose) this.#go(pose);
+    if (pose) this.#move_robot(pose);
     if (scan) this.#scan = scan;
     if (percept) this.people(percept);
     this.#draw();
@@ -76,12 +76,12 @@ export class Plan extends HTMLElement {
     }));
   }
 
-  #go(pose) {
+  #move_robot(pose) {
     this.#pose = pose;
     const last = this.#trail.at(-1);
-    if (last && Math.hypot(pose[0] - last[0], pose[1] - last[1]) < STEP) return;
+    if (last && Math.hypot(pose[0] - last[0], pose[1] - last[1]) < TRAIL_STEP) return;
     this.#trail.push([pose[0], pose[1]]);
-    if (this.#trail.length > TRAIL) this.#trail = this.#trail.filter((_, at) => at % 2 === 0);
+    if (this.#trail.length > MAX_TRAIL_POINTS) this.#trail = this.#trail.filter((_, at) => at % 2 === 0);
   }
 
   /** Return pixels of metres: a function of a place, and the scale. */
@@ -122,7 +122,7 @@ export class Plan extends HTMLElement {
     const look = getComputedStyle(this);
     const colour = (name) => look.getPropertyValue(name);
     const { place, metre } = this.#view(width, height);
-    if (!this.#world) this.#grid(pen, place, metre, width, height, colour("--edge"));
+    if (!this.#world) this.#draw_grid(pen, place, metre, width, height, colour("--edge"));
     const [x, y, heading] = this.#pose ?? [0, 0, 0];
     pen.fillStyle = colour("--failure");
     for (const [ahead, left] of this.#scan) {
@@ -134,13 +134,13 @@ export class Plan extends HTMLElement {
     pen.beginPath();
     for (const point of this.#trail) pen.lineTo(...place(point));
     pen.stroke();
-    this.#names(pen, place, metre, colour);
-    if (this.#pose) this.#robot(pen, place, metre, colour);
+    this.#draw_people(pen, place, metre, colour);
+    if (this.#pose) this.#draw_robot(pen, place, metre, colour);
     const people = this.#people.length ? `; sees ${this.#people.map((each) => each.name).join(", ")}` : "";
     canvas.setAttribute("aria-label", this.#pose ? `Plan: the robot is at ${x.toFixed(1)} m, ${y.toFixed(1)} m${people}` : "Plan");
   }
 
-  #grid(pen, place, metre, width, height, colour) {
+  #draw_grid(pen, place, metre, width, height, colour) {
     pen.strokeStyle = colour;
     pen.lineWidth = 1;
     const [x0, y0] = place([0, 0]);
@@ -150,7 +150,7 @@ export class Plan extends HTMLElement {
     pen.stroke();
   }
 
-  #names(pen, place, metre, colour) {
+  #draw_people(pen, place, metre, colour) {
     pen.font = "12px system-ui, sans-serif";
     pen.textAlign = "center";
     for (const { x, y, name } of this.#people) {
@@ -167,7 +167,7 @@ export class Plan extends HTMLElement {
     }
   }
 
-  #robot(pen, place, metre, colour) {
+  #draw_robot(pen, place, metre, colour) {
     const [x, y, heading] = this.#pose;
     const [at, nose] = [place([x, y]), place([x + RADIUS * Math.cos(heading), y + RADIUS * Math.sin(heading)])];
     const size = Math.max(7, RADIUS * metre);

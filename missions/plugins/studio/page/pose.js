@@ -5,8 +5,8 @@ const GUIDE = [
   "Look straight into the camera…", "Turn your head a little to the left…", "Turn your head a little to the right…",
   "Look up a little…", "Look down a little…", "Take a step back, and look into the camera…",
 ];
-const EVERY = 1200; // milliseconds from one to the next: time to read, and to do it
-const LARGEST = 60000; // letters of base64, as a message has room for
+const PICTURE_INTERVAL = 1200; // milliseconds from one to the next: time to read, and to do it
+const MAX_LETTERS = 60000; // letters of base64, as a message has room for
 
 /**
  * Show the camera in `place`, `ask` somebody to pose, and call `send` with one picture after another.
@@ -24,7 +24,7 @@ export async function pose(place, ask, send) {
     await video.play();
     for (const words of GUIDE) {
       ask(words);
-      await new Promise((done) => setTimeout(done, EVERY));
+      await new Promise((done) => setTimeout(done, PICTURE_INTERVAL));
       await send(jpeg(video));
     }
   } finally {
@@ -41,6 +41,6 @@ function jpeg(video) {
     canvas.height = (canvas.width * video.videoHeight) / video.videoWidth;
     canvas.getContext("2d").drawImage(video, 0, 0, canvas.width, canvas.height);
     const text = canvas.toDataURL("image/jpeg", 0.85).split(",")[1];
-    if (text.length <= LARGEST) return text;
+    if (text.length <= MAX_LETTERS) return text;
   }
 }

@@ -1,15 +1,15 @@
 // A record: its tree, camera, plan and values at any moment of the run.
 
-import { button, el, panel, put, svg, tell } from "./dom.js";
+import { button, el, panel, put, svg, notify } from "./dom.js";
 import { found, paint } from "./camera.js";
 import { Joints, Lines, Parts, Variables } from "./panels.js";
-import { day, ending, plain, reality, seconds } from "./words.js";
+import { day, result_text, plain, simulation_text, seconds } from "./words.js";
 import "./plan.js";
 import "./tree.js";
 
 const STEP = 0.1; // seconds of the slider
-const WIDE = 1000; // units of the time line
-const MOST_PLACES = 8000; // of the way
+const TIMELINE_UNITS = 1000; // units of the time line
+const MAX_TRAIL_POINTS = 8000; // of the way
 
 /** Return what a lane of [t, status, reason] says at t, as a tree shows it. */
 function at(lane, t) {
@@ -26,24 +26,24 @@ function at(lane, t) {
 
 export class Record {
   gone = false; // whether nobody looks at it any more
-  led = null; // the one beside it that goes where it goes
+  follower = null; // the one beside it that goes where it goes
   leader = null;
   #link;
   #name;
   #record = null;
   #t = 0;
   #end = 0;
-  #asked = null;
-  #busy = false;
+  #requested_time = null;
+  #is_busy = false;
   #playing = 0;
   #slider = el("input", { type: "range", min: "0", step: String(STEP), value: "0", "aria-label": "Time" });
   #clock = el("output", { class: "clock" });
-  #told = el("span");
-  #play = button("Play", () => this.#run());
-  #marks = svg("svg", { class: "marks", viewBox: `0 0 ${WIDE} 12`, preserveAspectRatio: "none", "aria-hidden": "true" });
+  #failure_text = el("span");
+  #play = button("Play", () => this.#toggle_play());
+  #marks = svg("svg", { class: "marks", viewBox: `0 0 ${TIMELINE_UNITS} 12`, preserveAspectRatio: "none", "aria-hidden": "true" });
   #tree = el("studio-tree");
   #canvas = el("canvas", { width: 640, height: 480, role: "img", "aria-label": "Camera" });
-  #seen = el("p", { class: "caption" });
+  #caption = el("p", { class: "caption" });
   #plan = el("studio-plan");
   #variables = new Variables(this.#tree);
   #parts = new Parts();
@@ -82,7 +82,7 @@ export class Record {
   /** Make the time line so long; the end of it is a whole number of steps, so that it can be reached. */
   #stretch(until) {
     this.#slider.max = String(Math.ceil(until / STEP) * STEP);
-    this.#marks.setAttribute("viewBox", `0 0 ${(WIDE * until) / Math.max(this.until, STEP)} 12`);
+    this.#marks.setAttribute("viewBox", `0 0 ${(TIMELINE_UNITS * until) / Math.max(this.until, STEP)} 12`);
   }
 
   /** Go to a moment: t seconds from the start of the run. */
@@ -93,7 +93,7 @@ export class Record {
     this.#slider.value = this.#t;
     this.#slider.setAttribute("aria-valuetext", seconds(this.#t));
     put(this.#clock, `${seconds(this.#t)} of ${seconds(this.until)}`);
-    if (this.#record.more === undefined) this.#stand(this.#t);
+    if (this.#record.more === undefined) this.#show_statuses(this.#t);
     let last = null;
     for (const line of this.#log.node.children) {
       const past = Number(line.dataset.t) <= this.#t;
@@ -101,11 +101,11 @@ export class Record {
       if (past) last = line;
     }
     if (last) this.#log.node.scrollTop = last.offsetTop - this.#log.node.clientHeight / 2;
-    this.#ask();
+    this.#request_moment();
   }
 
   /** Show how the tree stood, as far as that is read: `changed` is what is known besides. */
-  #stand(t, changed) {
+  #show_statuses(t, changed) {
     const statuses = {};
     for (const [key, lane] of Object.entries(this.#record.lanes)) statuses[key] = at(lane, t);
     this.#tree.show({ ...statuses, ...changed }, t, true);
@@ -129,25 +129,25 @@ export class Record {
     this.#record = record;
     this.#stretch((this.#end = record.until));
     const skip = (back) => button(back ? "‹ Failed step" : "Failed step ›", () => this.#skip(back), { "aria-label": back ? "Previous failed step" : "Next failed step" });
-    const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began)];
+    const facts = [plain(record.robot), simulation_text(record.simulated), plain(record.world ?? ""), day(record.began)];
     const links = record.links; // an operator's
     this.node.replaceChildren(
       el("h2", null, plain(record.mission)),
-      el("p", { class: "facts" }, facts.filter(Boolean).join(" · "), " · ", this.#told),
-      el("p", { class: `result ${record.result}` }, ending(record.result, record.reason)),
+      el("p", { class: "facts" }, facts.filter(Boolean).join(" · "), " · ", this.#failure_text),
+      el("p", { class: `result ${record.result}` }, result_text(record.result, record.reason)),
       el("div", { class: "timeline" }, this.#marks, this.#slider,
         el("div", { class: "controls" }, this.#play, skip(true), skip(false), this.#clock,
           links && el("a", { class: "button", href: links.report, target: "_blank", rel: "noopener" }, "Report"),
           links && el("a", { class: "button", href: links.download, download: true }, "Download"))),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", this.#tree)),
-        el("div", null, panel("Camera", "camera", this.#canvas, this.#seen), panel("Plan", "plan", this.#plan)),
+        el("div", null, panel("Camera", "camera", this.#canvas, this.#caption), panel("Plan", "plan", this.#plan)),
         el("div", null, panel("Variables", "values", this.#variables.node), panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
     this.#tree.draw(record.drawing);
     if (record.world) this.#plan.under(this.#link, record.world);
     this.#add(record);
     this.go(record.result === "success" || record.more !== undefined ? record.until : (record.failures.at(-1) ?? record.until));
-    this.#rest(record);
+    this.#read_rest(record);
   }
 
   #piece(more) {
@@ -155,19 +155,19 @@ export class Record {
   }
 
   /** What is left of a long record comes in pieces, while the first one and the end are looked at. */
-  async #rest(record) {
+  async #read_rest(record) {
     try {
       while (record.more !== undefined && !this.gone) {
         const piece = await this.#piece({ start: record.more });
         record.more = piece.more;
         for (const name of ["failures", "trail"]) record[name].push(...piece[name]);
         for (const [key, lane] of Object.entries(piece.lanes)) (record.lanes[key] ??= []).push(...lane);
-        while (record.trail.length > MOST_PLACES) record.trail = record.trail.filter((_, at) => at % 2 === 0);
+        while (record.trail.length > MAX_TRAIL_POINTS) record.trail = record.trail.filter((_, at) => at % 2 === 0);
         this.#add(piece);
         if (record.more === undefined) this.go(this.#t);
       }
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
@@ -176,23 +176,23 @@ export class Record {
     for (const t of piece.failures) this.#mark(t, "failed");
     const { failures, more, result } = this.#record;
     const failed = `${failures.length || "no"} ${failures.length === 1 ? "step" : "steps"} failed`;
-    put(this.#told, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: reading…`}`);
+    put(this.#failure_text, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: reading…`}`);
     this.#log.add(piece.log);
   }
 
   #mark(t, kind) {
-    const x = (t / Math.max(this.#record.until, STEP)) * WIDE;
+    const x = (t / Math.max(this.#record.until, STEP)) * TIMELINE_UNITS;
     this.#marks.append(svg("rect", { x: x - 2, y: 0, width: 4, height: 12, class: kind }));
   }
 
   #skip(back) {
     const { failures } = this.#record;
     const next = back ? failures.filter((t) => t < this.#t - STEP / 2).at(-1) : failures.find((t) => t > this.#t + STEP / 2);
-    if (next === undefined) tell(`No step failed ${back ? "before" : "after"} this moment.`, "good");
+    if (next === undefined) notify(`No step failed ${back ? "before" : "after"} this moment.`, "good");
     else this.go(next);
   }
 
-  #run() {
+  #toggle_play() {
     if (this.#playing) {
       this.end();
       return;
@@ -210,25 +210,25 @@ export class Record {
   }
 
   /** Ask for the moment that is shown: one question at a time, the newest of those that wait. */
-  async #ask() {
-    this.#asked = this.#t;
-    if (this.#busy) return;
-    this.#busy = true;
-    while (this.#asked !== null) {
-      const t = this.#asked;
-      this.#asked = null;
+  async #request_moment() {
+    this.#requested_time = this.#t;
+    if (this.#is_busy) return;
+    this.#is_busy = true;
+    while (this.#requested_time !== null) {
+      const t = this.#requested_time;
+      this.#requested_time = null;
       try {
         await this.#show(await this.#link.ask({ do: "moment", name: this.#name, t }));
       } catch (error) {
-        tell(error);
+        notify(error);
         break;
       }
     }
-    this.#busy = false;
+    this.#is_busy = false;
   }
 
   async #show(moment) {
-    if (this.#record.more !== undefined) this.#stand(moment.t, moment.changed);
+    if (this.#record.more !== undefined) this.#show_statuses(moment.t, moment.changed);
     this.#tree.values(moment.variables, true);
     this.#variables.show(moment.variables, moment.t);
     const way = this.#record.trail.filter(([t]) => t <= moment.t).map(([, x, y]) => [x, y]);
@@ -239,7 +239,7 @@ export class Record {
     this.#plan.show({ pose: moment.pose, percept: moment.percept ?? {}, scan: moment.scan });
     this.#plan.way(way);
     this.#canvas.hidden = !moment.picture;
-    put(this.#seen, moment.picture ? found(moment.picture) : "no picture at this moment");
+    put(this.#caption, moment.picture ? found(moment.picture) : "no picture at this moment");
     if (moment.picture) await paint(this.#canvas, moment.picture);
   }
 }

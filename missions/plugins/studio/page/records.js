@@ -1,8 +1,8 @@
 // Records: what has run, and one of them, or two beside each other, looked at again.
 
-import { button, choice, el, panel, put, tell } from "./dom.js";
+import { button, choice, el, panel, put, notify } from "./dom.js";
 import { Record } from "./record.js";
-import { SIGNS, bytes, day, ending, plain, reality, seconds } from "./words.js";
+import { SIGNS, bytes, day, result_text, plain, simulation_text, seconds } from "./words.js";
 
 export class Records {
   #link;
@@ -11,11 +11,11 @@ export class Records {
   #names = "";
   #folder = el("p", { class: "hint" });
   #list = el("ul", { class: "record-list" });
-  #listed = panel("Records", "records", this.#list, this.#folder);
+  #list_panel = panel("Records", "records", this.#list, this.#folder);
 
   constructor({ link }) {
     this.#link = link;
-    this.node = el("div", { class: "view records" }, this.#listed);
+    this.node = el("div", { class: "view records" }, this.#list_panel);
   }
 
   async show(...names) {
@@ -25,15 +25,15 @@ export class Records {
     this.#names = wanted.join("/");
     for (const each of this.#open.values()) each.end();
     if (!wanted.length) {
-      this.node.replaceChildren(this.#listed);
+      this.node.replaceChildren(this.#list_panel);
       return;
     }
     const opened = new Map(wanted.map((name) => [name, this.#open.get(name) ?? new Record(this.#link, name)]));
     for (const [name, each] of this.#open) each.gone = !opened.has(name);
     this.#open = opened;
     this.node.replaceChildren(
-      el("div", { class: "head" }, el("p", { class: "back" }, el("a", { href: "#records" }, "‹ all records")), this.#beside(wanted)),
-      wanted.length > 1 ? this.#compared(wanted) : "",
+      el("div", { class: "head" }, el("p", { class: "back" }, el("a", { href: "#records" }, "‹ all records")), this.#compare_choice(wanted)),
+      wanted.length > 1 ? this.#comparison(wanted) : "",
       el("div", { class: wanted.length > 1 ? "pair" : "one" }, [...opened.values()].map((each) => each.node)));
     const [first, second] = opened.values();
     second?.lead(null);
@@ -41,14 +41,14 @@ export class Records {
   }
 
   /** Where two records first decide differently, how they ended, and what they were run with. */
-  #compared([name, other]) {
+  #comparison([name, other]) {
     const [said, table] = [el("p", null, "Comparing…"), el("table")];
     const became = (change) => (change ? `${seconds(change.t)}: ${change.status}${change.reason ? `, ${change.reason}` : ""}` : "did not reach it");
     const row = (what, a, b) => el("tr", null, el("th", { scope: "row" }, what), el("td", null, a), el("td", null, b));
     const show = ({ a, b, nodes, settings, split }) => {
       const there = split && Math.min(...[split.a, split.b].filter(Boolean).map((change) => change.t));
       said.replaceChildren(...(split ? [`First different decision: ${split.name || split.kind}, line ${split.line}. `, button("Show it", () => this.#open.get(name)?.go(there))] : [`No difference: ${nodes} nodes compared.`]));
-      table.append(row("ended", ...[a, b].map(({ end }) => ending(end?.result ?? "", end?.reason ?? ""))));
+      table.append(row("ended", ...[a, b].map(({ end }) => result_text(end?.result ?? "", end?.reason ?? ""))));
       if (split) table.append(row("decided", became(split.a), became(split.b)));
       for (const [what, pair] of Object.entries(settings)) table.append(row(plain(what), pair.a ?? "–", pair.b ?? "–"));
     };
@@ -60,7 +60,7 @@ export class Records {
     for (const each of this.#open.values()) each.end();
   }
 
-  #beside([first, second]) {
+  #compare_choice([first, second]) {
     const others = this.#records.filter((each) => each.name !== first && !each.trouble);
     const select = choice([["", "no other record"], ...others.map((each) => [each.name, `${plain(each.mission)}, ${day(each.began)}`])], second ?? "");
     select.setAttribute("aria-label", "Compare with");
@@ -77,7 +77,7 @@ export class Records {
       put(this.#folder, records.length ? folder : `No records yet in ${folder}.`);
       this.#list.replaceChildren(...records.map((each) => this.#row(each)));
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
@@ -86,7 +86,7 @@ export class Records {
     return el("li", { class: record.result }, el("a", { href: `#records/${encodeURIComponent(record.name)}` },
       el("b", null, plain(record.mission)),
       el("span", { class: "outcome" }, `${SIGNS[record.result] ?? "?"} ${record.result || "unknown"}`),
-      el("span", null, `${plain(record.robot)}, ${reality(record.simulated)}`),
+      el("span", null, `${plain(record.robot)}, ${simulation_text(record.simulated)}`),
       el("span", null, day(record.began)),
       el("span", null, `${seconds(record.seconds)}, ${bytes(record.bytes)}`),
       record.reason && el("span", { class: "reason" }, record.reason)));

@@ -1,9 +1,9 @@
 // Robot: its parts and their health, what may be changed while it runs (trims, speeds, limits of joints), and faults.
 
-import { button, el, panel, put, tell } from "./dom.js";
+import { button, el, panel, put, notify } from "./dom.js";
 import { Faults } from "./faults.js";
 import { Joints, Parts } from "./panels.js";
-import { plain, reality } from "./words.js";
+import { plain, simulation_text } from "./words.js";
 
 const DEGREES = 180 / Math.PI;
 const UNITS = { speed: ["m/s", 1, 2], "turn rate": ["°/s", DEGREES, 0], angle: ["°", DEGREES, 1] };
@@ -15,10 +15,10 @@ export class Robot {
   #facts = el("p", { class: "facts" });
   #parts = new Parts();
   #joints = new Joints();
-  #knobs = el("div", { class: "knobs" });
+  #controls = el("div", { class: "knobs" });
   #file = el("p", { class: "hint", role: "status" });
-  #keep = button("Write to the robot file", () => this.#write());
-  #told = "";
+  #write_button = button("Write to the robot file", () => this.#write_file());
+  #drawn_text = "";
   #faults;
 
   constructor({ link, watcher }) {
@@ -29,7 +29,7 @@ export class Robot {
     const about = el("p", { class: "hint" }, "A change holds until the run ends. To keep it, write it to the robot file; comments there stay. Joints use a new limit from their next goal on.");
     this.node = el("div", { class: "view robot" }, el("div", null, this.#title, this.#facts),
       el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel, this.#faults.panel),
-        panel("Trims and limits", "tuning", about, this.#knobs, el("div", { class: "actions" }, this.#keep), this.#file)));
+        panel("Trims and limits", "tuning", about, this.#controls, el("div", { class: "actions" }, this.#write_button), this.#file)));
     watcher.addEventListener("which", () => this.#clear());
     watcher.addEventListener("scene", () => this.show());
     watcher.addEventListener("state", ({ detail }) => this.#state(detail));
@@ -40,14 +40,14 @@ export class Robot {
     const { scene, state, lives } = this.#watcher;
     this.node.classList.toggle("none", !scene);
     put(this.#title, scene ? plain(scene.robot) : "No run");
-    put(this.#facts, scene ? `${plain(scene.mission)} · ${reality(scene.simulated)}` : "Start a mission in Run to see its robot here.");
+    put(this.#facts, scene ? `${plain(scene.mission)} · ${simulation_text(scene.simulated)}` : "Start a mission in Run to see its robot here.");
     if (state) this.#state(state);
     if (!lives) return;
     try {
       this.#draw(await this.#watcher.ask("tuning"));
       await this.#faults.show();
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
@@ -57,9 +57,9 @@ export class Robot {
     this.#parts.clear();
     this.#joints.clear();
     this.#faults.clear();
-    this.#knobs.replaceChildren();
-    this.#told = "";
-    this.#keep.disabled = true;
+    this.#controls.replaceChildren();
+    this.#drawn_text = "";
+    this.#write_button.disabled = true;
     put(this.#file, "");
   }
 
@@ -71,12 +71,12 @@ export class Robot {
 
   #draw({ file, knobs }) {
     const may = this.#link.welcome?.role === "operator";
-    this.#keep.disabled = !may || !knobs.some((each) => each.tuned);
+    this.#write_button.disabled = !may || !knobs.some((each) => each.tuned);
     put(this.#file, file.split("/").at(-1));
     this.#file.title = file;
     const text = JSON.stringify([may, knobs]);
-    if (text === this.#told) return; // what has the keyboard keeps it
-    this.#told = text;
+    if (text === this.#drawn_text) return; // what has the keyboard keeps it
+    this.#drawn_text = text;
     const groups = new Map();
     for (const knob of knobs) {
       const words = knob.name.split(".").filter((each) => each !== "joints");
@@ -84,7 +84,7 @@ export class Robot {
       if (!groups.has(title)) groups.set(title, []);
       groups.get(title).push(this.#control(knob, words.at(-1), `${title} ${words.at(-1)}`, may));
     }
-    this.#knobs.replaceChildren(...[...groups].map(([title, controls]) => el("fieldset", null, el("legend", null, plain(title)), ...controls)));
+    this.#controls.replaceChildren(...[...groups].map(([title, controls]) => el("fieldset", null, el("legend", null, plain(title)), ...controls)));
   }
 
   #control(knob, name, label, may) {
@@ -97,7 +97,7 @@ export class Robot {
       // What is shown is rounded: its ends mean the ends.
       const value = [knob.low, knob.high].find((end) => figure(end) === String(typed)) ?? typed / factor;
       if (Number.isFinite(value)) this.#tune(knob.name, value);
-      else tell(`${plain(label)}: “${input.value}” is not a number`);
+      else notify(`${plain(label)}: “${input.value}” is not a number`);
     });
     return el("label", { class: knob.tuned ? "tune tuned" : "tune" }, el("span", null, plain(name)), el("span", { class: "joined" }, input, el("span", { class: "unit" }, unit)));
   }
@@ -106,18 +106,18 @@ export class Robot {
     try {
       await this.#watcher.ask("tune", { name, value });
     } catch (error) {
-      tell(error);
-      this.#told = ""; // what was typed does not hold
+      notify(error);
+      this.#drawn_text = ""; // what was typed does not hold
     }
     await this.show();
   }
 
-  async #write() {
+  async #write_file() {
     try {
       const { file, changes } = await this.#link.ask({ do: "keep_tuning", run: this.#watcher.run });
-      tell(changes.length ? `Wrote to ${file}: ${changes.join("; ")}` : `${file} has these values already.`, "good");
+      notify(changes.length ? `Wrote to ${file}: ${changes.join("; ")}` : `${file} has these values already.`, "good");
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 }

@@ -1,6 +1,6 @@
 // Run: what there is to run, and a form to run it.
 
-import { arrange, button, el, field, panel, put, tell, toggle } from "./dom.js";
+import { arrange, button, el, field, panel, put, notify, toggle } from "./dom.js";
 import { Params, Target } from "./form.js";
 import { links } from "./links.js";
 import { pose } from "./pose.js";
@@ -8,7 +8,7 @@ import { sketch } from "./sketch.js";
 import { heading, plain } from "./words.js";
 import "./tree.js";
 
-const EVERY = 3000; // milliseconds from one look for changed files to the next
+const REFRESH_INTERVAL = 3000; // milliseconds from one look for changed files to the next
 
 export class Run {
   #link;
@@ -24,20 +24,20 @@ export class Run {
   #trouble = el("p", { class: "trouble", role: "alert" });
   #search = el("input", { type: "search", placeholder: "Search missions", "aria-label": "Search missions" });
   #list = el("ul", { class: "missions" });
-  #yours = el("li", { class: "group" }, "Your missions");
-  #shipped = el("li", { class: "group" }, "Shipped with MissionTree");
+  #own_heading = el("li", { class: "group" }, "Your missions");
+  #shipped_heading = el("li", { class: "group" }, "Shipped with MissionTree");
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
   #person = el("input", { type: "text", autocomplete: "off" });
-  #enrol = button("Add with the robot's camera", () => this.#add(false));
-  #enrolHere = button("Add with this browser's camera", () => this.#add(true));
-  #seen = el("div", { class: "pose" });
-  #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of the person in front of the camera; ask them first"), el("div", { class: "actions" }, this.#enrol, this.#enrolHere), this.#seen);
+  #add_from_run = button("Add with the robot's camera", () => this.#add_person(false));
+  #add_here = button("Add with this browser's camera", () => this.#add_person(true));
+  #preview = el("div", { class: "pose" });
+  #person_form = el("div", { hidden: true }, field("Name", this.#person, "of the person in front of the camera; ask them first"), el("div", { class: "actions" }, this.#add_from_run, this.#add_here), this.#preview);
   #checkup = el("div", { class: "hint" });
   #form = el("div", { class: "chosen" }, el("p", { class: "empty" }, "Reading the missions…"));
   #links = el("div", { hidden: true });
   #approval = toggle("Needs approval before it begins", false);
-  #go = button("Run", () => this.#start(), { class: "main" });
+  #run_button = button("Run", () => this.#start(), { class: "main" });
   #when = {
     at: el("input", { type: "text", placeholder: "now" }),
     every: el("input", { type: "text", placeholder: "once" }),
@@ -52,19 +52,19 @@ export class Run {
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#trouble, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people, this.#enrolling),
+      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people, this.#person_form),
         panel("Check-up", "checkup", this.#checkup), this.#links),
       this.#form);
   }
 
   async show(name) {
-    this.#links.hidden = this.#enrolling.hidden = this.#link.welcome?.role !== "operator";
+    this.#links.hidden = this.#person_form.hidden = this.#link.welcome?.role !== "operator";
     clearInterval(this.#timer);
-    this.#timer = setInterval(() => document.hidden || this.#refresh(), EVERY);
+    this.#timer = setInterval(() => document.hidden || this.#refresh(), REFRESH_INTERVAL);
     try {
       await this.#fetch();
     } catch (error) {
-      tell(error);
+      notify(error);
       if (!this.#library) return this.#form.replaceChildren();
     }
     this.node.classList.toggle("has-chosen", Boolean(name));
@@ -82,7 +82,7 @@ export class Run {
     try {
       if ((await this.#fetch()) && this.#chosen) await this.#choose(this.#chosen);
     } catch (error) {
-      if (error.error !== "lost") tell(error);
+      if (error.error !== "lost") notify(error);
     }
   }
 
@@ -94,9 +94,9 @@ export class Run {
     if (this.#target) this.#target.update(library);
     else {
       this.#target = new Target(library);
-      this.#target.node.addEventListener("change", () => this.#named());
+      this.#target.node.addEventListener("change", () => this.#show_target());
       this.#motions.replaceChildren(...library.motions.map((name, at) => {
-        const node = button("", () => this.#move(name));
+        const node = button("", () => this.#start_motion(name));
         node.append(el("b", null, String(at + 1)), el("span", null, plain(name.split("/").at(-1))));
         return node;
       }));
@@ -104,7 +104,7 @@ export class Run {
     this.#arrange(library.missions);
     put(this.#trouble, library.trouble);
     put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows no people yet: mission person add NAME");
-    this.#checkup.replaceChildren(...checked(library.checkup));
+    this.#checkup.replaceChildren(...checkup_lines(library.checkup));
     return true;
   }
 
@@ -117,27 +117,27 @@ export class Run {
     }));
     this.#items = items;
     const nodes = [...items.values()].map(({ node }) => node);
-    if (own > 0) nodes.splice(own, 0, this.#shipped);
-    arrange(this.#list, own > 0 ? [this.#yours, ...nodes] : nodes);
+    if (own > 0) nodes.splice(own, 0, this.#shipped_heading);
+    arrange(this.#list, own > 0 ? [this.#own_heading, ...nodes] : nodes);
     this.#filter();
   }
 
   /** Let the robot know who stands before the camera of this browser (`here`), or of the run that is shown. */
-  async #add(here) {
+  async #add_person(here) {
     const name = this.#person.value.trim();
-    this.#enrol.disabled = this.#enrolHere.disabled = true;
+    this.#add_from_run.disabled = this.#add_here.disabled = true;
     try {
       if (!name) throw new Error("Enter a name first.");
       if (!here && !this.#watcher.lives) throw new Error("The robot's camera needs a run: start one, such as Drive without a mission.");
-      tell("Look into the camera, and turn your head a little to each side…", "good");
-      if (here) await pose(this.#seen, (words) => tell(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
+      notify("Look into the camera, and turn your head a little to each side…", "good");
+      if (here) await pose(this.#preview, (words) => notify(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
       const { message } = await this.#link.ask({ do: "add_person", name, run: here ? "" : this.#watcher.run }, 70000);
-      tell(message, "good");
+      notify(message, "good");
       await this.#refresh();
     } catch (error) {
-      tell(error);
+      notify(error);
     } finally {
-      this.#enrol.disabled = this.#enrolHere.disabled = false;
+      this.#add_from_run.disabled = this.#add_here.disabled = false;
     }
   }
 
@@ -166,10 +166,10 @@ export class Run {
     if (former) params.keep(former);
     const tree = el("studio-tree", { class: "preview" });
     tree.draw(mission.drawing, mission.first);
-    const entered = () => tree.values(params.texts, true);
-    params.node.addEventListener("input", entered);
-    params.node.addEventListener("click", entered); // switches are buttons
-    entered();
+    const show_values = () => tree.values(params.texts, true);
+    params.node.addEventListener("input", show_values);
+    params.node.addEventListener("click", show_values); // switches are buttons
+    show_values();
     const { at, every, priority, retry } = this.#when;
     this.#form.replaceChildren(
       el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")),
@@ -177,24 +177,24 @@ export class Run {
       el("p", { class: "summary" }, mission.summary),
       panel("Params", "params", params.node),
       panel("Where it runs", "target", this.#target.node),
-      el("div", { class: "actions" }, this.#go),
+      el("div", { class: "actions" }, this.#run_button),
       panel("Schedule", "later",
         el("div", { class: "fields two" }, field("At", at, "18:00, or 2026-12-24 18:00"), field("Every", every, "30 min, day, monday 18:00"),
           field("Priority", priority, "-100 to 100, the highest runs first"), field("Retry", retry, "number of retries after a failure")),
         this.#approval,
         button("Add to the queue", () => this.#queue())),
       panel("Tree", "preview", tree));
-    this.#named();
+    this.#show_target();
   }
 
-  #named() {
+  #show_target() {
     const real = this.#target.real;
-    put(this.#go, real ? "Run on the robot" : "Run simulated");
-    this.#go.classList.toggle("real", real);
+    put(this.#run_button, real ? "Run on the robot" : "Run simulated");
+    this.#run_button.classList.toggle("real", real);
   }
 
   /** A motion: at once where it is simulated; on a robot by way of the form, where somebody confirms it. */
-  #move(name) {
+  #start_motion(name) {
     if (this.#target.real || this.#link.welcome?.role !== "operator") location.hash = `#run/${encodeURIComponent(name)}`;
     else this.#launch(name, {});
   }
@@ -203,23 +203,23 @@ export class Run {
     try {
       this.#launch(this.#mission.name, this.#params.values);
     } catch (error) {
-      tell(error.message);
+      notify(error.message);
     }
   }
 
   async #launch(mission, params) {
-    const buttons = [this.#go, ...this.#motions.children];
+    const buttons = [this.#run_button, ...this.#motions.children];
     try {
       const members = this.#target.members();
       for (const each of buttons) each.disabled = true;
-      tell(`Starting ${plain(mission)}…`, "good");
+      notify(`Starting ${plain(mission)}…`, "good");
       const { run, message } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
-      if (message) tell(message);
+      if (message) notify(message);
       this.#target.unsure();
       this.#watcher.follow(run);
       location.hash = "#live";
     } catch (error) {
-      tell(error);
+      notify(error);
     } finally {
       for (const each of buttons) each.disabled = false;
     }
@@ -233,9 +233,9 @@ export class Run {
       const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again, needs_approval: this.#approval.getAttribute("aria-checked") === "true" };
       const answer = await this.#link.ask({ do: "add_task", mission: this.#mission.name, params: this.#params.values, ...this.#target.members(true), ...when });
       this.#target.unsure();
-      tell(answer.message || `Task ${answer.task} is queued.`, "good");
+      notify(answer.message || `Task ${answer.task} is queued.`, "good");
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 }
@@ -250,7 +250,7 @@ function item(entry) {
 }
 
 /** The last check-up in words: what ails, with what to try. */
-function checked(told) {
+function checkup_lines(told) {
   if (!told) return ["No check-up yet: mission doctor"];
   const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;
   if (!told.ailing.length) return [`No problems found (${of}).`];

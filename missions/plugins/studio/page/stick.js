@@ -2,7 +2,7 @@
 
 import { el } from "./dom.js";
 
-const DEAD = 0.08; // share of the way in which nothing moves
+const DEAD_ZONE = 0.08; // share of the way in which nothing moves
 
 export class Stick extends HTMLElement {
   /** To the left and upwards, each from -1 to 1. */
@@ -42,7 +42,7 @@ export class Stick extends HTMLElement {
     const far = Math.hypot(x, y);
     if (far > 1) [x, y] = [x / far, y / far];
     this.#show(x * reach, y * reach);
-    const share = (value) => (Math.abs(value) < DEAD ? 0 : Math.sign(value) * ((Math.abs(value) - DEAD) / (1 - DEAD)));
+    const share = (value) => (Math.abs(value) < DEAD_ZONE ? 0 : Math.sign(value) * ((Math.abs(value) - DEAD_ZONE) / (1 - DEAD_ZONE)));
     this.left = -share(x) || 0;
     this.up = -share(y) || 0;
     this.dispatchEvent(new Event("push"));

@@ -1,32 +1,32 @@
 // STOP: on every view, above everything, for everybody, over a connection of its own.
 
-import { button, el, put, tell } from "./dom.js";
+import { button, el, put, notify } from "./dom.js";
 import { Link } from "./link.js";
 import { UNKNOWN } from "./watch.js";
 
 const PROTOCOL = "2";
-const AGAIN = 250; // milliseconds from one try to the next, until a stop is answered
-const ANSWER = 3000; // milliseconds that an answer may take: a run that hangs is waited for
-const DOUBT = "PERHAPS NOT STOPPED";
-const HOLD = 1000; // milliseconds that release is to be held
-const ARMED = 4000; // milliseconds for the second press of who cannot hold
+const RETRY_INTERVAL = 250; // milliseconds from one try to the next, until a stop is answered
+const REPLY_TIMEOUT = 3000; // milliseconds that an answer may take: a run that hangs is waited for
+const DOUBT_TEXT = "PERHAPS NOT STOPPED";
+const HOLD_TIME = 1000; // milliseconds that release is to be held
+const SECOND_PRESS_TIME = 4000; // milliseconds for the second press of who cannot hold
 
-const TYPED = new Set(["text", "search", "number", "email", "url", "tel", "password"]);
+const TEXT_INPUTS = new Set(["text", "search", "number", "email", "url", "tel", "password"]);
 
 /** Return whether somebody types there: the space bar is a space then, and Escape stops. */
-function typing(node) {
-  return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TYPED.has(node.type));
+function is_text_field(node) {
+  return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TEXT_INPUTS.has(node.type));
 }
 
 /** Return why runs are not reached, as `runs` and the answer to a stop tell it; empty where all are. */
-function troubles(runs) {
+function unreached_text(runs) {
   return runs.filter((each) => each.trouble).map(({ run, trouble }) => (run === UNKNOWN ? trouble : `run ${run}: ${trouble}`)).join("\n");
 }
 
 export class Stop extends HTMLElement {
   #main = null;
   // STOP works on a page that is old, too. Two, as one loses a segment now and then, and waits; the main one mostly waits.
-  #own = [new Link(PROTOCOL), new Link(PROTOCOL)];
+  #stop_links = [new Link(PROTOCOL), new Link(PROTOCOL)];
   #watcher = null;
   #latched = new Map(); // by run: who has stopped it, and which stop that is
   #pending = false;
@@ -35,25 +35,25 @@ export class Stop extends HTMLElement {
   #press = "";
   #timer = 0;
   #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
-  #said = el("p", { class: "said", role: "alert" });
+  #message = el("p", { class: "said", role: "alert" });
   #release = button("Hold to release", null, { class: "release", hidden: true });
 
   connectedCallback() {
-    this.append(this.#button, el("div", { class: "latched" }, this.#said, this.#release));
+    this.append(this.#button, el("div", { class: "latched" }, this.#message, this.#release));
     // The press itself, not the click that follows it; and the click of whoever has no pointer.
     this.#button.addEventListener("pointerdown", () => this.stop());
     this.#button.addEventListener("click", (event) => event.detail === 0 && this.stop());
     addEventListener("keydown", (event) => this.#key(event), { capture: true });
-    addEventListener("keyup", (event) => event.key === " " && !typing(event.target) && event.preventDefault(), { capture: true });
-    for (const own of this.#own) {
-      own.on("how", () => {
+    addEventListener("keyup", (event) => event.key === " " && !is_text_field(event.target) && event.preventDefault(), { capture: true });
+    for (const link of this.#stop_links) {
+      link.on("how", () => {
         if (this.#pending) this.#send();
         this.#show();
       });
-      own.on("runs", (message) => this.#runs(message.runs));
+      link.on("runs", (message) => this.#on_runs(message.runs));
     }
-    this.#hold();
-    this.#stay();
+    this.#listen_for_release();
+    this.#follow_viewport();
   }
 
   /** Use the main link besides the own ones, and hear from the `watcher` what is stopped. */
@@ -67,11 +67,11 @@ export class Stop extends HTMLElement {
 
   /** Open the own connections with the cookie that there is now. */
   retry() {
-    for (const own of this.#own) own.retry(true);
+    for (const link of this.#stop_links) link.retry(true);
   }
 
   get #links() {
-    return [...this.#own, this.#main].filter(Boolean);
+    return [...this.#stop_links, this.#main].filter(Boolean);
   }
 
   /** Whether something is stopped. */
@@ -90,7 +90,7 @@ export class Stop extends HTMLElement {
   }
 
   #key(event) {
-    const wanted = typing(event.target) ? event.key === "Escape" : event.key === " ";
+    const wanted = is_text_field(event.target) ? event.key === "Escape" : event.key === " ";
     if (!wanted || event.isComposing) return;
     event.preventDefault();
     event.stopImmediatePropagation();
@@ -101,50 +101,50 @@ export class Stop extends HTMLElement {
     clearTimeout(this.#timer);
     // By all at once: what is lost of one on its way is sent again only after a while, and all behind it waits.
     for (const link of this.#links) {
-      if (link.open) link.ask({ do: "stop", press: this.#press }, ANSWER).then((result) => this.#answered(result), (error) => this.#failed(error));
+      if (link.open) link.ask({ do: "stop", press: this.#press }, REPLY_TIMEOUT).then((result) => this.#on_answer(result), (error) => this.#on_error(error));
     }
-    this.#timer = setTimeout(() => this.#pending && this.#send(), AGAIN);
+    this.#timer = setTimeout(() => this.#pending && this.#send(), RETRY_INTERVAL);
   }
 
-  #answered({ stopped = {} }) {
+  #on_answer({ stopped = {} }) {
     this.#pending = false;
     clearTimeout(this.#timer);
     for (const [run, found] of Object.entries(stopped)) {
       if ("stops" in found) this.#latch(run, "stopped from this page", found.stops, true);
     }
-    const doubts = troubles(Object.entries(stopped).map(([run, found]) => ({ run, ...found })));
-    this.#doubt = doubts && `${DOUBT}: ${doubts}`;
+    const doubts = unreached_text(Object.entries(stopped).map(([run, found]) => ({ run, ...found })));
+    this.#doubt = doubts && `${DOUBT_TEXT}: ${doubts}`;
     const ended = Object.values(stopped).flatMap((found) => found.ended ?? []);
     this.#show(ended.length ? `Ended: ${ended.join("; ")}` : Object.keys(stopped).length ? "" : "No runs; nothing to stop.");
   }
 
-  #failed(error) {
+  #on_error(error) {
     if (error.error === "lost" || error.error === "no_answer" || error.error === "too_many") return; // it is tried again
     this.#pending = false;
-    this.#doubt = `${DOUBT}: ${error.message}`;
-    tell(error);
+    this.#doubt = `${DOUBT_TEXT}: ${error.message}`;
+    notify(error);
     this.#show();
   }
 
-  #runs(runs) {
+  #on_runs(runs) {
     const there = new Map(runs.map((each) => [each.run, each]));
     for (const run of [...this.#latched.keys()]) if (!there.has(run)) this.#latched.delete(run);
-    this.#unreached = troubles(runs);
+    this.#unreached = unreached_text(runs);
     for (const [run, each] of there) if ("stopped" in each) this.#latch(run, each.stopped, each.stops);
     this.#show();
   }
 
   /** Keep who has stopped a run; `own` is known of the answer, before the run tells of it. */
-  #latch(run, by, number, own = false) {
+  #latch(run, by, number, is_answer = false) {
     const before = this.#latched.get(run);
     if (before && number < before.number && number > 0) return; // told before the stop was heard of there
-    if (by) this.#latched.set(run, { by: own && before?.number === number ? before.by : by, number });
+    if (by) this.#latched.set(run, { by: is_answer && before?.number === number ? before.by : by, number });
     else if (!this.#latched.delete(run)) return;
     this.#show();
   }
 
   /** Return who has stopped it, in words: this page, by either of its connections, or another one. */
-  #who(by) {
+  #stopped_by(by) {
     const mine = this.#links.map((link) => link.welcome?.name);
     return mine.includes(by.replace(/^stopped by /, "")) ? "stopped from this page" : by;
   }
@@ -154,22 +154,22 @@ export class Stop extends HTMLElement {
     let said = text;
     if (this.#pending) said = lost ? "NOT STOPPED: no connection to the robot. Use its own switch." : "Stopping…";
     else if (this.#doubt) said = `${this.#doubt}\nUse the robot's own switch.`;
-    else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#who(each.by)))].join("; ")}`;
+    else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#stopped_by(each.by)))].join("; ")}`;
     else if (lost) said = "No connection: STOP does not reach the robot. Use its own switch.";
     else if (!text && this.#unreached) said = `STOP may not reach every run: ${this.#unreached}`;
-    put(this.#said, said);
+    put(this.#message, said);
     this.classList.toggle("is-latched", this.latched);
     document.body.classList.toggle("is-stopped", this.latched);
     this.classList.toggle("is-pending", this.#pending);
     this.classList.toggle("is-lost", lost);
     this.classList.toggle("is-doubtful", Boolean(this.#doubt) && !this.#pending);
     this.#release.hidden = !this.latched || this.#pending || this.#main?.welcome?.role !== "operator";
-    if (text) setTimeout(() => this.#said.textContent === text && put(this.#said, ""), 3000);
+    if (text) setTimeout(() => this.#message.textContent === text && put(this.#message, ""), 3000);
   }
 
   // --- release: a second, deliberate act ---------------------------------------------------------------------------
 
-  #hold() {
+  #listen_for_release() {
     const release = this.#release;
     let timer = 0;
     let armed = 0;
@@ -178,8 +178,8 @@ export class Stop extends HTMLElement {
       clearTimeout(timer);
       timer = setTimeout(() => {
         end();
-        this.#let_go();
-      }, HOLD);
+        this.#release_all();
+      }, HOLD_TIME);
     };
     const end = () => {
       clearTimeout(timer);
@@ -194,29 +194,29 @@ export class Stop extends HTMLElement {
     release.addEventListener("click", (event) => {
       if (event.detail !== 0) return;
       const since = performance.now() - armed;
-      if (since > 500 && since < ARMED) this.#let_go();
+      if (since > 500 && since < SECOND_PRESS_TIME) this.#release_all();
       armed = performance.now();
-      put(this.#said, "Press release again to let the robot move.");
+      put(this.#message, "Press release again to let the robot move.");
     });
   }
 
-  async #let_go() {
+  async #release_all() {
     for (const [run, { number }] of [...this.#latched]) {
       try {
         await this.#main.ask({ do: "release", run, stop: number });
         this.#latched.delete(run);
-        const go = button("Resume", () => this.#main.ask({ do: "resume", run }).catch(tell));
-        tell(run === this.#watcher.run ? "Released. The mission is paused." : `Run ${run} is released, and paused.`, "good", go);
+        const go = button("Resume", () => this.#main.ask({ do: "resume", run }).catch(notify));
+        notify(run === this.#watcher.run ? "Released. The mission is paused." : `Run ${run} is released, and paused.`, "good", go);
       } catch (error) {
         if (error.error === "no_such_run" || error.error === "not_stopped") this.#latched.delete(run);
-        tell(error);
+        notify(error);
       }
     }
     this.#show();
   }
 
   /** Stay where it is seen, also while a phone's keyboard or a zoom moves what is seen of the page. */
-  #stay() {
+  #follow_viewport() {
     const seen = window.visualViewport;
     if (!seen) return;
     const root = document.documentElement.style;

@@ -1,31 +1,31 @@
 // Tasks: the queue.
 
-import { button, el, panel, put, tell, toggle, twice } from "./dom.js";
+import { button, el, panel, put, notify, toggle, confirm_button } from "./dom.js";
 import { day, plain } from "./words.js";
 
-const EVERY = 3000; // milliseconds from one look at the queue to the next
+const REFRESH_INTERVAL = 3000; // milliseconds from one look at the queue to the next
 
 export class Tasks {
   #link;
-  #ended = false;
+  #with_ended = false;
   #timer = 0;
-  #served = el("p", { class: "hint", role: "status" });
+  #server_message = el("p", { class: "hint", role: "status" });
   #list = el("ul", { class: "task-list" });
-  #told = "";
+  #drawn_text = "";
 
   constructor({ link }) {
     this.#link = link;
     const all = toggle("Show ended tasks", false, (on) => {
-      this.#ended = on;
+      this.#with_ended = on;
       this.#fetch();
     });
     this.node = el("div", { class: "view tasks" },
-      panel("Tasks", "tasks", el("div", { class: "tools" }, all, el("a", { class: "button", href: "#run" }, "Add a task")), this.#served, this.#list));
+      panel("Tasks", "tasks", el("div", { class: "tools" }, all, el("a", { class: "button", href: "#run" }, "Add a task")), this.#server_message, this.#list));
   }
 
   show() {
     clearInterval(this.#timer);
-    this.#timer = setInterval(() => document.hidden || this.#fetch(), EVERY);
+    this.#timer = setInterval(() => document.hidden || this.#fetch(), REFRESH_INTERVAL);
     this.#fetch();
   }
 
@@ -36,14 +36,14 @@ export class Tasks {
   async #fetch() {
     if (!this.#link.open) return;
     try {
-      const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#ended });
-      put(this.#served, served ? "" : "No task server is running: mission task serve");
+      const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#with_ended });
+      put(this.#server_message, served ? "" : "No task server is running: mission task serve");
       const text = JSON.stringify(tasks);
-      if (text === this.#told) return; // what has the keyboard keeps it
-      this.#told = text;
+      if (text === this.#drawn_text) return; // what has the keyboard keeps it
+      this.#drawn_text = text;
       this.#list.replaceChildren(...(tasks.length ? tasks.map((task) => this.#row(task)) : [el("li", { class: "empty" }, "The queue is empty.")]));
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 
@@ -65,9 +65,9 @@ export class Tasks {
     const move = (by, sign, label) => button(sign, () => {
       this.#do("move_task", task.id, { priority: Math.max(-100, Math.min(100, task.priority + by)) });
     }, { "aria-label": `${label} priority of task ${task.id}` });
-    const cancel = twice("Cancel", "Press again to cancel", () => this.#do("cancel_task", task.id), { class: "danger" });
+    const cancel = confirm_button("Cancel", "Press again to cancel", () => this.#do("cancel_task", task.id), { class: "danger" });
     const unapproved = waits && task.needs_approval && task.approved === null;
-    const approve = unapproved && twice("Approve", "Press again to approve", () => this.#do("approve_task", task.id), { class: "main" });
+    const approve = unapproved && confirm_button("Approve", "Press again to approve", () => this.#do("approve_task", task.id), { class: "main" });
     return el("li", { class: `task ${task.state}` },
       el("div", null, el("b", null, `${task.id}  ${name}`), el("span", { class: "outcome" }, unapproved ? "needs approval" : plain(task.state)),
         el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), task.reason && el("span", { class: "reason" }, task.reason)),
@@ -79,7 +79,7 @@ export class Tasks {
       await this.#link.ask({ do: word, task, ...members });
       await this.#fetch();
     } catch (error) {
-      tell(error);
+      notify(error);
     }
   }
 }

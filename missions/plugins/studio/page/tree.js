@@ -1,12 +1,12 @@
 // The tree as nested blocks: what each node does, since when and why. Only what has changed is touched.
 
-import { SHARE, before_picture, button, el, put, soon } from "./dom.js";
+import { FRAME_BUDGET, before_frame, button, el, put, on_frame } from "./dom.js";
 import { filled, whole } from "./values.js";
 import { SIGNS, isActive, seconds } from "./words.js";
 
-const LONGEST = 40; // milliseconds of a picture of the screen, above which the next one has fewer new rows
-const [FEWEST, MOST] = [4, 64]; // new rows of a picture
-const TICKING = 250; // milliseconds from one renewal of "for 3.2 s" to the next
+const MAX_FRAME_TIME = 40; // milliseconds of a picture of the screen, above which the next one has fewer new rows
+const [MIN_ROWS, MAX_ROWS] = [4, 64]; // new rows of a picture
+const CLOCK_INTERVAL = 250; // milliseconds from one renewal of "for 3.2 s" to the next
 
 /** One block, and how it stands. */
 class Block {
@@ -24,8 +24,8 @@ class Block {
     this.mission = node.mission;
     this.name = this.written = [node.case && `${node.case}:`, node.title].filter(Boolean).join(" ");
     this.texts = []; // those with values in them: the element, and the text as it is written
-    const told = Object.entries(node.arguments).filter(([, value]) => value !== node.said).map(([name, value]) => `${name}: ${value}`);
-    if (node.as) told.push(`as: ${node.as}`);
+    const details = Object.entries(node.arguments).filter(([, value]) => value !== node.said).map(([name, value]) => `${name}: ${value}`);
+    if (node.as) details.push(`as: ${node.as}`);
     this.sign = el("span", { class: "sign", "aria-hidden": "true" }, SIGNS.idle);
     this.why = el("span", { class: "why" });
     this.time = el("span", { class: "time" });
@@ -35,20 +35,20 @@ class Block {
       this.badges.set(each.key, badge);
       return badge;
     });
-    const many = node.children.length > 0;
-    this.fold = many && button("▾", () => this.toggle(), { class: "fold", tabindex: "-1", "aria-hidden": "true" });
+    const has_children = node.children.length > 0;
+    this.fold = has_children && button("▾", () => this.toggle(), { class: "fold", tabindex: "-1", "aria-hidden": "true" });
     this.row = el("div", { class: "row" },
       this.fold, this.sign,
       el("span", { class: "symbol", "aria-hidden": "true" }, node.symbol),
       node.case && el("span", { class: "case" }, node.case),
       this.text("title", node.title),
       badges,
-      told.length > 0 && this.text("told", told.join(", ")),
+      details.length > 0 && this.text("told", details.join(", ")),
       this.time, this.why);
-    this.item = el("li", { role: "treeitem", class: "node idle", tabindex: "-1", ...(many && { "aria-expanded": "true" }) }, this.row);
+    this.item = el("li", { role: "treeitem", class: "node idle", tabindex: "-1", ...(has_children && { "aria-expanded": "true" }) }, this.row);
     this.item.block = this;
-    this.inner = many && el("ul", { role: "group" });
-    if (many) this.item.append(this.inner);
+    this.inner = has_children && el("ul", { role: "group" });
+    if (has_children) this.item.append(this.inner);
     list.append(this.item);
     this.label();
   }
@@ -108,21 +108,21 @@ export class Tree extends HTMLElement {
   #blocks = new Map();
   #badges = new Map();
   #now = new Map();
-  #waiting = new Map();
-  #paint = soon(() => this.#patch(), 80);
-  #scroll = soon(() => this.#reveal(), 300); // it costs a layout of the page
+  #pending = new Map();
+  #paint = on_frame(() => this.#patch(), 80);
+  #scroll = on_frame(() => this.#scroll_to_running(), 300); // it costs a layout of the page
   #t = 0;
   #visited = [];
-  #due = new Set(); // blocks whose time is to be renewed
-  #most = MOST; // new rows of the next picture
-  #ticked = 0;
-  #drawn = "";
-  #adding = []; // nodes whose blocks are not there yet
-  #more = () => this.#add();
+  #due_clocks = new Set(); // blocks whose time is to be renewed
+  #row_budget = MAX_ROWS; // new rows of the next picture
+  #clocks_at = 0;
+  #drawn_text = "";
+  #pending_nodes = []; // nodes whose blocks are not there yet
+  #add_more = () => this.#add();
   #missions = new Map(); // what sub-missions are called, by the keys of their nodes
   #first = {}; // values of variables before the run has told of them
   #values = {};
-  #stale = false; // whether blocks show former values
+  #are_values_stale = false; // whether blocks show former values
   follow = false;
 
   /** Draw a tree, unless it is the one that is drawn; all nodes are idle then. `first` are values of its variables. */
@@ -130,16 +130,16 @@ export class Tree extends HTMLElement {
     this.#first = first;
     this.values({}, true);
     const text = JSON.stringify(drawing.tree);
-    if (text !== this.#drawn) {
+    if (text !== this.#drawn_text) {
       this.clear();
-      this.#drawn = text;
+      this.#drawn_text = text;
       const root = el("ul", { role: "tree", "aria-label": `Tree of ${drawing.mission}` });
-      this.#adding = [[drawing.tree, null, root]];
+      this.#pending_nodes = [[drawing.tree, null, root]];
       const all = [drawing.tree];
       for (const node of all) all.push(...node.children);
       this.#missions = new Map(all.filter((node) => node.mission).map((node) => [node.key, node.mission]));
       root.addEventListener("keydown", (event) => this.#key(event));
-      root.addEventListener("focusin", (event) => this.#roam(event.target.closest("li")));
+      root.addEventListener("focusin", (event) => this.#move_focus(event.target.closest("li")));
       this.#add();
       root.firstChild.tabIndex = 0;
       this.append(root);
@@ -149,13 +149,13 @@ export class Tree extends HTMLElement {
 
   /** Draw nothing. */
   clear() {
-    this.#drawn = "";
-    this.#adding = [];
+    this.#drawn_text = "";
+    this.#pending_nodes = [];
     this.#blocks.clear();
     this.#badges.clear();
     this.#now.clear();
-    this.#waiting.clear();
-    this.#due.clear();
+    this.#pending.clear();
+    this.#due_clocks.clear();
     this.#visited = [];
     this.replaceChildren();
   }
@@ -169,7 +169,7 @@ export class Tree extends HTMLElement {
   /** Say what variables hold, by their names as `state` has them; with `all`, of others nothing is known. */
   values(values, all = false) {
     this.#values = { ...(all ? {} : this.#values), ...values };
-    this.#stale = true;
+    this.#are_values_stale = true;
     this.#paint();
   }
 
@@ -190,8 +190,8 @@ export class Tree extends HTMLElement {
   /** Say how nodes stand at `t`, by their keys; with `whole`, all others are idle. */
   show(changed, t, whole = false) {
     this.#t = t;
-    if (whole) for (const key of this.#now.keys()) if (!(key in changed)) this.#waiting.set(key, ["idle", "", null]);
-    for (const key of Object.keys(changed)) this.#waiting.set(key, changed[key]);
+    if (whole) for (const key of this.#now.keys()) if (!(key in changed)) this.#pending.set(key, ["idle", "", null]);
+    for (const key of Object.keys(changed)) this.#pending.set(key, changed[key]);
     this.#paint();
   }
 
@@ -202,38 +202,38 @@ export class Tree extends HTMLElement {
 
   /** Make blocks, as many as there is time for, and the others before the next pictures of the screen. */
   #add() {
-    const until = performance.now() + SHARE;
-    while (this.#adding.length && performance.now() < until) {
-      const [node, parent, list] = this.#adding.pop();
+    const until = performance.now() + FRAME_BUDGET;
+    while (this.#pending_nodes.length && performance.now() < until) {
+      const [node, parent, list] = this.#pending_nodes.pop();
       const block = new Block(node, parent, list);
       parent?.children.push(block);
       this.#blocks.set(node.key, block);
       for (const [key, badge] of block.badges) this.#badges.set(key, badge);
-      for (const child of node.children.toReversed()) this.#adding.push([child, block, block.inner]);
+      for (const child of node.children.toReversed()) this.#pending_nodes.push([child, block, block.inner]);
     }
-    this.#stale = true;
-    if (this.#adding.length) before_picture(this.#more);
+    this.#are_values_stale = true;
+    if (this.#pending_nodes.length) before_frame(this.#add_more);
     else this.#paint();
   }
 
   #patch() {
-    if (this.#adding.length) return; // it is drawn once all blocks are there
+    if (this.#pending_nodes.length) return; // it is drawn once all blocks are there
     const now = performance.now();
-    if (this.#stale) for (const block of this.#blocks.values()) if (block.texts.length) block.fill((name) => this.#value(name, block.scope));
-    this.#stale = false;
-    if (now - this.#ticked > TICKING) {
-      this.#ticked = now;
-      for (const block of this.#blocks.values()) if (isActive(block.status)) this.#due.add(block);
+    if (this.#are_values_stale) for (const block of this.#blocks.values()) if (block.texts.length) block.fill((name) => this.#value(name, block.scope));
+    this.#are_values_stale = false;
+    if (now - this.#clocks_at > CLOCK_INTERVAL) {
+      this.#clocks_at = now;
+      for (const block of this.#blocks.values()) if (isActive(block.status)) this.#due_clocks.add(block);
     }
-    let left = this.#most;
-    for (const block of [...this.#due].slice(0, left >> 2)) {
+    let left = this.#row_budget;
+    for (const block of [...this.#due_clocks].slice(0, left >> 2)) {
       left -= 1;
-      this.#due.delete(block);
+      this.#due_clocks.delete(block);
       block.tick(this.#t);
     }
-    for (const [key, [status, reason, since]] of this.#waiting) {
+    for (const [key, [status, reason, since]] of this.#pending) {
       if (left-- <= 0) break;
-      this.#waiting.delete(key);
+      this.#pending.delete(key);
       this.#now.set(key, status);
       const block = this.#blocks.get(key);
       if (block) {
@@ -246,13 +246,13 @@ export class Tree extends HTMLElement {
     for (const [key, block] of this.#blocks) {
       if (block.visited !== visited.has(key)) block.item.classList.toggle("visited", (block.visited = !block.visited));
     }
-    if (this.#waiting.size || this.#due.size) this.#paint();
+    if (this.#pending.size || this.#due_clocks.size) this.#paint();
     // What the browser makes of it costs more than this: that is known once the picture is drawn.
-    setTimeout(() => (this.#most = performance.now() - now > LONGEST ? Math.max(FEWEST, this.#most >> 1) : Math.min(MOST, this.#most + 1)));
+    setTimeout(() => (this.#row_budget = performance.now() - now > MAX_FRAME_TIME ? Math.max(MIN_ROWS, this.#row_budget >> 1) : Math.min(MAX_ROWS, this.#row_budget + 1)));
   }
 
   /** Scroll to the deepest node that runs, and unfold what is above it. */
-  #reveal() {
+  #scroll_to_running() {
     let block = this.#blocks.values().next().value;
     if (!isActive(block?.status)) return;
     for (let next = block; next; next = block.children.find((each) => isActive(each.status))) {
@@ -264,7 +264,7 @@ export class Tree extends HTMLElement {
     else if (row.bottom > mine.bottom) this.scrollTop += row.bottom - mine.bottom + 8;
   }
 
-  #roam(item) {
+  #move_focus(item) {
     if (!item) return;
     for (const old of this.querySelectorAll("li[tabindex='0']")) old.tabIndex = -1;
     item.tabIndex = 0;

@@ -1,19 +1,19 @@
 // Texts of a mission with `${...}` in them: what each stands for, as far as that is known.
 
-const HOLE = /\$\{((?:[^{}'"]|'[^']*'|"[^"]*")*)\}/g;
+const PLACEHOLDER = /\$\{((?:[^{}'"]|'[^']*'|"[^"]*")*)\}/g;
 // A text, a number with its unit, a member, or a name and what follows it.
 const TOKEN = /'[^']*'|"[^"]*"|\d[\d.]*\s*\p{ID_Continue}*|\.\p{ID_Continue}+|([\p{ID_Start}_]\p{ID_Continue}*)(\s*[.([])?/gu;
 const WORDS = new Set(["and", "or", "not", "in", "is", "if", "else", "true", "false", "null", "none", "True", "False", "None"]);
 
 /** Return an expression with the values of its names; undefined where one of them is not known. */
-function known(expression, value) {
+function substitute(expression, value) {
   if (/^\s*[\p{ID_Start}_]\p{ID_Continue}*\s*$/u.test(expression)) return value(expression.trim());
   let all = true;
   const text = expression.replace(TOKEN, (found, name, follows) => {
     if (!name || WORDS.has(name) || follows?.trim() === "(") return found;
-    const held = follows ? undefined : value(name);
-    all &&= held !== undefined;
-    return held ?? found;
+    const text_of_name = follows ? undefined : value(name);
+    all &&= text_of_name !== undefined;
+    return text_of_name ?? found;
   });
   return all ? text.trim() : undefined;
 }
@@ -22,11 +22,11 @@ function known(expression, value) {
 export function filled(text, value) {
   const pieces = [];
   let end = 0;
-  for (const hole of text.matchAll(HOLE)) {
-    const found = known(hole[1], value);
+  for (const placeholder of text.matchAll(PLACEHOLDER)) {
+    const found = substitute(placeholder[1], value);
     if (found === undefined) continue;
-    pieces.push(text.slice(end, hole.index), [found, hole[0]]);
-    end = hole.index + hole[0].length;
+    pieces.push(text.slice(end, placeholder.index), [found, placeholder[0]]);
+    end = placeholder.index + placeholder[0].length;
   }
   return [...pieces, text.slice(end)].filter((piece) => piece !== "");
 }

@@ -1,7 +1,7 @@
 // The run that is shown: what is so of it, put together of its scene and the states that follow.
 
 const EMPTY = { changed: {}, variables: {}, parts: [], joints: {}, commands: {}, log: [] };
-const LONGEST_LOG = 500;
+const MAX_LOG_LINES = 500;
 export const UNKNOWN = "unknown"; // stands for a run where it is not known whether there is one
 
 /** Follows one run at a time over a link; tells "runs", "scene", "state", "picture", "over" and "which". */
@@ -14,23 +14,23 @@ export class Watcher extends EventTarget {
   picture = null; // the newest
   came = 0;
   #link;
-  #looks = new Map();
+  #camera_rates = new Map();
   #rate = 0;
 
   constructor(link) {
     super();
     this.#link = link;
-    link.on("runs", (message) => this.#runs(message.runs));
+    link.on("runs", (message) => this.#on_runs(message.runs));
     link.on("scene", (message) => message.run === this.run && this.#begin(message));
-    link.on("state", (message) => message.run === this.run && this.scene && this.#take(message));
+    link.on("state", (message) => message.run === this.run && this.scene && this.#update(message));
     link.on("picture", (message) => {
       if (message.run !== this.run) return;
       this.picture = message;
-      this.#tell("picture", message);
+      this.#emit("picture", message);
     });
     link.on("over", (message) => message.run === this.run && this.#end(message));
     link.on("how", (how) => how === "open" && this.run && this.#watch());
-    document.addEventListener("visibilitychange", () => this.#look());
+    document.addEventListener("visibilitychange", () => this.#update_rate());
   }
 
   /** The entry of the run in `runs`. */
@@ -50,13 +50,13 @@ export class Watcher extends EventTarget {
     this.run = run;
     this.scene = this.state = this.over = this.picture = null;
     if (run) this.#watch();
-    this.#tell("which", run);
+    this.#emit("which", run);
   }
 
   /** Somebody looks at the camera, `rate` pictures a second at most; 0 for not any more. */
   look(who, rate) {
-    this.#looks.set(who, rate);
-    this.#look();
+    this.#camera_rates.set(who, rate);
+    this.#update_rate();
   }
 
   /** Send a command to the run, and return its result. */
@@ -69,8 +69,8 @@ export class Watcher extends EventTarget {
     return this.#link.send({ do: word, run: this.run, ...members });
   }
 
-  #look() {
-    const rate = document.hidden ? 0 : Math.max(0, ...this.#looks.values());
+  #update_rate() {
+    const rate = document.hidden ? 0 : Math.max(0, ...this.#camera_rates.values());
     if (rate === this.#rate) return;
     this.#rate = rate;
     if (this.run && !this.over) this.#watch();
@@ -85,11 +85,11 @@ export class Watcher extends EventTarget {
     });
   }
 
-  #runs(runs) {
+  #on_runs(runs) {
     this.runs = runs.filter((each) => each.run !== UNKNOWN);
     const there = this.runs.some((each) => each.run === this.run);
     if (!there && (this.over || !this.run || !this.scene) && this.runs.length) this.follow(this.runs[0].run);
-    this.#tell("runs", this.runs);
+    this.#emit("runs", this.runs);
   }
 
   #begin(scene) {
@@ -97,11 +97,11 @@ export class Watcher extends EventTarget {
     this.over = null;
     this.state = { ...EMPTY, ...scene.state, log: [...scene.log] };
     this.came = performance.now();
-    this.#tell("scene", scene);
-    this.#tell("state", { ...scene.state, log: scene.log, anew: true });
+    this.#emit("scene", scene);
+    this.#emit("state", { ...scene.state, log: scene.log, anew: true });
   }
 
-  #take(message) {
+  #update(message) {
     const { state } = this;
     const { changed, variables, commands, log, ...rest } = message;
     Object.assign(state, rest);
@@ -111,17 +111,17 @@ export class Watcher extends EventTarget {
       state.variables = { ...state.variables, ...variables };
       for (const [name, value] of Object.entries(variables)) if (value === null) delete state.variables[name];
     }
-    if (log) state.log = [...state.log, ...log].slice(-LONGEST_LOG);
+    if (log) state.log = [...state.log, ...log].slice(-MAX_LOG_LINES);
     this.came = performance.now();
-    this.#tell("state", message);
+    this.#emit("state", message);
   }
 
   #end(message) {
     this.over = message;
-    this.#tell("over", message);
+    this.#emit("over", message);
   }
 
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

@@ -59,10 +59,10 @@ export function sized(name, value) {
 }
 
 /** Return what a simulated robot is called. */
-export const reality = (simulated) => ({ "": "on the robot", wire: "simulated", fast: "simulated time" })[simulated] ?? simulated;
+export const simulation_text = (simulated) => ({ "": "on the robot", wire: "simulated", fast: "simulated time" })[simulated] ?? simulated;
 
 /** Return a result with its reason. */
-export function ending(result, reason) {
+export function result_text(result, reason) {
   const sign = SIGNS[result] ?? "?";
   return `${sign} ${result || "unknown result"}${reason ? `: ${reason}` : ""}`;
 }
@@ -90,4 +90,4 @@ export function line(event) {
 }
 
 /** Return whether an event is no line of its own: the voice's command stands beside what it says. */
-export const silent = (event) => event.event === "command" && event.to === "voice";
+export const is_hidden = (event) => event.event === "command" && event.to === "voice";
