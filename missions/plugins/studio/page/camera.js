@@ -1,10 +1,10 @@
-// The camera's pictures with what was found in them, while somebody looks.
+// Camera pictures with boxes around the detections; requested only while they are visible.
 
 import { button, el, put } from "./dom.js";
 
 const COLOURS = { face: "#ffb000", thing: "#5ac8fa", marker: "#8ee28e" };
 
-/** Decode a picture of the protocol. */
+/** Decode the base64 JPEG of a `picture` message. */
 export async function decode(jpeg) {
   const text = atob(jpeg);
   const data = new Uint8Array(text.length);
@@ -12,7 +12,7 @@ export async function decode(jpeg) {
   return createImageBitmap(new Blob([data], { type: "image/jpeg" }));
 }
 
-/** Draw a picture, and boxes with names around what was found in it. */
+/** Draw a picture with a named box around each detection. */
 export async function paint(canvas, picture) {
   const image = await decode(picture.jpeg);
   if (canvas.width !== picture.width || canvas.height !== picture.height) {
@@ -40,7 +40,7 @@ export async function paint(canvas, picture) {
   }
 }
 
-/** Say in words what was found. */
+/** Return the detections of a picture as a caption. */
 export function found(picture) {
   const names = (picture.found ?? []).map((each) => (each.name ? `${each.kind} ${each.name}` : each.kind));
   return names.length ? `sees ${names.join(", ")}` : "no detections";
@@ -50,9 +50,9 @@ export class Camera extends HTMLElement {
   #canvas = el("canvas", { width: 640, height: 480, role: "img", "aria-label": "Camera" });
   #caption = el("p", { class: "caption" });
   #watcher = null;
-  #is_view_shown = false; // the view
-  #is_visible = false; // this place of it
-  #is_on = true; // by the person's wish
+  #is_view_shown = false;
+  #is_visible = false; // the canvas is scrolled into view
+  #is_on = true; // switched by the user
   #is_busy = false;
   #described_at = 0;
 
@@ -70,7 +70,7 @@ export class Camera extends HTMLElement {
     }).observe(this.#canvas);
   }
 
-  /** Show the pictures of a watcher, up to `rate` a second. */
+  /** Show the pictures of a watcher, at most `rate` a second. */
   begin(watcher, rate = 10) {
     this.#watcher = watcher;
     this.rate = rate;
@@ -78,11 +78,11 @@ export class Camera extends HTMLElement {
     watcher.addEventListener("which", () => this.#clear());
   }
 
-  /** The view is shown, or not any more. */
+  /** Set whether the view is shown. */
   set shown(shown) {
     this.#is_view_shown = shown;
     this.#update_rate();
-    if (shown && this.#watcher?.picture) this.#show_picture(this.#watcher.picture); // the next one may be long in coming
+    if (shown && this.#watcher?.picture) this.#show_picture(this.#watcher.picture); // the next picture may take long
   }
 
   #update_rate() {

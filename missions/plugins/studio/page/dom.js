@@ -1,11 +1,11 @@
-// Elements, made by script. Whatever comes over the link is a stranger's text: it becomes text nodes, and nothing else.
+// Helpers that make elements. Text from the connection is untrusted: it only ever becomes text nodes.
 
-const FOLDED_PANELS = ["later", "preview", "who"]; // panels that nobody needs at first
-const REDRAW_FACTOR = 3; // times that it takes to draw something, until it is drawn again
-export const FRAME_BUDGET = 12; // milliseconds of script before a picture of the screen: what is left waits for the next one
+const FOLDED_PANELS = ["later", "preview", "who"]; // panels that are folded at first
+const REDRAW_FACTOR = 3; // wait this many times the duration of a drawing before the next one
+export const FRAME_BUDGET = 12; // milliseconds of script in a frame; the rest waits for the next frame
 const SVG = "http://www.w3.org/2000/svg";
 
-/** Return an element with attributes (or properties, where the value is no text), listeners ("onclick") and children. */
+/** Return an element with attributes (properties if the value is not a text), listeners ("onclick") and children. */
 export function el(tag, props, ...children) {
   const node = document.createElement(tag);
   for (const [name, value] of Object.entries(props ?? {})) {
@@ -18,7 +18,7 @@ export function el(tag, props, ...children) {
   return node;
 }
 
-/** Return an element of a drawing. */
+/** Return an SVG element. */
 export function svg(tag, attributes, ...children) {
   const node = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes ?? {})) node.setAttribute(name, value);
@@ -26,12 +26,12 @@ export function svg(tag, attributes, ...children) {
   return node;
 }
 
-/** Set the text of an element, if that is another one. */
+/** Set the text of an element if it has changed. */
 export function put(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/** Give a list these children; one that stays is not moved, so that it keeps the keyboard and its place. */
+/** Set the children of a list. Kept children are not moved, so they keep the focus and the scroll position. */
 export function arrange(list, nodes) {
   const wanted = new Set(nodes);
   for (const old of [...list.children]) if (!wanted.has(old)) old.remove();
@@ -42,12 +42,12 @@ export function arrange(list, nodes) {
   }
 }
 
-/** Return a button; `more` are its attributes. */
+/** Return a button; `more` has further attributes. */
 export function button(text, onclick, more) {
   return el("button", { type: "button", onclick, ...more }, text);
 }
 
-/** Return a field with its label, and what helps below. */
+/** Return a form field with its label, and a help text below it. */
 export function field(label, control, help = "") {
   const id = `field-${(field.count = (field.count ?? 0) + 1)}`;
   control.id = id;
@@ -56,7 +56,7 @@ export function field(label, control, help = "") {
   return el("div", { class: "field" }, el("label", { for: id }, label), control, hint);
 }
 
-/** Return a choice of `options`: texts, or pairs of a value and its text. */
+/** Return a select element of `options`: texts, or pairs of a value and its text. */
 export function choice(options, value = "") {
   const select = el("select");
   for (const option of options) {
@@ -66,14 +66,14 @@ export function choice(options, value = "") {
   return select;
 }
 
-/** Give a choice other options; what is chosen stays so while it is among them. */
+/** Replace the options of a select element; the selected value stays if it is still among them. */
 export function set_options(select, options) {
   const { value } = select;
   select.replaceChildren(...choice(options).children);
   if (options.some((option) => (Array.isArray(option) ? option[0] : option) === value)) select.value = value;
 }
 
-/** Return a switch: a button that is on or off. The space bar is STOP, so nothing here is a check box. */
+/** Return a switch: a button that is on or off. Not a check box, because the space bar is STOP. */
 export function toggle(text, on, changed) {
   const node = button(text, () => {
     const now = node.getAttribute("aria-checked") !== "true";
@@ -83,7 +83,7 @@ export function toggle(text, on, changed) {
   return node;
 }
 
-/** Return a panel with a heading; it folds where it has a `key`, and that is remembered. */
+/** Return a panel with a heading that folds it; the state is stored under `key`. */
 export function panel(title, key, ...children) {
   const body = el("div", { class: "body" }, ...children);
   const node = el("section", { class: `panel ${key}`, "aria-label": title });
@@ -102,8 +102,8 @@ export function panel(title, key, ...children) {
 }
 
 /**
- * Return a function that calls `work` before a picture of the screen, once, however often it is called: at once after a
- * rest, else `every` milliseconds, and less often where that would be more than a share of what the device can do.
+* Return a function that schedules `work` before the next frame, once, however often it is called: at once after a
+* pause, else every `every` milliseconds, and less often if drawing takes too large a share of the time.
  */
 export function on_frame(work, every = 0) {
   let waiting = false;
@@ -112,7 +112,7 @@ export function on_frame(work, every = 0) {
     const began = performance.now();
     waiting = false;
     work();
-    // When this picture is done is known once what comes after it begins: that has drawn it, too.
+    // A timeout that is set in a frame runs after it was drawn, so this measures the drawing too.
     setTimeout(() => (next = began + Math.max(every, REDRAW_FACTOR * (performance.now() - began))));
   };
   return () => {
@@ -124,10 +124,10 @@ export function on_frame(work, every = 0) {
   };
 }
 
-const frame_works = new Set(); // what is to be drawn yet
+const frame_works = new Set(); // work for the next frames
 let is_frame_requested = false;
 
-/** Do a work before the next picture of the screen; if other works have taken their share of it, before a later one. */
+/** Run `work` before the next frame, or before a later one if the frame's budget is used up. */
 export function before_frame(work) {
   frame_works.add(work);
   if (!is_frame_requested) requestAnimationFrame(run_frame_works);
@@ -145,7 +145,7 @@ function run_frame_works() {
   if (is_frame_requested) requestAnimationFrame(run_frame_works);
 }
 
-/** Return a button for what cannot be taken back: `work` is done at a second press. */
+/** Return a button for an action that cannot be undone: `work` runs at the second press. */
 export function confirm_button(text, again, work, more) {
   const armed = () => node.classList.contains("armed");
   const node = button(text, () => {
@@ -158,7 +158,7 @@ export function confirm_button(text, again, work, more) {
 
 const notes = document.getElementById("notes");
 
-/** Say something: an error of the protocol with its hint, or a text; `action` is a button for what to do then. */
+/** Show a notification: a protocol error with its hint, or a text; `action` is a button for the next step. */
 export function notify(what, kind = "bad", action = null) {
   const text = typeof what === "string" ? what : what.message;
   const hint = typeof what === "string" ? "" : what.hint;
@@ -169,5 +169,5 @@ export function notify(what, kind = "bad", action = null) {
   for (const old of notes.children) if (old.textContent === node.textContent) return;
   while (notes.children.length > 2) notes.firstChild.remove();
   notes.append(node);
-  setTimeout(() => node.remove(), kind === "bad" || action ? 15000 + 60 * text.length : 6000); // a long one takes longer to read
+  setTimeout(() => node.remove(), kind === "bad" || action ? 15000 + 60 * text.length : 6000); // a long text takes longer to read
 }

@@ -1,4 +1,4 @@
-// Drive: sticks, keys and a game pad. Whatever is lost (focus, page, pointer, link), the base stops at once.
+// Drive: sticks, keys and a game pad. If the focus, page, pointer or connection is lost, the base stops at once.
 
 import { button, el, field, panel, put, notify, toggle } from "./dom.js";
 import { Target } from "./form.js";
@@ -7,18 +7,18 @@ import "./camera.js";
 import "./plan.js";
 import "./stick.js";
 
-const SEND_INTERVAL = 60; // milliseconds from one command to the next
-const GIVE_TIMEOUT = 1000; // milliseconds in which a run tells who drives
-const ZERO_COMMANDS = 3; // commands of standing still, after the last one that moves
-const PROBE_INTERVAL = 500; // milliseconds from one command to the next while the stick rests: the run measures the round trip
-export const MAX_STATE_AGE = 500; // milliseconds that the state behind a command may be old: the run refuses older ones
+const SEND_INTERVAL = 60; // milliseconds between commands
+const GIVE_TIMEOUT = 1000; // milliseconds in which a run reports its driver
+const ZERO_COMMANDS = 3; // zero commands sent after the last one that moves
+const PROBE_INTERVAL = 500; // milliseconds between commands while the stick rests, so that the run can measure the round trip
+export const MAX_STATE_AGE = 500; // milliseconds; the run refuses commands that are based on an older state
 const KEYS = {
   w: [1, 0, 0, 0], ArrowUp: [1, 0, 0, 0], s: [-1, 0, 0, 0], ArrowDown: [-1, 0, 0, 0],
   a: [0, 1, 0, 0], ArrowLeft: [0, 1, 0, 0], d: [0, -1, 0, 0], ArrowRight: [0, -1, 0, 0],
   j: [0, 0, 1, 0], l: [0, 0, -1, 0], k: [0, 0, 0, 1], i: [0, 0, 0, -1],
 };
-const DRIVE_BUTTON = 4; // the button of a game pad that is held to drive
-const STOP_BUTTON = 1; // the one that is STOP
+const DRIVE_BUTTON = 4; // the game pad button that must be held to drive
+const STOP_BUTTON = 1; // the game pad button for STOP
 const PAD_DEAD_ZONE = 0.12;
 
 export class Drive {
@@ -29,11 +29,11 @@ export class Drive {
   #keys = new Set();
   #number = 0;
   #zero_count = { drive: ZERO_COMMANDS, look: ZERO_COMMANDS };
-  #is_giving = false; // the wheels, and the run has not told so yet
-  #held_stops = []; // the game pads, by index, whose red button is held
-  #is_blocked = false; // until all is let go: a command was late, or a stop was pressed
-  #is_refused = false; // by the run, since all was let go last
-  #last_sent_at = -Infinity; // when a command was sent last
+  #is_giving = false; // wheels given up, not confirmed by the run yet
+  #held_stops = []; // indices of the game pads whose red button is held
+  #is_blocked = false; // until all controls are released: a command was late, or STOP was pressed
+  #is_refused = false; // by the run, since all controls were released last
+  #last_sent_at = -Infinity;
   #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
   #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
   #take = button("Take the wheels", () => this.#toggle_wheels(), { class: "main" });
@@ -46,9 +46,9 @@ export class Drive {
   #limit = el("output");
   #camera = el("studio-camera");
   #plan = el("studio-plan");
-  #start_box = el("div", { hidden: true }); // begins a run without a mission
-  #library_request = null; // the form of it, once it was asked for
-  #target = null; // what in it says on what
+  #start_box = el("div", { hidden: true }); // form that starts a run for driving by hand
+  #library_request = null; // promise of the library for that form
+  #target = null; // its choice of robot or simulation
   #edition = "";
   #pad = el("p", { class: "hint" }, "Game pad: press a button to connect it.");
 
@@ -72,7 +72,7 @@ export class Drive {
     watcher.addEventListener("state", ({ detail }) => {
       this.#plan.show(detail);
       this.#show_state();
-      if (!this.#zero_count.drive || !this.#zero_count.look) this.#send(); // while it moves: by the newest state, as soon as it is there
+      if (!this.#zero_count.drive || !this.#zero_count.look) this.#send(); // while moving, answer each new state at once with a command based on it
     });
     watcher.addEventListener("over", () => (this.#release_sticks(), this.#show_state()));
     link.on("how", () => (this.#release_sticks(), this.#show_state()));
@@ -92,10 +92,10 @@ export class Drive {
     this.#is_shown = this.#camera.shown = true;
     if (this.#watcher.scene) this.#plan.under(this.#link, this.#watcher.scene.world);
     this.#show_state();
-    this.#update_library().catch(() => null); // the robots and worlds of before are offered then
+    this.#update_library().catch(() => null); // keep the former robots and worlds
   }
 
-  /** Offer the robots and worlds that there are now. */
+  /** Update the choices of robots and worlds. */
   async #update_library() {
     if (!this.#target) return;
     const library = await this.#link.library(this.#edition);
@@ -103,7 +103,7 @@ export class Drive {
     if (library.missions) this.#target.update(library);
   }
 
-  /** Where nothing runs: a robot is driven by hand in a run that does nothing by itself. */
+  /** If there is no run, offer to start a mission that does nothing by itself, for driving by hand. */
   async #offer_start() {
     const wanted = !this.#watcher.lives && this.#link.open && this.#link.welcome?.role === "operator";
     this.#start_box.hidden = !wanted;
@@ -130,7 +130,7 @@ export class Drive {
       }, { class: "main" });
       this.#start_box.replaceChildren(el("div", { class: "alone" }, target.node, seeing, el("div", { class: "actions" }, begin)));
     } catch (error) {
-      this.#library_request = null; // it is asked again when the link is there again, or this view is shown again
+      this.#library_request = null; // requested again on reconnect, or when this view is shown again
       notify(error);
     }
   }
@@ -168,12 +168,12 @@ export class Drive {
     });
   }
 
-  /** A stick that is let go stops at once; one that moves waits for its turn. */
+  /** Send a released stick at once; a moved stick waits for the send interval. */
   #push(stick) {
     if (!stick.left && !stick.up) this.#send();
   }
 
-  /** What sticks, keys and the game pad want: ahead and left of the base, left and down of the head. */
+  /** Return the shares requested by sticks, keys and game pad: base ahead and left, head left and down. */
   #setpoint() {
     const found = [this.#base.up, this.#base.left, this.#head.left, -this.#head.up];
     for (const key of this.#keys) KEYS[key].forEach((share, at) => (found[at] += share));
@@ -184,12 +184,12 @@ export class Drive {
   #read_pads() {
     const all = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected);
     const pads = all.filter((each) => each.mapping === "standard");
-    // Of another pad the browser does not know which button is red (one in mode D, say): each of them stops.
+    // For a pad without the standard mapping (mode D) the browser does not know the red button: every button is STOP.
     const stops = (each) => (each.mapping === "standard" ? each.buttons[STOP_BUTTON]?.pressed : each.buttons.some((one) => one.pressed));
     const red = all.filter(stops).map((each) => each.index);
     const pressed = red.some((index) => !this.#held_stops.includes(index));
     this.#held_stops = red;
-    if (pressed) this.#stop.stop(); // whatever else is so: driving blocked, another view, a second pad
+    if (pressed) this.#stop.stop(); // always: also while driving is blocked, in another view, or on a second pad
     const pad = pads[0];
     if (!pad && all.length && this.#is_shown) {
       put(this.#pad, "Game pad: this browser does not know its buttons. Each of them is STOP, and it does not drive; try its mode X.");
@@ -202,13 +202,13 @@ export class Drive {
     return [-y, -x, -(pan ?? 0), tilt ?? 0];
   }
 
-  /** Milliseconds between a state and a command that is based on it: as the run has measured it, or by the link. */
+  /** Milliseconds from a state to the command based on it: measured by the run, or by the connection. */
   get #roundTrip() {
     const { state } = this.#watcher;
     return Math.max(this.#link.roundTrip, this.#has_wheels ? 1000 * state.round_trip : 0);
   }
 
-  /** Why the base does not obey; an empty text where it does. */
+  /** Reason why driving is refused; empty if it is not. */
   get #refusal() {
     if (!this.#watcher.lives || !this.#link.open || this.#link.welcome?.role !== "operator") return "";
     if (this.#has_wheels && performance.now() - this.#watcher.came > MAX_STATE_AGE) return "Driving is refused: no new state from the robot.";
@@ -232,7 +232,7 @@ export class Drive {
     this.node.classList.toggle("refused", Boolean(refusal));
   }
 
-  /** The number of a command, and the newest state that it is based on. */
+  /** Return the number of a command and the stamp of the newest state. */
   #stamp() {
     this.#last_sent_at = performance.now();
     return { n: ++this.#number, stamp: this.#watcher.state.stamp };
@@ -257,7 +257,7 @@ export class Drive {
     }
   }
 
-  /** Stand still until everything is let go. */
+  /** Send zero commands until all controls are released. */
   #block() {
     this.#zero_count.drive = 0;
     this.#is_blocked = true;
@@ -270,7 +270,7 @@ export class Drive {
     this.#head.release();
   }
 
-  /** Stand still at once, and give up the wheels. */
+  /** Stop at once, and give up the wheels. */
   #give_wheels() {
     const mine = this.#has_wheels;
     this.#zero_count.drive = 0;

@@ -1,9 +1,9 @@
-// Failsafe: what a base does while something goes wrong, and why, moment by moment.
+// Failsafe: the reaction of a base to a fault, step by step.
 
 import { button, choice, el, field, panel, put, notify } from "./dom.js";
 
 const NAMES = { who: "Controlled by", wish: "Motion", fault: "Fault", battery: "Battery", reflexes: "Reflexes" };
-const REPLY_TIMEOUT = 20000; // milliseconds: the first answer waits for a reader's process to start
+const REPLY_TIMEOUT = 20000; // milliseconds; the first reply waits for a reader process to start
 
 export class Failsafe {
   #link;
@@ -33,7 +33,7 @@ export class Failsafe {
     const number = (this.#request_count += 1);
     try {
       const { robot, choices, chosen, moments } = await this.#link.ask({ do: "failsafe", ...this.#chosen }, REPLY_TIMEOUT);
-      if (number !== this.#request_count) return; // another one was chosen meanwhile
+      if (number !== this.#request_count) return; // another choice was made in the meantime
       if (!this.#form.childElementCount) this.#draw(choices, chosen);
       put(this.#about, `The base of ${robot}, with the rules of its driver. The fault begins at 0 s. A mission or person tries again after each failure.`);
       this.#steps = moments.map(({ t, ahead, words }) =>

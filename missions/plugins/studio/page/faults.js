@@ -1,4 +1,4 @@
-// What goes wrong on request with a run in simulated time, in the words of test files: `camera frozen 2 s`.
+// Fault injection into a run in simulated time, in the words of test files: `camera frozen 2 s`.
 
 import { button, choice, el, field, set_options, panel, put, notify } from "./dom.js";
 
@@ -35,13 +35,13 @@ export class Faults {
     const may = this.#link.welcome?.role === "operator";
     this.#form.hidden = !examples.length;
     this.#inject_button.disabled = !may;
-    if (this.#drawn_text === String(examples)) return; // what has the keyboard keeps it
+    if (this.#drawn_text === String(examples)) return; // unchanged: keep the focus
     this.#drawn_text = String(examples);
     set_options(this.#what, examples);
     this.#update_time();
   }
 
-  /** Those that do not end by themselves, or say already for how long, take no time. */
+  /** Disable the duration for permanent faults, and for faults that include one. */
   #update_time() {
     this.#time.disabled = / battery | overloaded | turned |\d s$/.test(this.#what.value);
   }

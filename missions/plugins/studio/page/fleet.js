@@ -1,11 +1,11 @@
-// The fleet: who is there, what each does with the plan of it, and a stop for all.
+// Fleet: its robots, the mission of each, and a stop for all.
 
 import { button, el, panel, put, notify } from "./dom.js";
 import "./tree.js";
 import { plain } from "./words.js";
 
-const REPLY_TIMEOUT = 10000; // milliseconds for all robots to answer, and those that do not to be asked again
-const REFRESH_INTERVAL = 1000; // milliseconds from one look to the next
+const REPLY_TIMEOUT = 10000; // milliseconds for all robots to reply, retries included
+const REFRESH_INTERVAL = 1000; // milliseconds between refreshes
 
 export class Fleet {
   #link;
@@ -40,10 +40,10 @@ export class Fleet {
     try {
       const { fleet, robots, missing } = await this.#link.ask({ do: "fleet" });
       const text = JSON.stringify([robots.map((each) => ({ ...each, age: 0 })), missing]);
-      if (text === this.#drawn_text) return; // what has the keyboard keeps it
+      if (text === this.#drawn_text) return; // unchanged: keep the focus
       put(this.#message, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `No robots in fleet ${fleet}: mission task serve --fleet ${fleet}`);
       this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
-      this.#drawn_text = text; // once it is shown: what failed is tried again
+      this.#drawn_text = text; // only after it was drawn, so that a failed drawing is repeated
     } catch (error) {
       put(this.#message, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join("\n"));
     }
@@ -68,7 +68,7 @@ export class Fleet {
         may && robot.stopped && button("Release", () => this.#do("release_fleet", { robot: `${robot.name}/${robot.number}` }), { "aria-label": `Release ${robot.name}` })));
   }
 
-  /** Draw the mission of a robot, as this computer's library has it. */
+  /** Draw the tree of a robot's mission from this computer's library. */
   async #show(robot) {
     try {
       const mission = await this.#link.ask({ do: "mission", name: robot.mission });

@@ -1,11 +1,11 @@
-// Forms made of declarations: the params of a mission, and on what it runs.
+// Forms generated from declarations: params of a mission, and the robot or simulation.
 
 import { choice, el, field, set_options, toggle } from "./dom.js";
 import { heading, plain } from "./words.js";
 
 const QUANTITY = /^\s*(-?[\d.]+)\s*([^\d\s][^\s]*)\s*$/;
 
-/** One param: a control for its kind, and the text that it stands for. */
+/** Return the control of a param: its element, and functions to get and set its text. */
 function control(param, people) {
   const { kind, choices, units } = param;
   const initial = param.default ?? "";
@@ -71,18 +71,18 @@ export class Params {
     this.node = el("div", { class: "fields" }, rows.length ? rows : el("p", { class: "hint" }, "This mission has no params."));
   }
 
-  /** Every param that has a value, as texts. */
+  /** Texts of all params with a value. */
   get texts() {
     return Object.fromEntries([...this.#controls].map(([param, { text }]) => [param.name, text()]).filter(([, text]) => text));
   }
 
-  /** Take over what somebody has entered in a former form: those of its texts that differ from its defaults. */
+  /** Restore the texts of a previous form that differed from its defaults. */
   keep(former) {
     const { values } = former.changed;
     for (const [param, { set }] of this.#controls) if (param.name in values) set(values[param.name]);
   }
 
-  /** What differs from the defaults, and the param that must be given and is not. */
+  /** Values that differ from the defaults, and the first required param without a value. */
   get changed() {
     const values = {};
     let missing = null;
@@ -94,7 +94,7 @@ export class Params {
     return { values, missing };
   }
 
-  /** What differs from the defaults, as texts. Throws an Error with the name of one that is missing. */
+  /** Values that differ from the defaults, as texts. Throws an Error that names a missing param. */
   get values() {
     const { values, missing } = this.changed;
     if (!missing) return values;
@@ -109,7 +109,7 @@ const SIMULATIONS = [
 ];
 const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", "2 ×"], ["5", "5 ×"], ["20", "20 ×"], ["", "as fast as possible"]];
 
-/** On what a mission runs: simulated, or on a robot, which moves. Kept from mission to mission. */
+/** Choice of simulation or real robot; kept from mission to mission. */
 export class Target {
   #real = false;
 
@@ -137,7 +137,7 @@ export class Target {
     this.node = el("div", { class: "target" }, kinds, field("Robot", this.robot), this.simulated, this.moving);
   }
 
-  /** Offer the robots and worlds that there are now. */
+  /** Update the choices of robots and worlds. */
   update({ robots, worlds }) {
     const named = (each) => [each.name, [heading(each), each.trouble ? "has errors" : each.summary].filter(Boolean).join(": ")];
     set_options(this.robot, [["", "default"], ...robots.map(named)]);
@@ -157,12 +157,12 @@ export class Target {
     this.node.dispatchEvent(new Event("change"));
   }
 
-  /** What was confirmed holds for one run. */
+  /** Reset the confirmation, which holds for one run. */
   reset_confirmation() {
     this.sure.setAttribute("aria-checked", "false");
   }
 
-  /** The members of `start`, or of `add_task` where it is for `later`. Throws an Error that says what is missing. */
+  /** Return the members of `start`, or of `add_task` if `later`. Throws an Error that names a missing choice. */
   members(later = false) {
     if (this.#real) {
       if (!this.robot.value) throw new Error("Choose the robot first.");

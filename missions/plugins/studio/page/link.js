@@ -1,14 +1,14 @@
-// A connection to the studio: opened again when it is lost, with answers to commands, and an age.
+// Connection to the studio: reconnects by itself, matches answers to commands, and measures its age and round trip.
 
-const PING_INTERVAL = 1000; // milliseconds from one `hello` to the next
-const LINK_TIMEOUT = 5000; // milliseconds without a word after which a link counts as lost
-const REPLY_TIMEOUT = 15000; // milliseconds that an answer may take
-const LIBRARY_TIMEOUT = 120000; // and one for which all missions are read
+const PING_INTERVAL = 1000; // milliseconds between two `hello`
+const LINK_TIMEOUT = 5000; // milliseconds without a message after which the connection counts as lost
+const REPLY_TIMEOUT = 15000; // milliseconds
+const LIBRARY_TIMEOUT = 120000; // milliseconds; the studio reads all missions for it
 const RETRY_DELAYS = [300, 600, 1200, 2500, 5000];
 
 export const VERSION = document.querySelector("meta[name=version]").content;
 
-/** An error of the protocol: its name, what is wrong, and what to try. */
+/** Error of the protocol: name, message and hint. */
 export class StudioError extends Error {
   constructor({ error = "fault", message = "", hint = "" }) {
     super(message || error);
@@ -17,34 +17,34 @@ export class StudioError extends Error {
   }
 }
 
-let proof = ""; // of this origin: its cookie goes to servers on other ports, too
+let proof = ""; // bound to this origin, while the cookie goes to servers on other ports too
 
-/** Keep the proof that an address brings; return the address without it. */
+/** Store the proof in an address; return the address without it. */
 export function store_proof(address) {
   const url = new URL(address);
   proof = url.searchParams.get("proof") ?? proof;
   try {
     if (url.searchParams.has("proof")) localStorage.setItem("proof", proof);
   } catch {
-    // kept until it is reloaded
+    // no storage: kept until the page is reloaded
   }
   url.searchParams.delete("proof");
   return url;
 }
 
-/** Return the proof, also where a tab beside has signed in anew. */
+/** Return the newest proof, also if another tab has signed in since. */
 function stored_proof() {
   try {
     proof = localStorage.getItem("proof") ?? proof;
   } catch {
-    // this browser keeps nothing
+    // no storage in this browser
   }
   return encodeURIComponent(proof);
 }
 
 history.replaceState(null, "", store_proof(location.href));
 
-/** Return the address of the websocket. */
+/** Return the address of the websocket, with the proof. */
 export function address() {
   return new URL(`ws${location.protocol === "https:" ? "s" : ""}://${location.host}/ws?proof=${stored_proof()}`);
 }
@@ -61,10 +61,10 @@ export class Link {
   #version;
   #tries = 0;
   #timer = 0;
-  #pings = []; // the number of each `hello` that is not answered yet, and when it was sent
+  #pings = []; // id and time of each unanswered `hello`
   #last_round_trip = 0;
 
-  /** `version` is what `hello` says: that of the page, or of the protocol, which a page of any age may speak. */
+  /** `version` is sent in `hello`: that of the page, or of the protocol, which works for a page of any age. */
   constructor(version = VERSION) {
     this.#version = version;
     setInterval(() => this.#check_alive(), PING_INTERVAL);
@@ -73,13 +73,13 @@ export class Link {
     this.#open();
   }
 
-  /** Call `heard` with every message of a word; "how" is the word for how the link is. */
+  /** Call `heard` with each message of a type; "how" reports the status of the connection. */
   on(word, heard) {
     if (!this.#listeners.has(word)) this.#listeners.set(word, []);
     this.#listeners.get(word).push(heard);
   }
 
-  /** Milliseconds since the last word. */
+  /** Milliseconds since the last message. */
   get age() {
     return performance.now() - this.heard;
   }
@@ -88,19 +88,19 @@ export class Link {
     return this.how === "open";
   }
 
-  /** Milliseconds that a word takes there and back, as of the last `hello`; or for which one has waited already. */
+  /** Round trip of the last `hello` in milliseconds, or the time that an unanswered one has waited so far. */
   get roundTrip() {
     return Math.max(this.#last_round_trip, this.#pings.length ? performance.now() - this.#pings[0].sent : 0);
   }
 
-  /** Send a command that needs no answer; return whether it was sent. */
+  /** Send a command without waiting for an answer; return whether it was sent. */
   send(command) {
     if (!this.open || this.#socket.readyState !== WebSocket.OPEN) return false;
     this.#socket.send(JSON.stringify(command));
     return true;
   }
 
-  /** Send a command, and return its result. Throws StudioError. */
+  /** Send a command and return its result. Throws StudioError. */
   ask(command, timeout = REPLY_TIMEOUT) {
     return new Promise((resolve, reject) => {
       const id = ++this.#number;
@@ -113,12 +113,12 @@ export class Link {
     });
   }
 
-  /** Return what there is to run, and on what, unless it is still the `edition`: the first time takes a while. */
+  /** Return missions, robots and worlds, unless `edition` is still current. The first call takes long. */
   library(edition = "") {
     return this.ask({ do: "library", edition }, LIBRARY_TIMEOUT);
   }
 
-  /** Try now to open a link that is lost; or, with a new cookie, one that was refused. */
+  /** Reconnect now if the connection is lost; with a new cookie, also if it was refused. */
   retry(with_new_cookie = false) {
     if (this.how !== "lost" && !(with_new_cookie && this.how === "refused")) return;
     clearTimeout(this.#timer);
@@ -143,7 +143,7 @@ export class Link {
     const message = JSON.parse(text);
     if (message.say === "answer") {
       if (message.error === "old_page") this.#set_status("old");
-      else if (this.#pings.some(({ id }) => id === message.id)) this.#pong(message.id); // refused, as after too many commands
+      else if (this.#pings.some(({ id }) => id === message.id)) this.#pong(message.id); // refused, for example after too many commands
       else if (message.id !== undefined && message.id !== null) this.#settle(message.id, message);
       else this.#emit("trouble", new StudioError(message));
       return;
@@ -176,7 +176,7 @@ export class Link {
     if (this.#tries === 2) this.#check_refusal();
   }
 
-  /** A websocket does not say why it was refused: a plain request does. */
+  /** Find out whether the connection was refused: a websocket does not report that, a plain request does. */
   async #check_refusal() {
     const found = await fetch(`/?proof=${stored_proof()}`, { cache: "no-store", redirect: "manual" }).catch(() => null);
     if (this.how === "lost" && found && (found.status === 401 || found.status === 403 || found.type === "opaqueredirect")) {
@@ -193,14 +193,14 @@ export class Link {
     } else this.#ping();
   }
 
-  /** Say hello: it is answered, so that a dead link is noticed, and the round trip known. */
+  /** Send `hello`, whose answer proves that the connection works and gives the round trip. */
   #ping() {
     const id = ++this.#number;
     this.#pings.push({ id, sent: performance.now() });
     this.#socket.send(JSON.stringify({ do: "hello", version: this.#version, id }));
   }
 
-  /** Note the round trip of a `hello` that was answered, by `welcome` or by a refusal. */
+  /** Store the round trip of a `hello` that was answered by `welcome` or an error. */
   #pong(id) {
     const at = this.#pings.findIndex((each) => each.id === id);
     const [{ sent }] = this.#pings.splice(at, 1);

@@ -1,11 +1,11 @@
-// New links: who came by the former ones is shut out.
+// New links, which sign out everyone who used the old ones.
 
 import { button, el, panel, put, notify } from "./dom.js";
 import { store_proof } from "./link.js";
 
-const SECOND_PRESS_TIME = 4000; // milliseconds for the second press
+const SECOND_PRESS_TIME = 4000; // milliseconds until the first press is forgotten
 
-/** Return the panel by which an operator makes both links anew; `stop` has a connection of its own. */
+/** Return the panel with which an operator replaces both links; `stop` reconnects its own connections then. */
 export function links(link, stop) {
   const found = el("div", { role: "status" });
   let armed = 0;
@@ -19,8 +19,8 @@ export function links(link, stop) {
     put(press, "New links");
     try {
       const { operator, viewer } = await link.ask({ do: "revoke" });
-      store_proof((await fetch(`/?token=${operator}`, { cache: "no-store" })).url); // and this page has its new cookie
-      stop.retry(); // its connection was shut out, and may have been refused since
+      store_proof((await fetch(`/?token=${operator}`, { cache: "no-store" })).url); // which gives this page its new cookie
+      stop.retry(); // its connections were closed, and may have been refused since
       const row = (title, token) => el("p", null, `${title}: `, el("code", null, `${location.origin}/?token=${token}`));
       found.replaceChildren(row("For operators", operator), row("For viewers, who watch and stop", viewer));
     } catch (error) {

@@ -1,4 +1,4 @@
-// Live: what a run does now.
+// Live: the present state of a run.
 
 import { button, el, panel, put, on_frame, notify, toggle } from "./dom.js";
 import { Joints, Lines, Parts, Variables } from "./panels.js";
@@ -7,7 +7,7 @@ import "./camera.js";
 import "./plan.js";
 import "./tree.js";
 
-const MAX_AGE = 1500; // milliseconds without news after which what is shown is greyed
+const MAX_AGE = 1500; // milliseconds without an update after which the view is greyed
 
 export class Live {
   #link;
@@ -20,7 +20,7 @@ export class Live {
   #age = el("p", { class: "age", role: "status" });
   #tree = el("studio-tree", { class: "live" });
   #ticks = el("span", { class: "hint" });
-  #last_delay = 0; // seconds of the last tick that was
+  #last_delay = 0; // seconds by which the last late tick was late
   #camera = el("studio-camera");
   #plan = el("studio-plan");
   #variables = new Variables(this.#tree);
@@ -60,7 +60,7 @@ export class Live {
     setInterval(() => this.#show_age(), 500);
     this.#clear();
     if (!watcher.scene) return;
-    this.#show_scene(watcher.scene); // it has begun before there was this view
+    this.#show_scene(watcher.scene); // the run began before this view existed
     this.#show_state({ ...watcher.state, anew: true });
   }
 
@@ -112,7 +112,7 @@ export class Live {
     this.#show_tables_soon();
   }
 
-  /** Renew what is shown as tables, once for each picture of the screen. */
+  /** Update the tables, at most once in a frame. */
   #show_tables() {
     const { state } = this.#watcher;
     if (!state) return;
@@ -158,7 +158,7 @@ export class Live {
     }
   }
 
-  /** A mission is ended by a second press: it cannot be taken back. */
+  /** End the mission at the second press, because it cannot be undone. */
   #end_mission() {
     if (!this.#halt.classList.contains("armed")) {
       this.#halt.classList.add("armed");

@@ -1,4 +1,4 @@
-// The page: its views by their addresses, the run that is shown, and how the link is.
+// The page: its views, the shown run, and the status of the connection.
 
 import { el, put, notify } from "./dom.js";
 import { Drive, MAX_STATE_AGE } from "./drive.js";
@@ -44,7 +44,7 @@ function show() {
   if (link.welcome) next.show(...rest.map(decodeName));
 }
 
-/** Return the name in a part of the address; what somebody has typed may have a "%" of its own. */
+/** Decode a part of the address; a typed address may contain a plain "%". */
 function decodeName(part) {
   try {
     return decodeURIComponent(part);
@@ -87,8 +87,8 @@ link.on("how", (how) => {
     document.getElementById("notes").lastChild.prepend(el("button", { type: "button", class: "main", onclick: () => location.reload() }, "Reload"));
   }
 });
-// What is answered without having been asked is about driving: that the run has ended, is stopped, or is driven by
-// somebody else, or that commands come too late, the page shows anyway.
+// Errors without a pending command are about driving. The page already shows that the run has ended or is stopped,
+// that another client drives, or that commands come too late.
 link.on("trouble", (error) => ["no_such_run", "stopped", "no_wheels", "stale", "let_go"].includes(error.error) || notify(error));
 watcher.addEventListener("runs", runs);
 watcher.addEventListener("which", runs);

@@ -1,19 +1,19 @@
-// What a run has beside its tree: variables with their history, parts, joints, what is said and heard, the log.
+// Panels beside the tree: variables with their history, parts, joints, speech and the log.
 
 import { el, put, svg } from "./dom.js";
 import { line, plain, seconds, is_hidden, sized } from "./words.js";
 
-const HISTORY = 60; // values of a variable that are kept
+const HISTORY = 60; // stored values of a variable
 const LINES = 500;
 const NUMBER = /^-?\d+(\.\d+)?(e[+-]?\d+)?/i;
 
-/** The variables, each with what it was before: a curve for figures, else the last values. */
+/** Table of variables with their former values: a curve for numbers, else the previous text. */
 export class Variables {
   node = el("table", { class: "variables" });
   #rows = new Map();
   #tree;
 
-  /** Those of the mission that a `tree` shows. */
+  /** `tree` gives the display names of the variables. */
   constructor(tree) {
     this.#tree = tree;
   }
@@ -60,7 +60,7 @@ export class Variables {
   }
 }
 
-/** How each part of the robot is; the battery apart. */
+/** State of each part of the robot, and the battery. */
 export class Parts {
   node = el("div", { class: "parts" });
   #rows = new Map();
@@ -99,7 +99,7 @@ export class Parts {
   }
 }
 
-/** The joints of all arms, in a panel that is there where there are some: where each is, its load and its temperature. */
+/** Table of all joints: position, load and temperature. Its panel is hidden without joints. */
 export class Joints {
   node = el("table", { class: "joints" });
   #rows = new Map();
@@ -135,7 +135,7 @@ export class Joints {
   }
 }
 
-/** Lines of the log, the newest last; `only` says which kinds. */
+/** Lines of the log, newest last; `only` selects their kinds. */
 export class Lines {
   #only;
 
@@ -156,7 +156,7 @@ export class Lines {
       if (is_hidden(event) || (this.#only && !this.#only.includes(kind))) continue;
       rows.push(el("li", { class: kind, "data-t": String(event.t) }, el("time", null, seconds(event.t)), el("span", null, kind === "said" ? `“${text}”` : text)));
     }
-    if (!rows.length) return; // to ask where it is scrolled to costs a layout of the page
+    if (!rows.length) return; // reading the scroll position costs a layout of the page
     const low = this.node.scrollHeight - this.node.scrollTop - this.node.clientHeight < 40;
     this.node.append(...rows);
     while (this.node.childElementCount > LINES) this.node.firstChild.remove();

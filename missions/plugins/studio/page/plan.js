@@ -1,11 +1,11 @@
-// The plan from above: the world's drawing where there is one, and on it the robot, its way, people and the range finder.
+// Plan from above: the drawing of the world, the robot, its path, people and the points of the range finder.
 
 import { el, on_frame } from "./dom.js";
 
-const RADIUS = 0.18; // metres of a Kobuki
+const RADIUS = 0.18; // metres, of a Kobuki
 const MAX_TRAIL_POINTS = 4000; // points
 const TRAIL_STEP = 0.02; // metres from one point of the trail to the next
-const MARGIN = 1.5; // metres around what is drawn where there is no world
+const MARGIN = 1.5; // metres around the content if there is no world
 
 export class Plan extends HTMLElement {
   #canvas = el("canvas", { role: "img", "aria-label": "Plan" });
@@ -24,7 +24,7 @@ export class Plan extends HTMLElement {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", this.#draw);
   }
 
-  /** Lay the plan of a world under it; `link` is asked for it. */
+  /** Load the plan of a world over `link` as the background. */
   async under(link, name) {
     if (name === this.#world_name) return;
     this.#world_name = name;
@@ -34,14 +34,14 @@ export class Plan extends HTMLElement {
     if (!name) return;
     const world = await link.ask({ do: "world", name }).catch(() => null);
     if (!world || this.#world_name !== name) return;
-    // As a picture: scripts in it do not run, and it asks nobody for anything.
+    // As an image: scripts in it do not run, and it loads nothing.
     this.#image.src = `data:image/svg+xml,${encodeURIComponent(world.svg)}`;
     this.#image.hidden = false;
     this.#world = world;
     this.#draw();
   }
 
-  /** Forget where the robot was. */
+  /** Clear robot, path, people and scan. */
   clear() {
     this.#pose = null;
     this.#trail = [];
@@ -50,7 +50,7 @@ export class Plan extends HTMLElement {
     this.#draw();
   }
 
-  /** Show where the robot is now, and what it sees, as far as a state tells of that. */
+  /** Show the pose, scan and percept of a state, as far as it has them. */
   show({ pose, scan, percept }) {
     if (!pose && !scan && !percept) return;
     if (pose) this.#move_robot(pose);
@@ -59,13 +59,13 @@ export class Plan extends HTMLElement {
     this.#draw();
   }
 
-  /** Show the whole way at once: points [x, y]. */
+  /** Show the whole path: points [x, y] in metres. */
   way(points) {
     this.#trail = points;
     this.#draw();
   }
 
-  /** People and things of a percept: where they are, by their direction and distance. */
+  /** Place the people and objects of a percept by their direction and distance. */
   people(percept) {
     const [x, y] = this.#pose ?? [0, 0];
     const seen = [...(percept?.faces ?? []).map((each) => [each, "face"]), ...(percept?.things ?? []).map((each) => [each, "thing"])];
@@ -84,7 +84,7 @@ export class Plan extends HTMLElement {
     if (this.#trail.length > MAX_TRAIL_POINTS) this.#trail = this.#trail.filter((_, at) => at % 2 === 0);
   }
 
-  /** Return pixels of metres: a function of a place, and the scale. */
+  /** Return the projection from metres to pixels, and the pixels of a metre. */
   #view(width, height) {
     const world = this.#world;
     if (world) {

@@ -1,16 +1,16 @@
-// Who stands before the camera of this browser, as pictures that are small enough to be sent.
+// Pictures of a person from this browser's camera, small enough for a message.
 
-// What somebody is asked to do for each picture: who is known from one side only is not known.
+// Instructions for the pictures: recognition needs a face from several sides.
 const GUIDE = [
   "Look straight into the camera…", "Turn your head a little to the left…", "Turn your head a little to the right…",
   "Look up a little…", "Look down a little…", "Take a step back, and look into the camera…",
 ];
-const PICTURE_INTERVAL = 1200; // milliseconds from one to the next: time to read, and to do it
-const MAX_LETTERS = 60000; // letters of base64, as a message has room for
+const PICTURE_INTERVAL = 1200; // milliseconds to read an instruction and follow it
+const MAX_LETTERS = 60000; // letters of base64 in a message
 
 /**
- * Show the camera in `place`, `ask` somebody to pose, and call `send` with one picture after another.
- * Throws an Error that says what to do.
+* Show the camera in `place`, show each instruction with `ask`, and call `send` with each picture.
+* Throws an Error with the reason and a remedy.
  */
 export async function pose(place, ask, send) {
   if (!navigator.mediaDevices)
@@ -33,7 +33,7 @@ export async function pose(place, ask, send) {
   }
 }
 
-/** What a video shows now, as the best JPEG that there is room for. */
+/** Return the present video frame as the largest JPEG within MAX_LETTERS. */
 function jpeg(video) {
   const canvas = document.createElement("canvas");
   for (let width = 640; ; width *= 0.8) {

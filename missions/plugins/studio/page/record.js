@@ -1,4 +1,4 @@
-// A record: its tree, camera, plan and values at any moment of the run.
+// A record: tree, camera, plan and values at any moment of the run.
 
 import { button, el, panel, put, svg, notify } from "./dom.js";
 import { found, paint } from "./camera.js";
@@ -7,11 +7,11 @@ import { day, result_text, plain, simulation_text, seconds } from "./words.js";
 import "./plan.js";
 import "./tree.js";
 
-const STEP = 0.1; // seconds of the slider
-const TIMELINE_UNITS = 1000; // units of the time line
-const MAX_TRAIL_POINTS = 8000; // of the way
+const STEP = 0.1; // seconds between two positions of the slider
+const TIMELINE_UNITS = 1000; // width of the timeline in units
+const MAX_TRAIL_POINTS = 8000;
 
-/** Return what a lane of [t, status, reason] says at t, as a tree shows it. */
+/** Return [status, reason, since] at time t from a lane of [t, status, reason]. */
 function at(lane, t) {
   let [low, high] = [0, lane.length];
   while (low < high) {
@@ -25,8 +25,8 @@ function at(lane, t) {
 }
 
 export class Record {
-  gone = false; // whether nobody looks at it any more
-  follower = null; // the one beside it that goes where it goes
+  gone = false; // whether the record was closed
+  follower = null; // the record beside it that shows the same time
   leader = null;
   #link;
   #name;
@@ -67,7 +67,7 @@ export class Record {
     return this.#record?.until ?? 0;
   }
 
-  /** Have another one (or none) go wherever this one goes, by one time line that is as long as the longer of both. */
+  /** Let another record (or none) follow this one's time; the timeline is as long as the longer record. */
   async lead(other) {
     this.led = other;
     this.leader = null;
@@ -79,13 +79,13 @@ export class Record {
     this.go(this.#t);
   }
 
-  /** Make the time line so long; the end of it is a whole number of steps, so that it can be reached. */
+  /** Set the length of the timeline, rounded up to a whole number of steps so that its end can be reached. */
   #stretch(until) {
     this.#slider.max = String(Math.ceil(until / STEP) * STEP);
     this.#marks.setAttribute("viewBox", `0 0 ${(TIMELINE_UNITS * until) / Math.max(this.until, STEP)} 12`);
   }
 
-  /** Go to a moment: t seconds from the start of the run. */
+  /** Show the moment t seconds after the start of the run. */
   go(t) {
     const until = this.leader ? t : this.#end;
     this.#t = Math.max(0, Math.min(until, t));
@@ -104,14 +104,14 @@ export class Record {
     this.#request_moment();
   }
 
-  /** Show how the tree stood, as far as that is read: `changed` is what is known besides. */
+  /** Show the statuses at time t from the pieces read so far; `changed` overrides them. */
   #show_statuses(t, changed) {
     const statuses = {};
     for (const [key, lane] of Object.entries(this.#record.lanes)) statuses[key] = at(lane, t);
     this.#tree.show({ ...statuses, ...changed }, t, true);
   }
 
-  /** Play no more. */
+  /** Stop playing. */
   end() {
     cancelAnimationFrame(this.#playing);
     this.#playing = 0;
@@ -130,7 +130,7 @@ export class Record {
     this.#stretch((this.#end = record.until));
     const skip = (back) => button(back ? "‹ Failed step" : "Failed step ›", () => this.#skip(back), { "aria-label": back ? "Previous failed step" : "Next failed step" });
     const facts = [plain(record.robot), simulation_text(record.simulated), plain(record.world ?? ""), day(record.began)];
-    const links = record.links; // an operator's
+    const links = record.links; // only for operators
     this.node.replaceChildren(
       el("h2", null, plain(record.mission)),
       el("p", { class: "facts" }, facts.filter(Boolean).join(" · "), " · ", this.#failure_text),
@@ -154,7 +154,7 @@ export class Record {
     return this.#link.ask({ do: "record", name: this.#name, ...more });
   }
 
-  /** What is left of a long record comes in pieces, while the first one and the end are looked at. */
+  /** Read the remaining pieces of a long record while the beginning and the end are shown. */
   async #read_rest(record) {
     try {
       while (record.more !== undefined && !this.gone) {
@@ -171,7 +171,7 @@ export class Record {
     }
   }
 
-  /** Show what a piece brings. */
+  /** Add the failures and log lines of a piece. */
   #add(piece) {
     for (const t of piece.failures) this.#mark(t, "failed");
     const { failures, more, result } = this.#record;
@@ -209,7 +209,7 @@ export class Record {
     this.#playing = requestAnimationFrame(on);
   }
 
-  /** Ask for the moment that is shown: one question at a time, the newest of those that wait. */
+  /** Request the shown moment: one request at a time, and only the newest of those waiting. */
   async #request_moment() {
     this.#requested_time = this.#t;
     if (this.#is_busy) return;

@@ -1,4 +1,4 @@
-// Records: what has run, and one of them, or two beside each other, looked at again.
+// Records: the list of past runs, one record, or two records side by side.
 
 import { button, choice, el, panel, put, notify } from "./dom.js";
 import { Record } from "./record.js";
@@ -40,7 +40,7 @@ export class Records {
     first.lead(second ?? null);
   }
 
-  /** Where two records first decide differently, how they ended, and what they were run with. */
+  /** Return the comparison of two records: first different decision, ends and settings. */
   #comparison([name, other]) {
     const [said, table] = [el("p", null, "Comparing…"), el("table")];
     const became = (change) => (change ? `${seconds(change.t)}: ${change.status}${change.reason ? `, ${change.reason}` : ""}` : "did not reach it");

@@ -1,4 +1,4 @@
-// Robot: its parts and their health, what may be changed while it runs (trims, speeds, limits of joints), and faults.
+// Robot: health of its parts, values that can change while it runs (trims, speeds, joint limits), and faults.
 
 import { button, el, panel, put, notify } from "./dom.js";
 import { Faults } from "./faults.js";
@@ -75,7 +75,7 @@ export class Robot {
     put(this.#file, file.split("/").at(-1));
     this.#file.title = file;
     const text = JSON.stringify([may, knobs]);
-    if (text === this.#drawn_text) return; // what has the keyboard keeps it
+    if (text === this.#drawn_text) return; // unchanged: keep the focus
     this.#drawn_text = text;
     const groups = new Map();
     for (const knob of knobs) {
@@ -94,7 +94,7 @@ export class Robot {
       "aria-label": `${plain(label)} in ${unit}`, title: `${figure(knob.low)} to ${figure(knob.high)} ${unit}` });
     input.addEventListener("change", () => {
       const typed = Number(input.value.trim().replace(",", ".").replace("−", "-"));
-      // What is shown is rounded: its ends mean the ends.
+      // The shown values are rounded: a typed bound means the exact bound.
       const value = [knob.low, knob.high].find((end) => figure(end) === String(typed)) ?? typed / factor;
       if (Number.isFinite(value)) this.#tune(knob.name, value);
       else notify(`${plain(label)}: “${input.value}” is not a number`);
@@ -107,7 +107,7 @@ export class Robot {
       await this.#watcher.ask("tune", { name, value });
     } catch (error) {
       notify(error);
-      this.#drawn_text = ""; // what was typed does not hold
+      this.#drawn_text = ""; // discard the typed value
     }
     await this.show();
   }

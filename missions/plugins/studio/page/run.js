@@ -1,4 +1,4 @@
-// Run: what there is to run, and a form to run it.
+// Run: the missions, and the form that starts one.
 
 import { arrange, button, el, field, panel, put, notify, toggle } from "./dom.js";
 import { Params, Target } from "./form.js";
@@ -8,7 +8,7 @@ import { sketch } from "./sketch.js";
 import { heading, plain } from "./words.js";
 import "./tree.js";
 
-const REFRESH_INTERVAL = 3000; // milliseconds from one look for changed files to the next
+const REFRESH_INTERVAL = 3000; // milliseconds between checks for changed files
 
 export class Run {
   #link;
@@ -17,9 +17,9 @@ export class Run {
   #target = null;
   #mission = null;
   #chosen = "";
-  #edition = ""; // of the file of the mission that is chosen
+  #edition = ""; // of the chosen mission's file
   #params = null;
-  #items = new Map(); // of the list: by name, the entry that it shows and its element
+  #items = new Map(); // list items by name: entry and element
   #timer = 0;
   #trouble = el("p", { class: "trouble", role: "alert" });
   #search = el("input", { type: "search", placeholder: "Search missions", "aria-label": "Search missions" });
@@ -76,7 +76,7 @@ export class Run {
     clearInterval(this.#timer);
   }
 
-  /** Show what was added, changed or removed; one that is chosen is read again. */
+  /** Update the list, and reload the chosen mission if files have changed. */
   async #refresh() {
     if (!this.#library || !this.#link.open) return;
     try {
@@ -86,7 +86,7 @@ export class Run {
     }
   }
 
-  /** Read what there is to run, if that is another than before; return whether it is. */
+  /** Fetch the library if it has changed; return whether it has. */
   async #fetch() {
     const library = await this.#link.library(this.#library?.edition);
     if (!library.missions) return false;
@@ -122,7 +122,7 @@ export class Run {
     this.#filter();
   }
 
-  /** Let the robot know who stands before the camera of this browser (`here`), or of the run that is shown. */
+  /** Add the person in front of this browser's camera (`here`), or of the shown run's camera. */
   async #add_person(here) {
     const name = this.#person.value.trim();
     this.#add_from_run.disabled = this.#add_here.disabled = true;
@@ -160,7 +160,7 @@ export class Run {
       if (this.#chosen === name) this.#form.replaceChildren(el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")), el("p", { class: "trouble", role: "alert" }, error.message, error.hint && `\nTry: ${error.hint}`));
       return;
     }
-    if (this.#chosen !== name) return; // another one was chosen meanwhile
+    if (this.#chosen !== name) return; // another choice was made in the meantime
     this.#mission = mission;
     const params = (this.#params = new Params(mission.params, this.#library.people));
     if (former) params.keep(former);
@@ -193,7 +193,7 @@ export class Run {
     this.#run_button.classList.toggle("real", real);
   }
 
-  /** A motion: at once where it is simulated; on a robot by way of the form, where somebody confirms it. */
+  /** Start a simulated motion at once; on a robot, open its form, which asks for confirmation. */
   #start_motion(name) {
     if (this.#target.real || this.#link.welcome?.role !== "operator") location.hash = `#run/${encodeURIComponent(name)}`;
     else this.#launch(name, {});
@@ -240,7 +240,7 @@ export class Run {
   }
 }
 
-/** The entry of a mission in the list. */
+/** Return the list item of a mission. */
 function item(entry) {
   const { name, title, summary, trouble, shape, own } = entry;
   const words = `${name} ${title ?? ""} ${heading(entry)} ${summary}`.toLowerCase();
@@ -249,7 +249,7 @@ function item(entry) {
   return el("li", { "data-words": words }, link);
 }
 
-/** The last check-up in words: what ails, with what to try. */
+/** Return the findings of the last check-up, with hints. */
 function checkup_lines(told) {
   if (!told) return ["No check-up yet: mission doctor"];
   const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;

@@ -1,10 +1,10 @@
-// A tree as a small drawing, to be told from others in a list.
+// A tree as a small drawing, for lists.
 
 import { svg } from "./dom.js";
 
-const STEP = 10; // units from one leaf to the next, and from one level to the next
+const STEP = 10; // units between leaves, and between levels
 
-/** Return the drawing of a tree, of which the depth of each node is told, in the order of the file. */
+/** Return the drawing of a tree, given the depth of each node in the order of the file. */
 export function sketch(depths) {
   const above = [];
   const nodes = depths.map((depth) => ({ depth, children: [] }));

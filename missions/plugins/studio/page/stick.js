@@ -1,11 +1,11 @@
-// A stick for a thumb or the mouse: it springs back when it is let go, and when its pointer is lost.
+// A stick for a thumb or the mouse: it springs back when it is released, or when its pointer is lost.
 
 import { el } from "./dom.js";
 
-const DEAD_ZONE = 0.08; // share of the way in which nothing moves
+const DEAD_ZONE = 0.08; // share of the travel without effect
 
 export class Stick extends HTMLElement {
-  /** To the left and upwards, each from -1 to 1. */
+  /** Deflection to the left and upwards, from -1 to 1. */
   left = 0;
   up = 0;
   #knob = el("span", { class: "knob" });
@@ -27,7 +27,7 @@ export class Stick extends HTMLElement {
     this.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
-  /** Spring back. */
+  /** Return to the centre. */
   release() {
     this.#pointer = null;
     this.left = this.up = 0;

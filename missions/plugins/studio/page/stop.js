@@ -1,37 +1,37 @@
-// STOP: on every view, above everything, for everybody, over a connection of its own.
+// STOP: visible in every view, for every role, over connections of its own.
 
 import { button, el, put, notify } from "./dom.js";
 import { Link } from "./link.js";
 import { UNKNOWN } from "./watch.js";
 
 const PROTOCOL = "2";
-const RETRY_INTERVAL = 250; // milliseconds from one try to the next, until a stop is answered
-const REPLY_TIMEOUT = 3000; // milliseconds that an answer may take: a run that hangs is waited for
+const RETRY_INTERVAL = 250; // milliseconds between tries, until a stop is answered
+const REPLY_TIMEOUT = 3000; // milliseconds; a hanging run delays the answer
 const DOUBT_TEXT = "PERHAPS NOT STOPPED";
-const HOLD_TIME = 1000; // milliseconds that release is to be held
-const SECOND_PRESS_TIME = 4000; // milliseconds for the second press of who cannot hold
+const HOLD_TIME = 1000; // milliseconds for which release must be held
+const SECOND_PRESS_TIME = 4000; // milliseconds for the second press, without a pointer or key to hold
 
 const TEXT_INPUTS = new Set(["text", "search", "number", "email", "url", "tel", "password"]);
 
-/** Return whether somebody types there: the space bar is a space then, and Escape stops. */
+/** Return whether a node takes text: the space bar types a space there, and Escape stops. */
 function is_text_field(node) {
   return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TEXT_INPUTS.has(node.type));
 }
 
-/** Return why runs are not reached, as `runs` and the answer to a stop tell it; empty where all are. */
+/** Return the troubles in `runs` or in the answer to a stop; empty if there are none. */
 function unreached_text(runs) {
   return runs.filter((each) => each.trouble).map(({ run, trouble }) => (run === UNKNOWN ? trouble : `run ${run}: ${trouble}`)).join("\n");
 }
 
 export class Stop extends HTMLElement {
   #main = null;
-  // STOP works on a page that is old, too. Two, as one loses a segment now and then, and waits; the main one mostly waits.
+  // By the protocol's version, so that STOP works on an outdated page. Two, because a lost TCP segment delays one of them.
   #stop_links = [new Link(PROTOCOL), new Link(PROTOCOL)];
   #watcher = null;
-  #latched = new Map(); // by run: who has stopped it, and which stop that is
+  #latched = new Map(); // by run: client that stopped it, and the number of the stop
   #pending = false;
-  #doubt = ""; // why something has perhaps not been stopped
-  #unreached = ""; // why a stop would perhaps not reach something
+  #doubt = ""; // reason why something may not have been stopped
+  #unreached = ""; // reason why a stop may not reach something
   #press = "";
   #timer = 0;
   #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
@@ -40,7 +40,7 @@ export class Stop extends HTMLElement {
 
   connectedCallback() {
     this.append(this.#button, el("div", { class: "latched" }, this.#message, this.#release));
-    // The press itself, not the click that follows it; and the click of whoever has no pointer.
+    // The press itself, not the click that follows it; a click without a pointer comes from a screen reader or key.
     this.#button.addEventListener("pointerdown", () => this.stop());
     this.#button.addEventListener("click", (event) => event.detail === 0 && this.stop());
     addEventListener("keydown", (event) => this.#key(event), { capture: true });
@@ -56,7 +56,7 @@ export class Stop extends HTMLElement {
     this.#follow_viewport();
   }
 
-  /** Use the main link besides the own ones, and hear from the `watcher` what is stopped. */
+  /** Use the main connection too, and follow the stops of the `watcher`'s run. */
   begin(link, watcher) {
     this.#main = link;
     this.#watcher = watcher;
@@ -65,7 +65,7 @@ export class Stop extends HTMLElement {
     link.on("how", () => this.#show());
   }
 
-  /** Open the own connections with the cookie that there is now. */
+  /** Reconnect the stop connections with the present cookie. */
   retry() {
     for (const link of this.#stop_links) link.retry(true);
   }
@@ -74,16 +74,16 @@ export class Stop extends HTMLElement {
     return [...this.#stop_links, this.#main].filter(Boolean);
   }
 
-  /** Whether something is stopped. */
+  /** Whether a stop is latched. */
   get latched() {
     return this.#latched.size > 0;
   }
 
-  /** Stop every run of this machine, now; tried again until it is answered. */
+  /** Stop every run of this machine; repeated until it is answered. */
   stop() {
     this.#pending = true;
     this.#doubt = "";
-    this.#press = `${Date.now()} ${Math.random()}`; // by it, what comes by several ways counts once
+    this.#press = `${Date.now()} ${Math.random()}`; // so that a press that arrives over several connections counts once
     this.dispatchEvent(new Event("stop"));
     this.#show();
     this.#send();
@@ -99,7 +99,7 @@ export class Stop extends HTMLElement {
 
   #send() {
     clearTimeout(this.#timer);
-    // By all at once: what is lost of one on its way is sent again only after a while, and all behind it waits.
+    // Over all at once: TCP resends a lost segment only after a delay, and holds back everything behind it.
     for (const link of this.#links) {
       if (link.open) link.ask({ do: "stop", press: this.#press }, REPLY_TIMEOUT).then((result) => this.#on_answer(result), (error) => this.#on_error(error));
     }
@@ -119,7 +119,7 @@ export class Stop extends HTMLElement {
   }
 
   #on_error(error) {
-    if (error.error === "lost" || error.error === "no_answer" || error.error === "too_many") return; // it is tried again
+    if (error.error === "lost" || error.error === "no_answer" || error.error === "too_many") return; // the timer tries again
     this.#pending = false;
     this.#doubt = `${DOUBT_TEXT}: ${error.message}`;
     notify(error);
@@ -134,16 +134,16 @@ export class Stop extends HTMLElement {
     this.#show();
   }
 
-  /** Keep who has stopped a run; `own` is known of the answer, before the run tells of it. */
+  /** Store the stop of a run; `is_answer` if it comes from the answer, before the run reports it. */
   #latch(run, by, number, is_answer = false) {
     const before = this.#latched.get(run);
-    if (before && number < before.number && number > 0) return; // told before the stop was heard of there
+    if (before && number < before.number && number > 0) return; // sent before the run had received the stop
     if (by) this.#latched.set(run, { by: is_answer && before?.number === number ? before.by : by, number });
     else if (!this.#latched.delete(run)) return;
     this.#show();
   }
 
-  /** Return who has stopped it, in words: this page, by either of its connections, or another one. */
+  /** Return the text for the client that stopped: this page, over any of its connections, or another client. */
   #stopped_by(by) {
     const mine = this.#links.map((link) => link.welcome?.name);
     return mine.includes(by.replace(/^stopped by /, "")) ? "stopped from this page" : by;
@@ -190,7 +190,7 @@ export class Stop extends HTMLElement {
     release.addEventListener("contextmenu", (event) => event.preventDefault());
     release.addEventListener("keydown", (event) => event.key === "Enter" && (event.preventDefault(), event.repeat || begin()));
     release.addEventListener("keyup", end);
-    // Neither pointer nor key: a screen reader, or a switch, which cannot hold. Two presses, not too quickly.
+    // Neither pointer nor key: a screen reader or a switch cannot hold. Two presses, not too quickly.
     release.addEventListener("click", (event) => {
       if (event.detail !== 0) return;
       const since = performance.now() - armed;
@@ -215,7 +215,7 @@ export class Stop extends HTMLElement {
     this.#show();
   }
 
-  /** Stay where it is seen, also while a phone's keyboard or a zoom moves what is seen of the page. */
+  /** Keep STOP visible while a phone's keyboard or a zoom moves the visible part of the page. */
   #follow_viewport() {
     const seen = window.visualViewport;
     if (!seen) return;
@@ -223,7 +223,7 @@ export class Stop extends HTMLElement {
     const place = () => {
       const low = Math.max(0, Math.round(innerHeight - seen.height - seen.offsetTop));
       const high = Math.max(0, Math.round(seen.offsetTop));
-      // Whatever is set at the root, even to the same, has the whole page drawn anew.
+      // Setting a property of the root redraws the whole page, even with the same value.
       for (const [name, value] of [["--low", `${low}px`], ["--high", `${high}px`]]) {
         if (root.getPropertyValue(name) !== value && (value !== "0px" || root.getPropertyValue(name))) root.setProperty(name, value);
       }

@@ -3,7 +3,7 @@
 import { button, el, panel, put, notify, toggle, confirm_button } from "./dom.js";
 import { day, plain } from "./words.js";
 
-const REFRESH_INTERVAL = 3000; // milliseconds from one look at the queue to the next
+const REFRESH_INTERVAL = 3000; // milliseconds between refreshes
 
 export class Tasks {
   #link;
@@ -39,7 +39,7 @@ export class Tasks {
       const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#with_ended });
       put(this.#server_message, served ? "" : "No task server is running: mission task serve");
       const text = JSON.stringify(tasks);
-      if (text === this.#drawn_text) return; // what has the keyboard keeps it
+      if (text === this.#drawn_text) return; // unchanged: keep the focus
       this.#drawn_text = text;
       this.#list.replaceChildren(...(tasks.length ? tasks.map((task) => this.#row(task)) : [el("li", { class: "empty" }, "The queue is empty.")]));
     } catch (error) {

@@ -1,14 +1,14 @@
-// The tree as nested blocks: what each node does, since when and why. Only what has changed is touched.
+// The tree as nested blocks with status, time and reason of each node. Only changed blocks are updated.
 
 import { FRAME_BUDGET, before_frame, button, el, put, on_frame } from "./dom.js";
 import { filled, whole } from "./values.js";
 import { SIGNS, isActive, seconds } from "./words.js";
 
-const MAX_FRAME_TIME = 40; // milliseconds of a picture of the screen, above which the next one has fewer new rows
-const [MIN_ROWS, MAX_ROWS] = [4, 64]; // new rows of a picture
-const CLOCK_INTERVAL = 250; // milliseconds from one renewal of "for 3.2 s" to the next
+const MAX_FRAME_TIME = 40; // milliseconds of a frame above which the next one updates fewer rows
+const [MIN_ROWS, MAX_ROWS] = [4, 64]; // rows updated in a frame
+const CLOCK_INTERVAL = 250; // milliseconds between updates of the running times
 
-/** One block, and how it stands. */
+/** A block of the tree with its status. */
 class Block {
   status = "idle";
   visited = false;
@@ -20,10 +20,10 @@ class Block {
     this.children = [];
     this.key = node.key;
     this.arguments = node.arguments;
-    this.scope = parent && (parent.mission ? parent : parent.scope); // the sub-mission that it is in, if any
+    this.scope = parent && (parent.mission ? parent : parent.scope); // block of the sub-mission around it, if any
     this.mission = node.mission;
     this.name = this.written = [node.case && `${node.case}:`, node.title].filter(Boolean).join(" ");
-    this.texts = []; // those with values in them: the element, and the text as it is written
+    this.texts = []; // texts with placeholders: element, and text of the file
     const details = Object.entries(node.arguments).filter(([, value]) => value !== node.said).map(([name, value]) => `${name}: ${value}`);
     if (node.as) details.push(`as: ${node.as}`);
     this.sign = el("span", { class: "sign", "aria-hidden": "true" }, SIGNS.idle);
@@ -53,14 +53,14 @@ class Block {
     this.label();
   }
 
-  /** Return an element with a text, in which values may be. */
+  /** Return an element with a text, which may have placeholders. */
   text(kind, text) {
     const node = el("span", { class: kind }, text);
     if (text.includes("${")) this.texts.push([node, text]);
     return node;
   }
 
-  /** Show values in place of what stands for them, which is told where the mouse rests on them. */
+  /** Replace placeholders by values; a tooltip has the placeholder. */
   fill(value) {
     for (const [node, text] of this.texts) {
       const pieces = filled(text, value);
@@ -110,22 +110,22 @@ export class Tree extends HTMLElement {
   #now = new Map();
   #pending = new Map();
   #paint = on_frame(() => this.#patch(), 80);
-  #scroll = on_frame(() => this.#scroll_to_running(), 300); // it costs a layout of the page
+  #scroll = on_frame(() => this.#scroll_to_running(), 300); // costs a layout of the page
   #t = 0;
   #visited = [];
-  #due_clocks = new Set(); // blocks whose time is to be renewed
-  #row_budget = MAX_ROWS; // new rows of the next picture
+  #due_clocks = new Set(); // blocks whose running time is outdated
+  #row_budget = MAX_ROWS; // rows to update in the next frame
   #clocks_at = 0;
   #drawn_text = "";
-  #pending_nodes = []; // nodes whose blocks are not there yet
+  #pending_nodes = []; // nodes without a block yet
   #add_more = () => this.#add();
-  #missions = new Map(); // what sub-missions are called, by the keys of their nodes
-  #first = {}; // values of variables before the run has told of them
+  #missions = new Map(); // names of sub-missions by the keys of their nodes
+  #first = {}; // values of variables before the run reports them
   #values = {};
-  #are_values_stale = false; // whether blocks show former values
+  #are_values_stale = false; // whether blocks show outdated values
   follow = false;
 
-  /** Draw a tree, unless it is the one that is drawn; all nodes are idle then. `first` are values of its variables. */
+  /** Draw a tree, unless it is drawn already, with all nodes idle. `first` has the initial values of its variables. */
   draw(drawing, first = {}) {
     this.#first = first;
     this.values({}, true);
@@ -147,7 +147,7 @@ export class Tree extends HTMLElement {
     this.show({}, 0, true);
   }
 
-  /** Draw nothing. */
+  /** Remove the tree. */
   clear() {
     this.#drawn_text = "";
     this.#pending_nodes = [];
@@ -160,34 +160,34 @@ export class Tree extends HTMLElement {
     this.replaceChildren();
   }
 
-  /** Say which nodes, by their keys, the last tick has visited. */
+  /** Mark the nodes that the last tick visited, by their keys. */
   visit(keys) {
     this.#visited = keys;
     this.#paint();
   }
 
-  /** Say what variables hold, by their names as `state` has them; with `all`, of others nothing is known. */
+  /** Set values of variables by their names in `state`; with `all`, drop the others. */
   values(values, all = false) {
     this.#values = { ...(all ? {} : this.#values), ...values };
     this.#are_values_stale = true;
     this.#paint();
   }
 
-  /** Return what a variable is called: that of a sub-mission, which comes with the key of its node, by that one's name. */
+  /** Return the display name of a variable: the node key of a sub-mission is replaced by its name. */
   called(variable) {
     const [, key, name] = /^([\d.]+) (.*)$/.exec(variable) ?? [];
     const inner = this.#missions.get(key);
     return inner ? `${inner}: ${name}` : variable;
   }
 
-  /** Return what a name stands for in a sub-mission, or in the mission itself; undefined where that is not known. */
+  /** Return the value of a name in a sub-mission or in the mission; undefined if unknown. */
   #value(name, scope) {
     const key = scope ? `${scope.key} ${name}` : name;
     const given = scope?.arguments[name];
     return this.#values[key] ?? (given && whole(given, (outer) => this.#value(outer, scope.scope))) ?? this.#first[key] ?? undefined;
   }
 
-  /** Say how nodes stand at `t`, by their keys; with `whole`, all others are idle. */
+  /** Set statuses by node key at time t; with `whole`, all other nodes are idle. */
   show(changed, t, whole = false) {
     this.#t = t;
     if (whole) for (const key of this.#now.keys()) if (!(key in changed)) this.#pending.set(key, ["idle", "", null]);
@@ -195,12 +195,12 @@ export class Tree extends HTMLElement {
     this.#paint();
   }
 
-  /** Fold all blocks but the root, or none. */
+  /** Fold all blocks below the root, or unfold all. */
   fold(folded) {
     for (const block of this.#blocks.values()) block.toggle(folded && block.parent !== null);
   }
 
-  /** Make blocks, as many as there is time for, and the others before the next pictures of the screen. */
+  /** Add blocks within the frame's budget, and the rest in the next frames. */
   #add() {
     const until = performance.now() + FRAME_BUDGET;
     while (this.#pending_nodes.length && performance.now() < until) {
@@ -217,7 +217,7 @@ export class Tree extends HTMLElement {
   }
 
   #patch() {
-    if (this.#pending_nodes.length) return; // it is drawn once all blocks are there
+    if (this.#pending_nodes.length) return; // wait until all blocks exist
     const now = performance.now();
     if (this.#are_values_stale) for (const block of this.#blocks.values()) if (block.texts.length) block.fill((name) => this.#value(name, block.scope));
     this.#are_values_stale = false;
@@ -247,11 +247,11 @@ export class Tree extends HTMLElement {
       if (block.visited !== visited.has(key)) block.item.classList.toggle("visited", (block.visited = !block.visited));
     }
     if (this.#pending.size || this.#due_clocks.size) this.#paint();
-    // What the browser makes of it costs more than this: that is known once the picture is drawn.
+    // Layout and painting cost more than this script: measured after the frame.
     setTimeout(() => (this.#row_budget = performance.now() - now > MAX_FRAME_TIME ? Math.max(MIN_ROWS, this.#row_budget >> 1) : Math.min(MAX_ROWS, this.#row_budget + 1)));
   }
 
-  /** Scroll to the deepest node that runs, and unfold what is above it. */
+  /** Scroll to the deepest running node, and unfold its ancestors. */
   #scroll_to_running() {
     let block = this.#blocks.values().next().value;
     if (!isActive(block?.status)) return;

@@ -1,11 +1,11 @@
-// Texts of a mission with `${...}` in them: what each stands for, as far as that is known.
+// Substitution of known values for `${...}` in texts of a mission.
 
 const PLACEHOLDER = /\$\{((?:[^{}'"]|'[^']*'|"[^"]*")*)\}/g;
-// A text, a number with its unit, a member, or a name and what follows it.
+// A text, a number with its unit, a member, or a name and the sign after it.
 const TOKEN = /'[^']*'|"[^"]*"|\d[\d.]*\s*\p{ID_Continue}*|\.\p{ID_Continue}+|([\p{ID_Start}_]\p{ID_Continue}*)(\s*[.([])?/gu;
 const WORDS = new Set(["and", "or", "not", "in", "is", "if", "else", "true", "false", "null", "none", "True", "False", "None"]);
 
-/** Return an expression with the values of its names; undefined where one of them is not known. */
+/** Return an expression with the values of its names; undefined if one is unknown. */
 function substitute(expression, value) {
   if (/^\s*[\p{ID_Start}_]\p{ID_Continue}*\s*$/u.test(expression)) return value(expression.trim());
   let all = true;
@@ -18,7 +18,7 @@ function substitute(expression, value) {
   return all ? text.trim() : undefined;
 }
 
-/** Return the pieces of a text: texts, and pairs of a value and the hole that it fills. `value` knows names. */
+/** Return the pieces of a text: texts, and pairs of a value and its placeholder. `value` looks up a name. */
 export function filled(text, value) {
   const pieces = [];
   let end = 0;
@@ -31,7 +31,7 @@ export function filled(text, value) {
   return [...pieces, text.slice(end)].filter((piece) => piece !== "");
 }
 
-/** Return a text with all of its holes filled; undefined where one is not known. */
+/** Return a text with all placeholders filled; undefined if one is unknown. */
 export function whole(text, value) {
   const pieces = filled(text, value);
   const missing = pieces.some((piece) => typeof piece === "string" && piece.includes("${"));

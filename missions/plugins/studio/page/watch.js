@@ -1,10 +1,10 @@
-// The run that is shown: what is so of it, put together of its scene and the states that follow.
+// State of the shown run, merged from its scene and the following states.
 
 const EMPTY = { changed: {}, variables: {}, parts: [], joints: {}, commands: {}, log: [] };
 const MAX_LOG_LINES = 500;
-export const UNKNOWN = "unknown"; // stands for a run where it is not known whether there is one
+export const UNKNOWN = "unknown"; // in place of a run name if a run may have been missed
 
-/** Follows one run at a time over a link; tells "runs", "scene", "state", "picture", "over" and "which". */
+/** Follows one run at a time; emits "runs", "scene", "state", "picture", "over" and "which" (another run). */
 export class Watcher extends EventTarget {
   runs = [];
   run = "";
@@ -38,7 +38,7 @@ export class Watcher extends EventTarget {
     return this.runs.find((each) => each.run === this.run);
   }
 
-  /** Whether a run is shown that goes on. */
+  /** Whether the shown run goes on. */
   get lives() {
     return Boolean(this.scene && !this.over);
   }
@@ -53,18 +53,18 @@ export class Watcher extends EventTarget {
     this.#emit("which", run);
   }
 
-  /** Somebody looks at the camera, `rate` pictures a second at most; 0 for not any more. */
+  /** Set the pictures a second that a camera element needs; 0 for none. */
   look(who, rate) {
     this.#camera_rates.set(who, rate);
     this.#update_rate();
   }
 
-  /** Send a command to the run, and return its result. */
+  /** Send a command to the shown run and return its result. */
   ask(word, members) {
     return this.#link.ask({ do: word, run: this.run, ...members });
   }
 
-  /** Send a command to the run, without an answer. */
+  /** Send a command to the shown run without waiting for an answer. */
   send(word, members) {
     return this.#link.send({ do: word, run: this.run, ...members });
   }

@@ -1,4 +1,4 @@
-// Figures and events in words.
+// Numbers and events as texts.
 
 export const SIGNS = { idle: "○", running: "▶", suspended: "‖", success: "✓", skipped: "»", failure: "✗", interrupted: "■", error: "!" };
 
@@ -15,13 +15,13 @@ export function seconds(t) {
   return hours ? `${hours}:${String(minutes).padStart(2, "0")}:${rest} h` : `${minutes}:${rest} min`;
 }
 
-/** Return a time of day (Unix) as people here write it. */
+/** Return a Unix time in the user's locale. */
 export function day(unix) {
   if (!unix) return "";
   return new Date(unix * 1000).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
 }
 
-/** Return a size in words. */
+/** Return a size in bytes as a text: "1.2 MB". */
 export function bytes(size) {
   const steps = ["B", "kB", "MB", "GB"];
   let step = 0;
@@ -29,13 +29,13 @@ export function bytes(size) {
   return `${size >= 10 || !step ? Math.round(size) : size.toFixed(1)} ${steps[step]}`;
 }
 
-/** Return a name of ours for people: "elbow_turn" is "elbow turn". */
+/** Return an identifier as words: "elbow_turn" is "elbow turn". */
 export const plain = (name) => String(name).replaceAll("_", " ");
 
-/** Return what an entry of the library is called: a file of the user's by its heading, with the file. */
+/** Return the title of a library entry; for a user's file, its heading and file name. */
 export const heading = ({ name, title, own }) => (own ? `${plain(title)} (${name.split("/").at(-1)})` : plain(title ?? name));
 
-/** Return a number with so many digits that matter. */
+/** Return a number with two or three significant digits. */
 export function figure(value) {
   if (typeof value !== "number") return String(value);
   return String(Math.abs(value) < 1 ? +value.toPrecision(2) : +value.toFixed(Math.abs(value) < 10 ? 2 : 1));
@@ -50,7 +50,7 @@ const COUNT = ["", 1, 0];
 const SIZES = { x: METRES, y: METRES, nearest: METRES, distance: METRES, heading: ANGLE, pan: ANGLE, tilt: ANGLE, roll: ANGLE, pitch: ANGLE, yaw: ANGLE,
   bearing: ANGLE, speed: SPEED, linear: SPEED, wanted_linear: SPEED, turn: RATE, angular: RATE, wanted_angular: RATE, battery: ["%", 1, 0], hottest: ["°C", 1, 0], joints: COUNT, moving: COUNT };
 
-/** Return a figure of a part, or of a command, with its name and its unit: "speed 0.25 m/s". What has no unit is a count. */
+/** Return a value with its name and unit, "speed 0.25 m/s"; a count as "6 joints". */
 export function sized(name, value) {
   const [unit, factor, digits] = SIZES[name] ?? [];
   if (unit === undefined || typeof value !== "number") return `${plain(name)} ${figure(value)}`;
@@ -58,10 +58,10 @@ export function sized(name, value) {
   return unit ? `${plain(name)} ${number}${unit.startsWith("°") && unit !== "°C" ? "" : " "}${unit}` : `${number} ${plain(name)}`;
 }
 
-/** Return what a simulated robot is called. */
+/** Return the text for a run's kind of simulation. */
 export const simulation_text = (simulated) => ({ "": "on the robot", wire: "simulated", fast: "simulated time" })[simulated] ?? simulated;
 
-/** Return a result with its reason. */
+/** Return a result with its sign and reason. */
 export function result_text(result, reason) {
   const sign = SIGNS[result] ?? "?";
   return `${sign} ${result || "unknown result"}${reason ? `: ${reason}` : ""}`;
@@ -89,5 +89,5 @@ export function line(event) {
   return ["", values.map((value) => (typeof value === "object" ? JSON.stringify(value) : value)).join(" ")];
 }
 
-/** Return whether an event is no line of its own: the voice's command stands beside what it says. */
+/** Return whether an event has no line in the log: the voice's command is shown as its speech. */
 export const is_hidden = (event) => event.event === "command" && event.to === "voice";
