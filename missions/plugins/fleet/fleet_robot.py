@@ -1,4 +1,4 @@
-"""What a member of a fleet knows and does of the robot itself: handed in, for runs are reached over their sockets."""
+"""Interface between a fleet member and its robot."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,9 +6,10 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """How a robot is: the mission of its newest run, and what that told last, ``age`` seconds ago; None is not known.
+    """State of a robot, from the last report of its newest run, ``age`` seconds ago; None is unknown.
 
-    ``runs`` says that there is a run now, or that this is not known. Lengths in m, angles in rad, ``battery`` 0..1.
+    ``runs`` is True if a run exists or may exist. ``stopped`` names the client that latched a stop. Lengths in m,
+    angles in rad, ``battery`` 0..1.
     """
 
     runs: bool = False
@@ -23,19 +24,19 @@ class Telemetry:
 
 
 class FleetRobot(Protocol):
-    """A robot, as far as a fleet reaches it. From any thread."""
+    """A robot as a fleet reaches it. Methods may be called from any thread."""
 
     def read_telemetry(self) -> Telemetry:
-        """Return how it is; at once."""
+        """Return the present telemetry without waiting."""
         ...
 
     def stop(self, by: str) -> tuple[bool, str]:
-        """Latch all that moves, also in runs that begin later; say whether all was told, and in words what came of it.
+        """Latch all actuators, also of later runs; return whether all confirmed it, and a text for people.
 
         Takes less than a second.
         """
         ...
 
     def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
-        """End that; with ``resume`` missions go on, else they stay paused."""
+        """End the latched stop; with ``resume`` missions continue, otherwise they stay paused."""
         ...

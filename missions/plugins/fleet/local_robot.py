@@ -1,4 +1,4 @@
-"""The robot of this machine, for its fleet: what its runs tell of it, and all of them stopped or released."""
+"""The robot of this machine: telemetry from its runs, and stop and release of all of them."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,19 +15,19 @@ from missions.control.sockets import RunConnection
 from missions.plugins.fleet.fleet_robot import Telemetry
 
 SEARCH_INTERVAL = 0.5
-"""Seconds from one look at the runs to the next; while a stop is latched, ``STOP_SEARCH_INTERVAL``."""
+"""Seconds between two searches for runs; ``STOP_SEARCH_INTERVAL`` while a stop is latched."""
 
 STOP_SEARCH_INTERVAL = 0.05
 
 FLEET_PREFIX = "fleet: "
-"""How the name of who stops for a fleet begins: a stop of somebody else at the robot is theirs to release."""
+"""Prefix of the client name of a fleet's stop; a stop without it was made at the robot and is released there."""
 
 STOP_TIMEOUT = 0.8
-"""Seconds for which a stop waits for what it tells; what hangs is ended by a signal, and named."""
+"""Seconds to wait for the confirmations of a stop; a hanging run is ended by a signal and reported."""
 
 
 class LocalRobot:
-    """A Body: the runs of this user, as ``mission stop`` reaches them. Follows them while it is entered."""
+    """A FleetRobot for the runs of this user, which it follows while it is entered."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self._clock = clock or SystemClock()
@@ -36,7 +36,7 @@ class LocalRobot:
         self._at: float | None = None
         self._mission, self._runs = "", False
         self._stopped_by = ""
-        self._stopped: set[object] = set()  # and what is being stopped
+        self._stopped: set[object] = set()  # including runs that are being stopped
         self._doubts: list[StopWarning] = []
         self._lock, self._over = Lock(), Event()
         self._thread = Thread(target=self._follow, name="runs", daemon=True)
@@ -54,7 +54,6 @@ class LocalRobot:
             link.close()
 
     def read_telemetry(self) -> Telemetry:
-        """See Body."""
         with self._lock:
             state, at = self._state, self._at
             pose = state.get("pose") or (None, None, None)
@@ -73,32 +72,31 @@ class LocalRobot:
             )
 
     def stop(self, by: str) -> tuple[bool, str]:
-        """See Body."""
         by = f"{FLEET_PREFIX}{by}"
         found = search_runs()
         self._stopped = {each.key for each in found.processes}
         self._stopped_by = by
-        said: list[StopOutcomes] = []
+        results: list[StopOutcomes] = []
 
         def work() -> None:
             try:
-                said.append(send_to_all([{"do": "stop"}], by, search_result=found))
+                results.append(send_to_all([{"do": "stop"}], by, search_result=found))
             except Exception:
-                self._stopped.clear()  # all are stopped anew by the thread that follows the runs
+                self._stopped.clear()  # the thread that follows the runs stops all again
                 raise
             self._stopped -= {
-                each.key for each, (good, _) in said[0].items() if isinstance(each, FoundProcess) and not good
+                each.key for each, (good, _) in results[0].items() if isinstance(each, FoundProcess) and not good
             }
 
         thread = Thread(target=work, name="stop", daemon=True)
         thread.start()
         thread.join(STOP_TIMEOUT)
-        if not said:
-            return False, "what runs has not answered yet; it is being ended"
-        return _summarise(said[0]) if said[0] else (True, "stopped; nothing runs")
+        if not results:
+            return False, "the running mission has not answered yet; it is being ended"
+        return _summarise(results[0]) if results[0] else (True, "stopped; nothing runs")
 
     def _stop_new(self, found: FoundProcess, by: str) -> None:
-        """Stop a run that has begun meanwhile, or was not reached; try again at the next look if that fails."""
+        """Stop a run that began after the stop, or was not reached; the next search retries after a failure."""
         is_good = False
         try:
             is_good = "trouble" not in stop_one(found, by)
@@ -107,11 +105,10 @@ class LocalRobot:
                 self._stopped.discard(found.key)
 
     def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
-        """See Body."""
         self._stopped_by = ""
         commands = [{"do": "release"}, *([{"do": "resume"}] if resume else [])]
-        said = send_to_all(commands, f"{FLEET_PREFIX}{by}", is_wanted=_is_stopped_by_fleet)
-        return _summarise(said) if said else (True, "released; nothing runs")
+        results = send_to_all(commands, f"{FLEET_PREFIX}{by}", is_wanted=_is_stopped_by_fleet)
+        return _summarise(results) if results else (True, "released; nothing runs")
 
     # --- the thread -------------------------------------------------------------------------------------------------
 
@@ -119,22 +116,22 @@ class LocalRobot:
         while not self._over.wait(STOP_SEARCH_INTERVAL if self._stopped_by else SEARCH_INTERVAL):
             try:
                 self._update()
-            except Exception:  # the next look may do better, and a stop holds for what begins until then
-                log.exception("the runs could not be looked at")
+            except Exception:  # the next search may succeed; until then the latch stops new runs
+                log.exception("the runs could not be checked")
 
     def _update(self) -> None:
-        """Stop what has begun while a stop is latched, and take in what runs have told."""
+        """Stop runs that began while a stop is latched, and read the states that runs have sent."""
         result = search_runs(thorough=False)
         found = result.processes
         self._log_doubts(result.warnings)
         for each in found if self._stopped_by else ():
             if each.key not in self._stopped:
-                # Before its thread begins, which takes it out again if the stop fails. A release stays a release.
+                # Before its thread begins, which removes it again if the stop fails. A release stays a release.
                 self._stopped.add(each.key)
                 thread = Thread(target=self._stop_new, args=(each, self._stopped_by), name="stop", daemon=True)
                 try:
                     thread.start()
-                except RuntimeError:  # the system allows no more threads
+                except RuntimeError:  # thread limit reached
                     self._stop_new(each, self._stopped_by)
         for each in found:
             if each.key not in self._links and not each.is_command:
@@ -146,15 +143,15 @@ class LocalRobot:
             self._runs = bool(self._links) or unreached or bool(result.warnings)
 
     def _log_doubts(self, doubts: list[StopWarning]) -> None:
-        """Log the reasons why a run may not have been found, once each time that they change."""
+        """Log the reasons why a run may have been missed, once after each change."""
         if doubts != self._doubts:
             self._doubts = doubts
             for each in doubts:
-                log.warning("a run may not have been found: %s", each.reason)
+                log.warning("a run may have been missed: %s", each.reason)
 
     def _connect(self, found: FoundProcess) -> None:
         for where in found.addresses:
-            with suppress(OSError, ValueError):  # a stop asks each run by itself: this is only for what is shown
+            with suppress(OSError, ValueError):  # only for display: a stop connects to each run itself
                 link = RunConnection.open(where)
                 if not link.run_info:
                     link.close()
@@ -167,12 +164,12 @@ class LocalRobot:
                 return
 
     def _read(self, key: object) -> None:
-        """Take in what a run has told since."""
+        """Read all pending messages of a run."""
         try:
             while True:
-                told = self._links[key].receive()
-                if told.get("say") in ("state", "scene"):
-                    self._store_state(told.get("state", told))
+                message = self._links[key].receive()
+                if message.get("say") in ("state", "scene"):
+                    self._store_state(message.get("state", message))
         except BlockingIOError:
             return
         except (OSError, ValueError):
@@ -185,12 +182,12 @@ class LocalRobot:
 
 
 def _is_stopped_by_fleet(told: Mapping[str, Any]) -> bool:
-    """Return whether a run tells that its fleet has stopped it."""
+    """Return whether a run reports a stop by its fleet."""
     return str(told.get("stopped", "")).startswith(f"stopped by {FLEET_PREFIX}")
 
 
 def _battery(state: Mapping[str, Any]) -> float | None:
-    """Return the share of the battery that a run tells, if its base measures that."""
+    """Return the battery level (0..1) that a run reports, or None."""
     for part in state.get("parts") or ():
         percent = part.get("values", {}).get("battery")
         if isinstance(percent, int | float) and isfinite(percent):

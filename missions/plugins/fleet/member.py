@@ -1,4 +1,4 @@
-"""A robot in a fleet: it announces itself, tells how it is, and is stopped and released from afar."""
+"""A robot as a member of a fleet: it announces itself, publishes its state, and handles stops and releases."""
 
 import secrets
 from collections import deque
@@ -34,30 +34,31 @@ from missions.plugins.tasks.fleet_latch import FleetLatch
 T = TypeVar("T")
 
 BUSY_INTERVAL, IDLE_INTERVAL = 0.1, 0.5
-"""Seconds from one look at what is to be done to the next, and where there is nothing; what is asked is done at once.
+"""Seconds between two rounds of the member's thread while services are busy, and while they are idle.
 
-A processor that sleeps is woken by each: ten a second are three quarters of what an idle robot's fleet costs.
+Each round wakes the processor: at ten a second, rounds are three quarters of the CPU time of an idle member.
 """
 
 DISK_TIMEOUT = 0.1
 """Seconds for which the confirmation of a stop waits for the disk; the robot stands still before that."""
 
 HEARTBEAT_INTERVAL = 5.0
-"""Seconds after which a robot tells how it is, though nothing has changed."""
+"""Maximum seconds between two published states."""
 
 STOP_QUIET_RANGE = 0.1, 0.5
-"""Seconds after a stop in which a robot tells how it is: all at once, many would hold up each other's confirmations."""
+"""Range of the random delay (s) of the state after a stop: published all at once, states would delay the confirmations.
+"""
 
 MIN_MOVE, MIN_TURN = 0.1, 0.2
-"""Metres, and radians, that a robot has to move by for that to be told."""
+"""Movement in metres, and rotation in radians, from which a new state is published."""
 
 MAX_PENDING_REQUESTS = 1000
-"""Questions that wait to be answered, at most; a stop never waits."""
+"""Maximum number of pending requests; a stop never waits."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotActivity:
-    """What a robot is busy with: the ID and state of the fleet's task, if it has one, and whether it takes another."""
+    """Activity of a robot: ID and state of its fleet task, if any, and whether it accepts another one."""
 
     task: str = ""
     state: TaskState | None = None
@@ -65,20 +66,20 @@ class RobotActivity:
 
 
 class FleetService(Protocol):
-    """What does or keeps the tasks of a fleet; on the member's thread."""
+    """A service of a member, such as executing or allocating tasks. Runs on the member's thread."""
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
-        """Answer a question; None for one that is somebody else's."""
+        """Return the answer to a request, or None if another service handles it."""
         ...
 
     def step(self, now: float) -> bool:
-        """Do what is due; say whether more is under way."""
+        """Do all due work; return whether more is in progress."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class RobotInfo:
-    """What a robot is: its address, the name of its robot file, its parts, and whether it is simulated."""
+    """Constant data of a robot: address, name of its robot file, parts, and whether it is simulated."""
 
     address: Address
     robot: str
@@ -87,9 +88,9 @@ class RobotInfo:
 
 
 class FleetMember:
-    """A robot of a fleet, while it is entered: over its ``transport``, with a ``fleet_robot``, stopped as ``latch`` says.
+    """A robot in a fleet while it is entered.
 
-    ``current_activity`` says what it does, on the member's thread; ``services`` do what else is asked of it.
+    ``services`` handle requests other than stop and release. ``current_activity`` is called on the member's thread.
     """
 
     def __init__(
@@ -145,20 +146,20 @@ class FleetMember:
         self.transport.close()
 
     def wake(self) -> None:
-        """Look soon at what is to be done. From any thread."""
+        """Run the next round soon. Thread-safe."""
         self._wake.set()
 
     @property
     def is_duplicate(self) -> bool:
-        """Whether another robot has this address, as after a card was copied: neither does or keeps tasks then."""
+        """Whether another robot has this address (a copied SD card); then this robot runs and allocates no tasks."""
         return self.clock.now() < self._duplicate_until
 
     # --- threads of the wire ----------------------------------------------------------------------------------------
 
     def _handle_stop(self, ask: FleetRequest, reply: Reply) -> None:
-        """Stop now, on a thread of its own: nothing else is waited for."""
+        """Stop at once, on a thread of the transport, before any other work."""
         if not isinstance(ask, FleetStop):
-            reply(FleetAnswer(ok=False, reason=f"'{ask.word}' is asked elsewhere"))
+            reply(FleetAnswer(ok=False, reason=f"'{ask.word}' belongs to another address"))
             return
         press, answer = self._last_press
         if ask.press and ask.press == press:
@@ -166,17 +167,17 @@ class FleetMember:
             return
         if (now := self.clock.now()) > self._quiet_until + STOP_QUIET_RANGE[
             1
-        ]:  # who stops without end does not silence it
+        ]:  # repeated stops must not silence it for good
             self._quiet_until = now + uniform(*STOP_QUIET_RANGE)  # noqa: S311 - no secret
         number, keep = self.latch.stop(ask.by)
         kept: list[str] = []
         try:
-            good, words = self.fleet_robot.stop(ask.by)  # first: to start a thread takes its time on a busy machine
+            good, words = self.fleet_robot.stop(ask.by)  # first: starting a thread is slow on a busy machine
         finally:
             keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
-            keeping.start()  # a disk may take its time: who asks does not wait for it for long
+            keeping.start()  # a slow disk must not delay the answer for long
         keeping.join(DISK_TIMEOUT)
-        late = "; not on the disk yet, for a restart"
+        late = "; not stored for a restart yet"
         answer = FleetAnswer(ok=good, reason=words + (kept[0] if kept else late), data=({"stop": number},))
         self._last_press = (ask.press, answer)
         reply(answer)
@@ -184,7 +185,7 @@ class FleetMember:
 
     def _queue_request(self, ask: FleetRequest, reply: Reply) -> None:
         if len(self._requests) >= MAX_PENDING_REQUESTS:
-            reply(FleetAnswer(ok=False, reason="more is asked than can be answered"))
+            reply(FleetAnswer(ok=False, reason="too many requests"))
             return
         self._requests.append((ask, reply))
         self.wake()
@@ -199,13 +200,13 @@ class FleetMember:
             busy = self.run_once()
 
     def run_once(self) -> bool:
-        """Answer what was asked, do what is due, and tell what has changed; say whether more is under way."""
+        """Answer requests, run the services, and publish a changed state; return whether a service is busy."""
         while self._requests:
             ask, reply = self._requests.popleft()
             answer = self._run_safely(partial(self._answer, ask)) or FleetAnswer(
-                ok=False, reason="a fault of this robot's"
+                ok=False, reason="internal error of this robot"
             )
-            self._run_safely(partial(reply, answer))  # who asks may be gone
+            self._run_safely(partial(reply, answer))  # the operator may be gone
         self._check_duplicate()
         busy = [self._run_safely(partial(worker.step, self.clock.now())) is not False for worker in self.services]
         if self.clock.now() < self._quiet_until:
@@ -220,17 +221,17 @@ class FleetMember:
         if there is None or there.state is None or there.state.session == self._state.session or there.state.farewell:
             return
         if not self.is_duplicate:
-            what = "fleet: another robot has the number %s of this one: was its card copied? rm fleet_number at one"
+            what = "fleet: another robot has the same number %s (a copied SD card?): rm fleet_number on one of them"
             log.error(what, self.info.address.number)
         self._duplicate_until = self.clock.now() + 3 * HEARTBEAT_INTERVAL
 
     @staticmethod
     def _run_safely(work: Callable[[], T]) -> T | None:
-        """Do something; whatever goes wrong with it, such as a full disk, the robot stays in the fleet."""
+        """Call a function and log its exception, so that an error such as a full disk does not end the membership."""
         try:
             return work()
         except Exception:
-            log.exception("the fleet stumbled")
+            log.exception("error in the fleet")
             return None
 
     def _answer(self, ask: FleetRequest) -> FleetAnswer:
@@ -239,26 +240,30 @@ class FleetMember:
                 return self._release(ask)
             case ListPeers():
                 met = self.roster.members().values()
-                told = (Peer(robot=str(each.address), connection=each.connection) for each in met)
-                return FleetAnswer(data=tuple(asdict(each) for each in told))
+                peers = (Peer(robot=str(each.address), connection=each.connection) for each in met)
+                return FleetAnswer(data=tuple(asdict(each) for each in peers))
         for worker in self.services:
             if (answer := worker.answer(ask)) is not None:
                 return answer
-        return FleetAnswer(ok=False, reason=f"'{ask.word}' is not answered here")
+        return FleetAnswer(ok=False, reason=f"'{ask.word}' is not supported here")
 
     def _release(self, ask: FleetRelease) -> FleetAnswer:
         try:
             released = self.latch.release(ask.stop)
         except OSError as error:
-            return FleetAnswer(ok=False, reason=f"it stays stopped, for that cannot be kept: {error.strerror}")
+            return FleetAnswer(
+                ok=False, reason=f"it stays stopped, since the release cannot be stored: {error.strerror}"
+            )
         if not released:
-            last = f"the last one is {self.latch.number}, by {self.latch.by}" if self.latch.is_latched else "none is"
+            last = (
+                f"the last one is {self.latch.number}, by {self.latch.by}" if self.latch.is_latched else "there is none"
+            )
             return FleetAnswer(ok=False, reason=f"stop {ask.stop} is not latched: {last}")
         good, words = self.fleet_robot.release(ask.by, resume=ask.resume)
         return FleetAnswer(ok=good, reason=words)
 
     def _current_state(self) -> RobotState:
-        """Return how the robot is now."""
+        """Return the present state of the robot."""
         seen, doing = self.fleet_robot.read_telemetry(), self.current_activity()
         return replace(
             self._state,
@@ -281,23 +286,23 @@ class FleetMember:
     def _publish(self, state: RobotState) -> None:
         self._state = replace(state, number=self._state.number + 1)
         self._published_at = self.clock.now()
-        with suppress(Exception):  # the wire is closed: who is not reached asks again
+        with suppress(Exception):  # the connection is closed; the sender will retry
             self.transport.publish_state(encode_message(self._state))
 
 
 def _printable(text: str) -> str:
-    """Return a text as others read it."""
+    """Return a text without unprintable characters, cut to the maximum length."""
     return "".join(each for each in text[:MAX_TEXT_LENGTH] if each.isprintable())
 
 
 def _valid_number(value: object) -> float | None:
-    """Return a number that others read; what a run tells may be none."""
+    """Return a value if a message may contain it as a number, else None."""
     sound = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_INTEGER
     return value if sound else None  # type: ignore[return-value]
 
 
 def _is_significant(old: RobotState, new: RobotState) -> bool:
-    """Say whether a change is worth telling at once: another mission, task, stop; or a step of its way."""
+    """Return whether a new state must be published at once: another mission, task or stop, or a large enough movement."""
     moved = any(
         (getattr(old, name) is None) != (getattr(new, name) is None)
         or abs((getattr(old, name) or 0.0) - (getattr(new, name) or 0.0)) >= step

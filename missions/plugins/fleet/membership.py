@@ -1,4 +1,4 @@
-"""`mission task serve --fleet`: this computer's robot as a member of a fleet."""
+"""`mission task serve --fleet`: membership of this computer's robot in a fleet."""
 
 import re
 import secrets
@@ -42,9 +42,10 @@ def add_task_services(
     timeouts: FleetTimeouts | None = None,
     has_mission: Callable[[str], bool] = lambda _: True,
 ) -> None:
-    """Let a member do and keep tasks, before it is entered: as `mission run` on a ``robot`` with these ``options``.
+    """Let a member execute and allocate tasks; call it before the member is entered.
 
-    ``knows`` says whether there is a mission of a name; ``queue`` and ``kept`` are for the member's thread.
+    Tasks run like `mission run` on ``robot`` with ``options``. ``has_mission`` checks a mission's name. The member's
+    thread uses ``queue`` and ``store``.
     """
     timeouts, own = timeouts or FleetTimeouts(), member.info.address
     ready, now = _make_sender(member, timeouts), member.clock.now
@@ -59,31 +60,31 @@ def add_task_services(
 
 
 def _make_sender(member: FleetMember, timeouts: FleetTimeouts) -> SendRequest:
-    """Return what asks one robot, and wakes the member with its answer."""
+    """Return a function that sends a request to one robot and wakes the member when the answer arrives."""
 
     def ready(ask: FleetRequest, address: Address, on_answer: Callable[[FleetAnswer | None], None]) -> None:
         answers: list[FleetAnswer] = []
 
-        def heard(who: Address | None, answer: FleetAnswer | None) -> None:
+        def collect_answer(who: Address | None, answer: FleetAnswer | None) -> None:
             if who is not None and answer is not None:
                 answers.append(answer)
                 return
             on_answer(answers[0] if answers else None)
             member.wake()
 
-        with suppress(Exception):  # the wire is closed, or not there yet: what is not answered is asked again
-            member.transport.send_request(ask, str(address), heard, timeouts.retry_interval * 2)
+        with suppress(Exception):  # no connection; unanswered requests are repeated
+            member.transport.send_request(ask, str(address), collect_answer, timeouts.retry_interval * 2)
 
     return ready
 
 
 NUMBER_FILE = "fleet_number"
-"""The file that has the number of the robot whose tasks are kept beside it."""
+"""Name of the file with the robot's number, beside its tasks."""
 
 
 @dataclass(frozen=True, slots=True)
 class MembershipConfig:
-    """Which fleet a server is in, as whom, and on what it does the tasks of that fleet."""
+    """Fleet, robot name and run request for the tasks of a server in a fleet."""
 
     fleet: str
     name: str
@@ -91,7 +92,7 @@ class MembershipConfig:
 
     @property
     def robot(self) -> str:
-        """The robot as a run understands it, wherever that begins; empty for the usual one, simulated."""
+        """Name or absolute path of the robot file, valid in any folder; empty for the default robot, simulated."""
         named = self.request.robot
         if named is None:
             return ""
@@ -100,34 +101,34 @@ class MembershipConfig:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What `mission run` is told beside mission, params and robot."""
-        wanted = (("simulate", self.request.simulate), ("world", self.request.world))
-        return tuple(f"--{word}={value}" for word, value in wanted if value)
+        """Further options of `mission run`."""
+        settings = (("simulate", self.request.simulate), ("world", self.request.world))
+        return tuple(f"--{word}={value}" for word, value in settings if value)
 
 
 def read_membership(options: FleetOptions) -> MembershipConfig | None:
-    """Return how a server is in a fleet; None where it is in none. Raises click.UsageError, TaskError."""
+    """Return the membership given by the options; None without `--fleet`. Raises click.UsageError, TaskError."""
     if options.fleet is None:
         if options != FleetOptions():
-            raise click.UsageError("--as, --robot, --simulate and --world say who is in a fleet: add --fleet NAME")
+            raise click.UsageError("--as, --robot, --simulate and --world need --fleet NAME")
         return None
     own = options.as_name or re.sub("[^a-z0-9_-]", "-", socket.gethostname().lower())[:40]
     if options.as_name is None and not NAME_PATTERN.fullmatch(own):
-        raise click.UsageError("this computer's name cannot be a robot's\n  try: --as robot1")
+        raise click.UsageError("this computer's name is not a valid robot name\n  try: --as robot1")
     request = RunRequest("", robot=options.robot, simulate=options.simulate, world=options.world)
     return MembershipConfig(check_name(options.fleet), check_name(own, "robot"), request)
 
 
 def membership(options: FleetOptions) -> Callable[[Path, FleetLatch], AbstractContextManager[FleetMember]] | None:
-    """Return the context in which a server is in its fleet; None where it is in none. Raises as ``read_membership``."""
-    wanted = read_membership(options)
-    return None if wanted is None else partial(join_fleet, wanted)
+    """Return the context of a server that is a fleet member; None without `--fleet`. Raises as ``read_membership``."""
+    config = read_membership(options)
+    return None if config is None else partial(join_fleet, config)
 
 
 @contextmanager
 def join_fleet(config: MembershipConfig, folder: Path, latch: FleetLatch) -> Iterator[FleetMember]:
-    """Be a member of a fleet while this is entered. Raises TaskError, and what a wrong robot file does."""
-    from missions.plugins.fleet.commands.fleet_tasks import fleet_of  # noqa: PLC0415 - a server alone needs none of it
+    """Be a member of a fleet while the context is entered. Raises TaskError, and the errors of a robot file."""
+    from missions.plugins.fleet.commands.fleet_tasks import fleet_of  # noqa: PLC0415 - not needed without a fleet
     from missions.plugins.fleet.local_robot import LocalRobot  # noqa: PLC0415
 
     robot = requested_robot(config.request)
@@ -148,7 +149,7 @@ def join_fleet(config: MembershipConfig, folder: Path, latch: FleetLatch) -> Ite
 
 
 def robot_number(folder: Path) -> str:
-    """Return the number of the robot whose tasks are kept in ``folder``: drawn once, by who is first."""
+    """Return the number of the robot whose tasks are in ``folder``, drawing it at the first call."""
     path = folder / NUMBER_FILE
     if not path.exists():
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -157,5 +158,7 @@ def robot_number(folder: Path) -> str:
         new.replace(path)
     found = read_regular(path, 1000).decode("ascii", errors="replace").strip()
     if not re.fullmatch("[0-9a-f]{8}", found):
-        raise click.ClickException(f"{path}: is no number of a robot\n  try: rm {path}  (it is another robot then)")
+        raise click.ClickException(
+            f"{path}: is not a robot number\n  try: rm {path}  (the robot then gets a new number)"
+        )
     return found

@@ -1,4 +1,4 @@
-"""The words of a fleet: names, keys on the wire, what a robot tells of itself, and what may be asked of it."""
+"""Messages of a fleet: names, Zenoh keys, states and requests."""
 
 import json
 import re
@@ -14,10 +14,11 @@ from missions.plugins.tasks.task import Interrupted
 
 @dataclass(frozen=True, slots=True)
 class FleetTimeouts:
-    """Seconds. A robot reports on a task each ``heartbeat``, and asks ``again`` where it got no answer.
+    """Times of the task protocol, in seconds.
 
-    It lets go of a task that may be repeated once its keeper has not answered for ``lease``; after ``reassign_after``, which
-    is longer by the time that a run may take to stop, the keeper gives that task to another.
+    A robot reports on a task each ``heartbeat``, and after ``retry_interval`` without an answer. It releases a
+    repeatable task after ``lease`` without an answer of the allocator. After ``reassign_after``, longer by the time
+    that a run may take to stop, the allocator gives the task to another robot.
     """
 
     heartbeat: float = 2.0
@@ -30,38 +31,38 @@ class FleetTimeouts:
 T = TypeVar("T")
 
 MAX_MESSAGE_BYTES, MAX_ANSWER_BYTES = 64 * 1024, 1024 * 1024
-"""Bytes of a message, and of an answer, at most."""
+"""Maximum size of a message, and of an answer, in bytes."""
 
 MAX_TEXT_LENGTH = 1000
-"""Characters of a text, at most."""
+"""Maximum length of a text in characters."""
 
 RULES = Rules(
     max_text=MAX_TEXT_LENGTH, max_members=4096, max_number=MAX_INTEGER, is_text=str.isprintable, text="a printable text"
 )
-"""How messages are written and read. One that is not exactly as declared is refused whole."""
+"""Rules for encoding and decoding; a message that deviates from its declaration is refused as a whole."""
 
 VERSION = 1
-"""The version of keys and messages: robots of another one do not see each other."""
+"""Version of keys and messages; robots with different versions do not see each other."""
 
 NAME_PATTERN = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
-"""Names of fleets and robots: what stands in a key as it is, and does nothing on a terminal."""
+"""Names of fleets and robots: safe in a Zenoh key and on a terminal."""
 
 TASK_ID_PATTERN = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}")
-"""IDs of tasks: the address of the robot that keeps the task, and a number drawn by chance."""
+"""Task IDs: the address of the robot that keeps the task, and a random number."""
 
 Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
-"""As in VDA 5050: there; gone, after it said so; gone without a word."""
+"""Connection state as in VDA 5050: connected, disconnected after a farewell, disconnected without one."""
 
 TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
-"""As in VDA 5050; the last two are for good."""
+"""Task state as in VDA 5050; the last two are final."""
 
 AttemptEnd = Literal["", "success", "failure", "interrupted", "refused"]
-"""How an attempt ended; `refusal_pause` did not begin."""
+"""End of an attempt; `refused` did not begin."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Address:
-    """A robot: its name, and the number that its folder of tasks got by chance, so that two of one name differ."""
+    """Address of a robot: its name, and a random number that distinguishes robots with the same name."""
 
     name: str
     number: str
@@ -71,7 +72,7 @@ class Address:
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Read what ``str`` wrote. Raises CodecError."""
+        """Parse the output of ``str``. Raises CodecError."""
         name, _, number = text.partition("/")
         if not NAME_PATTERN.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
             raise CodecError(f"no address of a robot: {ascii(text)[:80]}")
@@ -79,21 +80,21 @@ class Address:
 
 
 def zenoh_key(fleet: str, kind: str, where: str = "*/*") -> str:
-    """Return the key of a kind (here, state, stop, ask) of a robot, or of all."""
+    """Return the key of a kind (here, state, stop, ask) for a robot, or for all."""
     return f"missiontree/{VERSION}/{fleet}/{kind}/{where}"
 
 
 def address_of_key(text: str) -> Address:
-    """Return the robot that a key is of. Raises CodecError."""
+    """Return the address in a key. Raises CodecError."""
     return Address.read("/".join(text.split("/")[-2:]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotState:
-    """What a robot tells of itself, whenever that changes. Lengths in m, angles in rad; None is not known.
+    """State that a robot publishes on changes. Lengths in m, angles in rad; None is unknown.
 
-    ``session`` is drawn at each start, and ``number`` counts within it. ``battery`` (0..1) and the pose are those of
-    the last run, ``age`` seconds ago. ``stops`` counts stops; ``stopped`` says who has latched the last.
+    ``session`` is drawn at each start, and ``number`` counts its states. ``battery`` (0..1) and the pose are those of
+    the last run, ``age`` seconds ago. ``stops`` counts stops; ``stopped`` names the client that latched the last one.
     """
 
     session: str
@@ -117,7 +118,7 @@ class RobotState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetRequest:
-    """Something that is asked of a robot; ``by`` says who asks, for people."""
+    """A request to a robot; ``by`` names the sender, for people."""
 
     word: ClassVar[str] = ""
     by: str = ""
@@ -125,7 +126,7 @@ class FleetRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetStop(FleetRequest):
-    """Latch every actuator still, and begin no task, until it is released; asked again, of the same ``press``."""
+    """Latch every actuator and begin no task until release; a retry has the same ``press``."""
 
     word: ClassVar[str] = "stop"
     press: str = ""
@@ -133,7 +134,7 @@ class FleetStop(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetRelease(FleetRequest):
-    """End the latched stop of this number; ``resume`` lets missions go on as well."""
+    """End the latched stop with the number ``stop``; with ``resume``, missions continue."""
 
     word: ClassVar[str] = "release"
     stop: int
@@ -142,14 +143,14 @@ class FleetRelease(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListPeers(FleetRequest):
-    """Answer with the robots that it has met since it was started, and how each is connected."""
+    """Request the robots that a robot has met since its start, with their connections."""
 
     word: ClassVar[str] = "met"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepTask(FleetRequest):
-    """Keep a task, and have it done by the robot ``on``, or `any`, that is as ``where`` says; asked twice, once."""
+    """Keep a task, and assign it to the robot ``on`` (or `any`) that meets ``where``; idempotent by the task's ID."""
 
     word: ClassVar[str] = "keep"
     task: str
@@ -163,7 +164,7 @@ class KeepTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcceptTask(FleetRequest):
-    """Have a task, and report on it; do not begin it before its keeper has confirmed that. ``again``: as `retry`."""
+    """Accept a task and report on it, but begin only after the allocator's confirmation. ``again``: it may be repeated."""
 
     word: ClassVar[str] = "accept"
     task: str
@@ -175,7 +176,7 @@ class AcceptTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskReport(FleetRequest):
-    """Hear from ``robot`` how an attempt at a task goes. Refused, it is not that robot's any more."""
+    """Report of ``robot`` on an attempt; a negative answer means that the robot no longer has the task."""
 
     word: ClassVar[str] = "report"
     task: str
@@ -188,7 +189,7 @@ class TaskReport(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecideTask(FleetRequest):
-    """Do with a task whose robot is lost what a person says: have another do it, or give it up."""
+    """A person's decision about a task whose robot is lost: hand it on, or give it up."""
 
     word: ClassVar[str] = "decide"
     task: str
@@ -197,9 +198,9 @@ class DecideTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListFleetTasks(FleetRequest):
-    """Answer with tasks that the robot keeps, the newest first: those that are open, or those that have ended.
+    """Request tasks that a robot keeps, newest first: open ones, or ended ones.
 
-    With ``before`` those that it was given before the task of that ID: an answer holds so many and no more.
+    ``before`` is the ID of the last task of the previous page, since an answer has a maximum size.
     """
 
     word: ClassVar[str] = "tasks"
@@ -209,7 +210,7 @@ class ListFleetTasks(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peer:
-    """What is told of a robot that was met: its address, and how it is connected."""
+    """A robot that another robot has met: address and connection."""
 
     robot: str
     connection: Connection
@@ -217,7 +218,7 @@ class Peer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetTaskInfo:
-    """What is told of a task: what was asked for, by whom, which robot has it, and what became of it."""
+    """A fleet task in an answer: the request, its client, the robot that has it, and its state."""
 
     id: str
     mission: str
@@ -234,9 +235,9 @@ class FleetTaskInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetAnswer:
-    """The answer to an Ask: ``reason`` it was not done, and what to try, where it was not.
+    """Answer to a FleetRequest; ``why`` is the reason and remedy if it was not carried out.
 
-    ``data`` are JSON objects, for who asked to check.
+    ``told`` are JSON objects, which the receiver decodes and checks.
     """
 
     ok: bool = True
@@ -248,20 +249,20 @@ REQUESTS: Mapping[str, type[FleetRequest]] = {
     kind.word: kind
     for kind in (FleetStop, FleetRelease, ListPeers, KeepTask, AcceptTask, TaskReport, DecideTask, ListFleetTasks)
 }
-"""What may be asked, by its word."""
+"""Request classes by their word."""
 
 
 def read_request(data: bytes) -> FleetRequest:
-    """Return what is asked. Raises CodecError."""
+    """Decode a request. Raises CodecError."""
     return decode_tagged(parse(data, MAX_MESSAGE_BYTES), "do", REQUESTS, RULES)
 
 
 def encode_message(message: Any) -> bytes:
-    """Return a message as it is sent."""
-    told = encode_tagged(message, "do", RULES) if isinstance(message, FleetRequest) else encode(message, RULES)
-    return json.dumps(told, separators=(",", ":"), allow_nan=False).encode()
+    """Encode a message as JSON."""
+    data = encode_tagged(message, "do", RULES) if isinstance(message, FleetRequest) else encode(message, RULES)
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).encode()
 
 
 def decode_message(kind: type[T], data: bytes, max_bytes: int = MAX_MESSAGE_BYTES) -> T:
-    """Return the message of class ``kind`` in ``data``. Raises CodecError."""
+    """Decode a message of class ``kind``. Raises CodecError."""
     return decode(kind, parse(data, max_bytes), RULES)

@@ -1,4 +1,4 @@
-"""Somebody at a fleet: sees who is there, and asks all or some of them for something, over a session of their own."""
+"""Operator of a fleet: lists the robots and sends requests to some or all of them."""
 
 import os
 import secrets
@@ -34,33 +34,33 @@ from missions.plugins.tasks.task import TaskError
 T = TypeVar("T")
 
 QUIET_TIME = 0.25
-"""Seconds without anybody new after which all that are there were heard."""
+"""Seconds without a new robot after which discovery is complete."""
 
 MAX_WAIT = 5.0
-"""Seconds for which those who come are waited for, at most: a fleet may never be quiet."""
+"""Maximum seconds of a discovery, since new robots may appear without end."""
 
 FIRST_ROBOT_TIMEOUT = 2.0
-"""Seconds for which somebody is waited for, where nobody is there yet."""
+"""Seconds to wait for the first robot."""
 
 STOP_TIMEOUT = 1.0
-"""Seconds that a robot has to confirm a stop; it is asked again meanwhile."""
+"""Seconds for a robot to confirm a stop; the request is repeated in that time."""
 
 STOP_RETRY_INTERVAL = 0.3
 
 MAX_TRIES, SUBMIT_TIMEOUT = 3, 2.0
-"""How often a robot is asked to keep a task, and seconds that it has to answer each time."""
+"""Number of tries to submit a task, and seconds to wait for each answer."""
 
 MAX_WITNESSES = 3
-"""Robots that are asked whom they have met: one alone may have been started a moment ago."""
+"""Maximum number of robots to request peers from; a single one may have just started."""
 
 
 MAX_OPEN_PAGES, MAX_ENDED_PAGES = 1000, 10
-"""How often a robot is asked for more of its tasks, at most: that are open, and that have ended."""
+"""Maximum number of pages of open tasks, and of ended tasks, to request from a robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class FleetTaskList:
-    """Tasks of a fleet, in no order; ``more``: robots that keep older ones, and ``silent``: that did not answer."""
+    """Tasks of a fleet, unordered; ``more``: robots with older tasks, ``silent``: robots that did not answer."""
 
     tasks: list[FleetTaskInfo]
     more: frozenset[str] = frozenset()
@@ -69,7 +69,7 @@ class FleetTaskList:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A session in a fleet: its ``transport``, and the ``roster`` that it keeps."""
+    """An operator's connection to a fleet; ``by`` names the operator in requests."""
 
     fleet: FleetKeys
     transport: ZenohTransport
@@ -78,11 +78,11 @@ class Operator:
     by: str
 
     def members(self) -> Mapping[Address, RosterEntry]:
-        """Return all that were met, by anybody: those that are there, and those that were."""
+        """Return the roster: robots that are connected, or were."""
         return self.roster.members()
 
     def discover(self) -> None:
-        """Wait until all are known that are there, and ask some of them whom they have met."""
+        """Wait until the roster is stable, and request the peers of some robots."""
         wait_until_stable(self.roster, self.clock)
         there = [address for address, each in self.members().items() if each.is_online][:MAX_WITNESSES]
         for answer in self._request_each(there, lambda _: ListPeers(), 1.0).values():
@@ -91,28 +91,28 @@ class Operator:
                     self.roster.on_peer_report(Address.read(met.robot), met.connection)
 
     def missing_robots(self) -> list[str]:
-        """Return the robots that the file of the fleet names, and that nobody has met."""
+        """Return the robots named in the fleet's file that no robot has met."""
         met = {address.name for address in self.members()}
         return [name for name in self.fleet.robots if name not in met]
 
     def stop(self, by: str = "") -> tuple[Mapping[Address, FleetAnswer], list[str]]:
-        """Stop all; return what each has confirmed, and the names of those that did not answer.
+        """Stop all robots; return the confirmations, and the names of robots that did not answer.
 
-        All are asked at once, who comes meanwhile as soon as it is heard of, and who does not answer again.
-        Those that others have met are named. It ends, though robots come without end.
+        The request goes to all at once, to new robots as soon as they appear, and again to silent ones. Robots that
+        only peers have met are named too. The call ends even if new robots keep appearing.
         """
         answers: dict[Address, FleetAnswer] = {}
         asked_at: dict[Address, list[float]] = {}
 
-        def heard(who: Address | None, answer: FleetAnswer | None) -> None:
-            if who is not None and answer is not None:
-                answers[who] = answer
+        def collect_answer(address: Address | None, answer: FleetAnswer | None) -> None:
+            if address is not None and answer is not None:
+                answers[address] = answer
 
         stop = FleetStop(by=by or self.by, press=secrets.token_hex(8))
         pause, begun = Event(), self.clock.now()
         known, quiet = set[Address](), begun
         if there := [each.address for each in self.members().values() if each.connection == "ONLINE"]:
-            self.transport.send_request(stop, "*/*", heard, STOP_TIMEOUT)  # all by one question
+            self.transport.send_request(stop, "*/*", collect_answer, STOP_TIMEOUT)  # one request to all
             asked_at = {each: [begun] for each in there}
         while True:
             now = self.clock.now()
@@ -122,7 +122,7 @@ class Operator:
                 times = asked_at.setdefault(each, [])
                 if not times or now - times[-1] >= STOP_RETRY_INTERVAL:
                     times.append(now)
-                    self.transport.send_request(stop, str(each), heard, STOP_TIMEOUT)
+                    self.transport.send_request(stop, str(each), collect_answer, STOP_TIMEOUT)
             if not known.issuperset(there):
                 known, quiet = known.union(there), now
             tried = all(now - asked_at[each][0] > STOP_TIMEOUT for each in silent)
@@ -132,14 +132,14 @@ class Operator:
                 break
             pause.wait(0.01)
         self.discover()
-        gone = [each.address for each in self.members().values() if each.connection != "OFFLINE"]
-        lost = sorted(str(each) for each in gone if each not in answers)
-        # Of two that have one address, one may have answered for both.
-        copied = sorted(f"{each}, a number that two robots have" for each in answers if self.roster.is_duplicate(each))
+        unreached = [each.address for each in self.members().values() if each.connection != "OFFLINE"]
+        lost = sorted(str(each) for each in unreached if each not in answers)
+        # If two robots share an address, one may have answered for both.
+        copied = sorted(f"{each}, a number shared by two robots" for each in answers if self.roster.is_duplicate(each))
         return dict(answers), [*lost, *copied, *self.missing_robots()]
 
     def release(self, names: Collection[str], by: str = "", *, resume: bool) -> Mapping[Address, FleetAnswer]:
-        """Release the last stop of those that are there, or that are named so; return what each says."""
+        """Release the last stop of all connected robots, or of the named ones; return their answers."""
         self.discover()
         stops = {
             each.address: each.state.stops
@@ -153,40 +153,39 @@ class Operator:
         )
 
     def submit(self, request: KeepTask, allocator: Address) -> FleetAnswer:
-        """Have a robot keep a task, whose ID names it; ask again, which does no harm, until it answers.
+        """Submit a task to the robot that keeps it, retrying until it answers; a repeated request has no effect.
 
-        Raises TaskError where it does not: whether it has the task is not known then.
+        Raises TaskError without an answer: whether the robot has the task is unknown then.
         """
         for _ in range(MAX_TRIES):
             answers = self._request_each([allocator], lambda _: request, SUBMIT_TIMEOUT)
             if allocator in answers:
                 return answers[allocator]
-        what = f"{allocator.name} has not answered: whether it keeps task {request.task} is not known"
-        raise TaskError(what, hint=f"mission fleet tasks; or the same again, with --id {request.task}")
+        what = f"{allocator.name} has not answered; it is unknown whether it has task {request.task} is not known"
+        raise TaskError(what, hint=f"mission fleet tasks; or repeat the command with --id {request.task}")
 
     def choose_allocator(self, on: str) -> Address:
-        """Return a robot that is to keep a task: by chance, and not the one that does it, where there are others.
-
-        Raises TaskError where nobody is there.
-        """
+        """Return a random robot as allocator, if possible another one than ``on``. Raises TaskError without robots."""
         there = [address for address, each in self.members().items() if each.is_online]
         if not there:
-            raise TaskError(f"nobody is in fleet '{self.fleet.fleet}'", hint="mission fleet list")
+            raise TaskError(f"no robots in fleet '{self.fleet.fleet}'", hint="mission fleet list")
         return secrets.choice([each for each in there if each.name != on] or there)
 
     def tasks(self, *, ended: bool) -> FleetTaskList:
-        """Return the tasks that the robots keep that are there; with ``ended``, of those that have ended the newest."""
+        """Return the tasks kept by connected robots; with ``ended``, also the newest ended ones."""
         self.discover()
         there = [address for address, each in self.members().items() if each.is_online]
         open_ones = self._pages(there, MAX_OPEN_PAGES, ended=False)
         if not ended:
             return open_ones
         over = self._pages(there, MAX_ENDED_PAGES, ended=True)
-        both = {each.id: each for each in (*open_ones.tasks, *over.tasks)}  # one may have ended in between
+        both = {
+            each.id: each for each in (*open_ones.tasks, *over.tasks)
+        }  # a task may have ended between the two requests
         return FleetTaskList(list(both.values()), open_ones.more | over.more, open_ones.silent | over.silent)
 
     def _pages(self, there: Collection[Address], most: int, *, ended: bool) -> FleetTaskList:
-        """Ask for tasks, page after page, so many of each robot at ``most``."""
+        """Request tasks page by page, at most ``most`` pages from each robot."""
         found: dict[str, FleetTaskInfo] = {}
         before, silent = dict.fromkeys(there, ""), set[str]()
         for _ in range(most):
@@ -199,7 +198,7 @@ class Operator:
             silent |= {str(each) for each in since if each not in answers}
             before = {}
             for who, answer in answers.items():
-                page = [told for told in _decode_data(FleetTaskInfo, answer) if TASK_ID_PATTERN.fullmatch(told.id)]
+                page = [task for task in _decode_data(FleetTaskInfo, answer) if TASK_ID_PATTERN.fullmatch(task.id)]
                 if page and page[-1].id not in found:
                     before[who] = page[-1].id
                 found |= {each.id: each for each in page}
@@ -208,42 +207,42 @@ class Operator:
         return FleetTaskList(list(found.values()), frozenset(map(str, before)), frozenset(silent))
 
     def decide(self, number: str, what: Literal["hand-on", "give-up"]) -> FleetAnswer:
-        """Say what is to become of a task whose robot is lost. Raises TaskError where its keeper does not answer."""
+        """Decide about a task whose robot is lost. Raises TaskError if the robot that keeps it does not answer."""
         keeper = Address.read(number.rpartition("/")[0])
         answers = self._request_each([keeper], lambda _: DecideTask(by=self.by, task=number, decision=what), 3.0)
         if keeper not in answers:
-            raise TaskError(f"{keeper.name}, which keeps task {number}, does not answer", hint="mission fleet list")
+            raise TaskError(f"{keeper.name}, which manages task {number}, does not answer", hint="mission fleet list")
         return answers[keeper]
 
     def _request_each(
         self, those: Collection[Address], ask: Callable[[Address], FleetRequest], timeout: float
     ) -> dict[Address, FleetAnswer]:
-        """Ask each of some robots, all at the same time; return the answers."""
+        """Send a request to each robot in parallel; return the answers."""
         found: dict[Address, FleetAnswer] = {}
         over = [Event() for _ in those]
         for address, done in zip(those, over, strict=True):
 
-            def heard(who: Address | None, answer: FleetAnswer | None, done: Event = done) -> None:
+            def collect_answer(who: Address | None, answer: FleetAnswer | None, done: Event = done) -> None:
                 if who is None or answer is None:
                     done.set()
                 else:
                     found[who] = answer
 
-            self.transport.send_request(ask(address), str(address), heard, timeout)
+            self.transport.send_request(ask(address), str(address), collect_answer, timeout)
         for done in over:
             done.wait(timeout + 1.0)
         return dict(found)
 
 
 def _decode_data(kind: type[T], answer: FleetAnswer) -> Iterator[T]:
-    """Yield what an answer tells that is exactly of a class; the rest is left out."""
-    for told in answer.data:
+    """Yield the valid entries of an answer as objects of class ``kind``; others are skipped."""
+    for entry in answer.data:
         with suppress(CodecError):
-            yield decode(kind, told, RULES)
+            yield decode(kind, entry, RULES)
 
 
 def wait_until_stable(roster: Roster, clock: Clock) -> None:
-    """Wait until nobody new is heard of for a while, or for as long as anybody is waited for."""
+    """Wait until no new robot has appeared for QUIET_TIME, or until the timeout."""
     pause, begun = Event(), clock.now()
     known, since = set[Address](), begun
     while (now := clock.now()) < begun + MAX_WAIT and (
@@ -257,7 +256,7 @@ def wait_until_stable(roster: Roster, clock: Clock) -> None:
 
 @contextmanager
 def connect_operator(fleet: FleetKeys, *, clock: Clock | None = None) -> Iterator[Operator]:
-    """Be at a fleet while this is entered. Raises TaskError where that is not possible."""
+    """Connect to a fleet for the duration of the context. Raises TaskError if that is impossible."""
     clock = clock or SystemClock()
     check_name(fleet.fleet)
     roster = Roster(clock)

@@ -7,10 +7,12 @@ from missions.request import Simulate
 
 @dataclass(frozen=True, kw_only=True)
 class FleetOptions:
-    """Which fleet a server is in, as whom, and which robot runs its tasks."""
+    """Fleet and robot of a task server."""
 
-    fleet: str | None = option("Be in this fleet, and do its tasks: docs/fleet.md.", metavar="NAME")
-    as_name: str | None = option("The robot's name in its fleet; else this computer's.", flag="--as", metavar="NAME")
-    robot: str | None = option("The robot of the fleet's tasks; it moves, unless --simulate.", "robot")
-    simulate: Simulate | None = option("Simulate that robot.", among=("wire", "fast"))
-    world: str | None = option("The world around a simulated robot.", "world")
+    fleet: str | None = option("Join this fleet and run its tasks: docs/fleet.md.", metavar="NAME")
+    as_name: str | None = option(
+        "Name of the robot in its fleet; the default is this computer's name.", flag="--as", metavar="NAME"
+    )
+    robot: str | None = option("Robot for the fleet's tasks; it moves unless --simulate is given.", "robot")
+    simulate: Simulate | None = option("Simulate the robot.", among=("wire", "fast"))
+    world: str | None = option("World of the simulated robot.", "world")

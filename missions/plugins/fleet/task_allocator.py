@@ -1,4 +1,4 @@
-"""Keeping tasks for a fleet: giving each to a robot that is free, and handing it on where that is lost."""
+"""Allocation of fleet tasks: each task goes to a free robot, and to another one if that robot is lost."""
 
 import hashlib
 import json
@@ -39,16 +39,16 @@ from missions.plugins.tasks.task import Interrupted, RetryPolicy, is_due
 # that needs no leader. What must not be lost is on the disk before it is answered.
 
 RETRY_INTERVAL = 5.0
-"""Seconds from an attempt that failed to the next."""
+"""Seconds between a failed attempt and the next one."""
 
-DOUBT_REASON = "nobody knows how far it came, and it may not be done twice"
+DOUBT_REASON = "its progress is unknown, and it must not run twice"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetTask:
-    """A task of a fleet. It is for the robot ``on``, or `any`, that is so as ``where`` says.
+    """A task of a fleet, for the robot ``on`` (`any` for all) that meets the condition ``where``.
 
-    ``robot`` has it, in its ``attempt``, and has begun it perhaps once that is ``confirmed``.
+    ``robot`` has it in its ``attempt``; once ``confirmed``, the robot may have begun it.
     """
 
     id: str
@@ -71,16 +71,16 @@ class FleetTask:
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing more becomes of it."""
+        """Whether the state is final."""
         return self.state in ("FINISHED", "FAILED")
 
     def is_due(self, now: float) -> bool:
-        """Whether it need not wait any longer."""
+        """Return whether the pause before the next attempt is over."""
         return is_due(self.not_before, now, RETRY_INTERVAL)
 
 
 def changes_after(task: FleetTask, how: AttemptEnd, reason: str, now: float) -> Mapping[str, object]:
-    """Return what changes of a task whose attempt has ended so, by its policy."""
+    """Return the changed fields of a task after an attempt that ended with ``how``, by the task's retry policy."""
     counts: dict[str, object] = {}
     match how:
         case "interrupted":
@@ -99,56 +99,56 @@ def changes_after(task: FleetTask, how: AttemptEnd, reason: str, now: float) -> 
 
 
 class TaskStore:
-    """The tasks kept in a database of ``schema.open_db``, for the thread that uses it. Each change is on the disk."""
+    """Fleet tasks in a database of ``queue_database.open_db``, for one thread. Each change is on the disk on return."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
     def add(self, task: FleetTask) -> FleetTask:
-        """Keep a task; one that is kept already stays as it is. Return what is kept."""
+        """Add a task unless its ID exists; return the stored task."""
         row = row_of(task)
         names, marks = ", ".join(f'"{name}"' for name in row), ", ".join("?" * len(row))
         self._connection.execute(f"INSERT OR IGNORE INTO kept ({names}) VALUES ({marks})", list(row.values()))  # noqa: S608
         return self.get(task.id) or task
 
     def get(self, number: str) -> FleetTask | None:
-        """Return a task; None for one that is not kept here."""
+        """Return a task by its ID, or None."""
         row = self._connection.execute("SELECT * FROM kept WHERE id = ?", (number,)).fetchone()
         return None if row is None else from_row(FleetTask, row)
 
     def open_tasks(self) -> list[FleetTask]:
-        """Return the tasks that are open, the oldest first."""
+        """Return the open tasks, oldest first."""
         sql = "SELECT * FROM kept WHERE state NOT IN ('FINISHED', 'FAILED') ORDER BY rowid"
         return [from_row(FleetTask, row) for row in self._connection.execute(sql)]
 
     def newest(self, *, ended: bool, before: str = "") -> Iterator[FleetTask]:
-        """Yield the tasks that are open, or that have ended, the newest first; those before the one of an ID."""
+        """Yield open or ended tasks, newest first, starting after the task with the ID ``before``."""
         sql = f"""SELECT * FROM kept WHERE state {"" if ended else "NOT"} IN ('FINISHED', 'FAILED')
             AND (? = '' OR rowid < (SELECT rowid FROM kept WHERE id = ?)) ORDER BY rowid DESC"""  # noqa: S608
         return (from_row(FleetTask, row) for row in self._connection.execute(sql, (before, before)))
 
     def change(self, number: str, changes: Mapping[str, object]) -> None:
-        """Change a task; one that has ended never changes again, as the database itself says."""
+        """Change fields of a task; a database trigger refuses to change the state of an ended one."""
         names = ", ".join(f'"{name}" = ?' for name in changes)
         self._connection.execute(f"UPDATE kept SET {names} WHERE id = ?", [*changes.values(), number])  # noqa: S608
 
 
 MAX_OPEN_TASKS = 10_000
-"""Tasks that wait, at most."""
+"""Maximum number of open tasks."""
 
 MAX_PAGE_TASKS = 500
-"""Tasks that an answer tells of, at most: who wants more asks for those before."""
+"""Maximum number of tasks in an answer; an operator requests older ones page by page."""
 
 MAX_PAGE_BYTES = MAX_ANSWER_BYTES - 64 * 1024
-"""Bytes of what an answer tells of tasks, at most: one that is longer would not be read."""
+"""Maximum size of the tasks in an answer, in bytes; a longer answer would be refused by its reader."""
 
-LATE_PREFIX = "done, while it was lost, by"
+LATE_PREFIX = "done, while the robot was unreachable, by"
 
-LOST_REASON = "its robot was not heard of"
+LOST_REASON = "its robot is unreachable"
 
 
 class TaskAllocator:
-    """A Worker of a Member: keeps tasks, and decides who does each. For the member's thread."""
+    """A FleetService that keeps tasks and decides which robot does each. Runs on the member's thread."""
 
     def __init__(
         self,
@@ -163,7 +163,7 @@ class TaskAllocator:
         self._address, self._store, self._roster, self._send_request = address, store, roster, send_request
         self._now, self._wall, self._timeouts = now, wall, timeouts or FleetTimeouts()
         self.is_duplicate: Callable[[], bool] = lambda: False
-        """Whether another robot has the same address: then it does not decide alone, and decides nothing."""
+        """Returns whether another robot has the same address; then this robot decides nothing."""
         self._begun_at = now()
         self._contact_at: dict[str, float] = {}
         self._sent_at: dict[str, float] = {}
@@ -173,7 +173,7 @@ class TaskAllocator:
     # --- what is asked ----------------------------------------------------------------------------------------------
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
-        """See Worker."""
+        """Handle requests about kept tasks; see FleetService."""
         match request:
             case KeepTask():
                 return self._keep(request)
@@ -186,40 +186,40 @@ class TaskAllocator:
         return None
 
     def _page(self, ask: ListFleetTasks) -> FleetAnswer:
-        """Tell of as many tasks as an answer holds."""
-        told: list[Mapping[str, object]] = []
+        """Return as many tasks as fit into one answer."""
+        entries: list[Mapping[str, object]] = []
         size = 0
         for task in self._store.newest(ended=ask.ended, before=ask.before):
-            size += len(json.dumps(its := _task_info(task))) + 1
-            if size > MAX_PAGE_BYTES or len(told) >= MAX_PAGE_TASKS:
+            size += len(json.dumps(entry := _task_info(task))) + 1
+            if size > MAX_PAGE_BYTES or len(entries) >= MAX_PAGE_TASKS:
                 break
-            told.append(its)
-        return FleetAnswer(data=tuple(told))
+            entries.append(entry)
+        return FleetAnswer(data=tuple(entries))
 
     def _keep(self, ask: KeepTask) -> FleetAnswer:
         if not TASK_ID_PATTERN.fullmatch(ask.task) or not ask.task.startswith(f"{self._address}/"):
             return FleetAnswer(ok=False, reason=f"'{ask.task}' is not the ID of a task that {self._address} keeps")
         if self.is_duplicate():
-            return FleetAnswer(ok=False, reason=f"another robot has the number {self._address.number} of this one")
+            return FleetAnswer(ok=False, reason=f"another robot has the same number {self._address.number}")
         if not MISSION_NAME.fullmatch(ask.mission):
-            return FleetAnswer(ok=False, reason=f"'{ask.mission}' is no name of a mission in a library")
+            return FleetAnswer(ok=False, reason=f"'{ask.mission}' is not the name of a library mission")
         if ask.where:
             try:
                 parse(ask.where)
             except ExpressionError as error:
                 return FleetAnswer(ok=False, reason=str(error)[:300])
         if len(self._store.open_tasks()) >= MAX_OPEN_TASKS:
-            return FleetAnswer(ok=False, reason=f"{MAX_OPEN_TASKS} tasks wait already")
-        wanted = {each.name: getattr(ask, each.name) for each in fields(ask) if each.name not in {"task", "by"}}
-        kept = self._store.add(FleetTask(id=ask.task, by=ask.by, added=self._wall(), **wanted))
-        if any(getattr(kept, name) != value for name, value in wanted.items()):
+            return FleetAnswer(ok=False, reason=f"{MAX_OPEN_TASKS} tasks are waiting already")
+        values = {each.name: getattr(ask, each.name) for each in fields(ask) if each.name not in {"task", "by"}}
+        kept = self._store.add(FleetTask(id=ask.task, by=ask.by, added=self._wall(), **values))
+        if any(getattr(kept, name) != value for name, value in values.items()):
             return FleetAnswer(ok=False, reason=f"{ask.task} is another task: {kept.mission} on {kept.on}")
         return FleetAnswer()
 
     def _report(self, ask: TaskReport) -> FleetAnswer:
-        """Hear how a task goes; whose it is no more is told so."""
+        """Store the state of an attempt; the answer is negative if the robot no longer has the task."""
         task, final = self._store.get(ask.task), ask.state in ("FINISHED", "FAILED")
-        drop = FleetAnswer(ok=False, reason="it is another's by now", data=({"drop": True},))
+        drop = FleetAnswer(ok=False, reason="another robot has it now", data=({"drop": True},))
         if task is None:
             return FleetAnswer() if final else drop
         if (task.robot, task.attempt) != (ask.robot, ask.attempt):
@@ -235,7 +235,7 @@ class TaskAllocator:
         return FleetAnswer()
 
     def _change(self, task: FleetTask, changes: Mapping[str, object]) -> None:
-        """Change a task; who else has done it stays told, whatever becomes of it."""
+        """Change a task, keeping notes about robots that also did it in the reason."""
         if "reason" in changes:
             reason = str(changes["reason"])
             also = [each for each in task.reason.split("; ") if each.startswith(LATE_PREFIX) and each not in reason]
@@ -243,25 +243,25 @@ class TaskAllocator:
         self._store.change(task.id, changes)
 
     def _record_late_finish(self, task: FleetTask, ask: TaskReport) -> FleetAnswer | None:
-        """Hear that a robot has done what was handed on meanwhile: nobody can exclude that, but it is told."""
+        """Record that a previous robot has finished a task after it was reassigned; None for any other report."""
         if ask.state != "FINISHED":
             return None
-        told = f"{LATE_PREFIX} {ask.robot}"
-        if not task.has_ended and not task.confirmed:  # nobody else has begun it
-            self._change(task, {"state": "FINISHED", "reason": told})
-        elif told not in task.reason:
-            self._change(task, {"reason": f"{task.reason}; {told}".removeprefix("; ")})
+        note = f"{LATE_PREFIX} {ask.robot}"
+        if not task.has_ended and not task.confirmed:  # no other robot has begun it
+            self._change(task, {"state": "FINISHED", "reason": note})
+        elif note not in task.reason:
+            self._change(task, {"reason": f"{task.reason}; {note}".removeprefix("; ")})
         return FleetAnswer()
 
     def _decide(self, ask: DecideTask) -> FleetAnswer:
-        """Do with a task whose robot is lost what a person says."""
+        """Apply a person's decision about a task whose robot is lost."""
         task = self._store.get(ask.task)
         if task is None or task.has_ended:
-            return FleetAnswer(ok=False, reason=f"task {ask.task} is not kept here, or has ended")
+            return FleetAnswer(ok=False, reason=f"task {ask.task} is not managed here, or has ended")
         if ask.decision == "give-up":
             self._change(task, {"state": "FAILED", "reason": f"given up by {ask.by}"})
         elif not task.robot:
-            return FleetAnswer(ok=False, reason=f"task {ask.task} waits for a robot as it is")
+            return FleetAnswer(ok=False, reason=f"task {ask.task} is already waiting for a robot")
         else:
             changes = {"state": "WAITING", "robot": "", "confirmed": False, "reason": f"handed on by {ask.by}"}
             self._change(task, changes)
@@ -270,7 +270,7 @@ class TaskAllocator:
     # --- what is due ------------------------------------------------------------------------------------------------
 
     def step(self, now: float) -> bool:
-        """See Worker."""
+        """Assign waiting tasks and check assigned ones; see FleetService."""
         while self._answers:
             self._on_offer_answer(*self._answers.popleft(), now)
         if self.is_duplicate():
@@ -283,7 +283,7 @@ class TaskAllocator:
                 if task.is_due(self._wall()) and (found := self._choose_robot(task, members, taken, now)):
                     taken.add(str(found))
                     changes = {"robot": str(found), "attempt": task.attempt + 1, "confirmed": False}
-                    self._change(task, changes)  # before it is sent: who has it is never unknown
+                    self._change(task, changes)  # before it is sent, so that its robot is always known
                     self._offer(task, found, task.attempt + 1, now)
                 continue
             self._check_assigned(task, Address.read(task.robot), members, now)
@@ -292,14 +292,14 @@ class TaskAllocator:
     def _check_assigned(
         self, task: FleetTask, robot: Address, members: Mapping[Address, RosterEntry], now: float
     ) -> None:
-        """Look after a task that a robot has."""
-        gone = robot not in members or members[robot].connection != "ONLINE"
+        """Repeat the offer of an unconfirmed task, or reassign a task whose robot is lost."""
+        is_offline = robot not in members or members[robot].connection != "ONLINE"
         if not task.confirmed:
             if (
-                gone and now > self._begun_at + self._timeouts.retry_interval
-            ):  # it cannot have begun: that has to be confirmed first
+                is_offline and now > self._begun_at + self._timeouts.retry_interval
+            ):  # it cannot have begun, since a begin needs a confirmation
                 self._change(task, {"robot": ""})
-            elif not gone and now > self._sent_at.get(task.id, self._begun_at) + self._timeouts.retry_interval:
+            elif not is_offline and now > self._sent_at.get(task.id, self._begun_at) + self._timeouts.retry_interval:
                 self._offer(task, robot, task.attempt, now)
         elif now > self._contact_at.get(task.id, self._begun_at) + self._timeouts.reassign_after:
             if task.if_interrupted == "retry":
@@ -310,7 +310,7 @@ class TaskAllocator:
     def _choose_robot(
         self, task: FleetTask, members: Mapping[Address, RosterEntry], taken: set[str], now: float
     ) -> Address | None:
-        """Return a robot that is free and as it is wished; keepers begin to choose at different ends."""
+        """Return a free robot that meets the task's condition, or None; the order differs for each task."""
         found = [
             address
             for address, each in members.items()
@@ -331,7 +331,7 @@ class TaskAllocator:
         self._send_request(accept, robot, lambda answer: self._answers.append((task.id, attempt, str(robot), answer)))
 
     def _on_offer_answer(self, number: str, attempt: int, robot: str, answer: FleetAnswer | None, now: float) -> None:
-        """Heed what a robot says to an offer."""
+        """Process a robot's answer to an offer."""
         task = self._store.get(number)
         if answer is None or answer.ok or task is None or task.confirmed or task.has_ended:
             return
@@ -343,7 +343,7 @@ class TaskAllocator:
 
 
 def matches_condition(where: str, address: Address, state: RobotState) -> bool:
-    """Say whether a robot is as an expression wants it; what is not known of it is not so."""
+    """Return whether a robot meets a condition; a condition that reads an unknown value is not met."""
     if not where:
         return True
     known: dict[str, tuple[object, str]] = {
@@ -360,6 +360,6 @@ def matches_condition(where: str, address: Address, state: RobotState) -> bool:
 
 
 def _task_info(task: FleetTask) -> Mapping[str, object]:
-    """Return what is told of a task; its reason may have grown over what is read of a text."""
-    told = {each.name: getattr(task, each.name) for each in fields(FleetTaskInfo)}
-    return told | {"reason": task.reason[:MAX_TEXT_LENGTH]}
+    """Return the members of FleetTaskInfo, with the reason cut to the maximum length of a text."""
+    values = {each.name: getattr(task, each.name) for each in fields(FleetTaskInfo)}
+    return values | {"reason": task.reason[:MAX_TEXT_LENGTH]}

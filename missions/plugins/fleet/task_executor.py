@@ -1,7 +1,7 @@
-"""The tasks that a robot does for its fleet: a journal of their IDs, beside the robot's own queue, which runs them.
+"""Execution of fleet tasks: accepted task IDs are stored beside the robot's own queue, which runs the tasks.
 
-What a robot has accepted is on the disk before it says so, and begins only once its keeper has confirmed that the
-robot still has it, to a question that the robot has asked itself: an order that was long on its way begins nothing.
+A task is on the disk before it is accepted. It begins only after its allocator has confirmed, in reply to a request
+that the robot has just sent, that the robot still has it. So a delayed message starts nothing.
 """
 
 import sqlite3
@@ -27,14 +27,14 @@ from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.task import NewTask, RetryPolicy, Task, TaskError
 
 SendRequest = Callable[[FleetRequest, Address, Callable[[FleetAnswer | None], None]], None]
-"""Asks a robot something, and hands over its answer, or None, on any thread."""
+"""Sends a request to a robot, and passes the answer, or None, to the callback, on any thread."""
 
 APPROVED_BY = "its keeper"
 
 
 @dataclass(frozen=True, slots=True)
 class TaskAssignment:
-    """A task that was accepted, its attempt, and the task in the robot's own queue; ``again`` if it may be repeated."""
+    """An accepted fleet task with its attempt and its task in the robot's own queue; ``again`` if it may be repeated."""
 
     id: str
     attempt: int
@@ -43,16 +43,16 @@ class TaskAssignment:
 
     @property
     def allocator(self) -> Address:
-        """The robot that keeps it."""
+        """Address of the robot that keeps the task."""
         return Address.read(self.id.rpartition("/")[0])
 
 
 class AssignmentQueue(TaskQueue):
-    """The robot's own queue, with the journal of what came of its fleet."""
+    """The robot's own queue, with a table of the tasks accepted from the fleet."""
 
     def accept(self, request: AcceptTask, robot: str, options: tuple[str, ...], now: float) -> None:
-        """Take a task, with its ID; it waits for ``approve``. Raises sqlite3.IntegrityError for one that was done."""
-        policy = RetryPolicy("give-up", most=1)  # what comes next, its keeper decides
+        """Add a task, which waits for ``approve``. Raises sqlite3.IntegrityError for a task already accepted."""
+        policy = RetryPolicy("give-up", most=1)  # its manager decides about retries
         new = NewTask(
             mission=request.mission,
             params=request.params,
@@ -67,27 +67,27 @@ class AssignmentQueue(TaskQueue):
             self._execute(sql, request.task, request.attempt, number, request.repeatable)
 
     def unconfirmed(self) -> list[TaskAssignment]:
-        """Return the errands whose end their keeper has not confirmed."""
+        """Return the assignments whose end the allocator has not confirmed."""
         rows = self._execute("SELECT * FROM errand WHERE told = 0 ORDER BY task").fetchall()
         return [TaskAssignment(row["id"], row["attempt"], self.task(row["task"]), bool(row["again"])) for row in rows]
 
     def has_attempt(self, request: AcceptTask) -> bool:
-        """Say whether this very attempt was accepted before."""
+        """Return whether this attempt was accepted before."""
         sql = "SELECT 1 FROM errand WHERE id = ? AND attempt = ?"
         return self._execute(sql, request.task, request.attempt).fetchone() is not None
 
     def mark_confirmed(self, assignment: TaskAssignment) -> None:
-        """Keep that the keeper knows the end."""
+        """Store that the allocator knows the end of an assignment."""
         self._execute("UPDATE errand SET told = 1 WHERE id = ? AND attempt = ?", assignment.id, assignment.attempt)
 
     def is_busy(self) -> bool:
-        """Say whether something runs, or is about to."""
+        """Return whether a task of the queue is running."""
         return bool(self._execute("SELECT 1 FROM task WHERE state = 'running' LIMIT 1").fetchone())
 
 
 @dataclass(slots=True)
 class _ReportState:
-    """What was said of an errand: the newest report, when it was sent, and until when the errand is this robot's."""
+    """Newest report on an assignment: its content, times, and the start of the present lease."""
 
     reported: tuple[TaskState, AttemptEnd] | None = None
     sent_at: float = float("-inf")
@@ -97,7 +97,7 @@ class _ReportState:
 
 
 class TaskExecutor:
-    """A Worker of a Member: accepts tasks, reports on them, and lets go of those that are this robot's no more."""
+    """A FleetService that accepts tasks, reports on them, and releases tasks whose lease has expired."""
 
     def __init__(
         self,
@@ -121,14 +121,14 @@ class TaskExecutor:
         self._answers: deque[tuple[TaskAssignment, tuple[TaskState, AttemptEnd], float, FleetAnswer | None]] = deque()
 
     def activity(self) -> RobotActivity:
-        """Return what the robot is busy with."""
+        """Return the present activity of the robot."""
         open_ones = [each for each in self._queue.unconfirmed() if not each.task.has_ended]
         if not open_ones:
             return RobotActivity(free=not self._queue.is_busy())
         return RobotActivity(open_ones[0].id, self._task_state(open_ones[0].task)[0], free=False)
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
-        """See Worker: whether a task is accepted."""
+        """Accept or refuse a task; see FleetService."""
         if not isinstance(request, AcceptTask):
             return None
         if not TASK_ID_PATTERN.fullmatch(request.task) or not self._has_mission(request.mission):
@@ -146,18 +146,18 @@ class TaskExecutor:
         return FleetAnswer()
 
     def step(self, now: float) -> bool:
-        """See Worker: report, and heed what the keepers say."""
+        """Send due reports, and process the answers of allocators; see FleetService."""
         while self._answers:
             self._on_report_answer(*self._answers.popleft())
         errands = self._queue.unconfirmed()
         for errand in errands:
             talk = self._report_states.setdefault((errand.id, errand.attempt), _ReportState(begun_at=now))
             self._release_expired(errand, talk, now)
-            said = self._task_state(errand.task)
+            state = self._task_state(errand.task)
             wait = self._timeouts.heartbeat if talk.answered else self._timeouts.retry_interval
-            if said != talk.reported or talk.sent_at + wait <= now:
-                talk.reported, talk.sent_at, talk.answered = said, now, False
-                self._report(errand, said, now)
+            if state != talk.reported or talk.sent_at + wait <= now:
+                talk.reported, talk.sent_at, talk.answered = state, now, False
+                self._report(errand, state, now)
         return bool(errands)
 
     def _report(self, errand: TaskAssignment, said: tuple[TaskState, AttemptEnd], now: float) -> None:
@@ -171,12 +171,12 @@ class TaskExecutor:
     def _on_report_answer(
         self, errand: TaskAssignment, said: tuple[TaskState, AttemptEnd], sent: float, answer: FleetAnswer | None
     ) -> None:
-        """Heed what a keeper says to a report that was sent then."""
+        """Process an allocator's answer to the report that was sent at ``sent``."""
         talk = self._report_states.get((errand.id, errand.attempt))
         if talk is None:
             return
         if answer is None or not (answer.ok or answer.data):
-            return  # it is asked again
+            return  # the request will be repeated
         talk.answered = talk.answered or talk.sent_at == sent
         task = self._queue.task(errand.task.id)
         if task.has_ended and (said[0] in ("FINISHED", "FAILED") or not answer.ok):
@@ -190,14 +190,14 @@ class TaskExecutor:
                 self._queue.approve(task.id, self._wall(), APPROVED_BY)
 
     def _release_expired(self, errand: TaskAssignment, talk: _ReportState, now: float) -> None:
-        """Let go of what others may be given by now, since its keeper was not heard of for so long."""
+        """Cancel a repeatable or waiting task whose allocator has been silent for the lease: another robot may get it."""
         since = talk.begun_at if talk.leased_at is None else talk.leased_at
         waits = errand.task.awaits_approval
         if not errand.task.has_ended and (errand.again or waits) and now > since + self._timeouts.lease:
             self._release_task(errand.task)
 
     def _release_task(self, task: Task) -> None:
-        with suppress(TaskError):  # it has ended meanwhile
+        with suppress(TaskError):  # already ended
             self._queue.cancel(task.id, self._wall())
 
     def _task_state(self, task: Task) -> tuple[TaskState, AttemptEnd]:

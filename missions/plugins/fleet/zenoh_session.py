@@ -1,4 +1,4 @@
-"""The session by which a robot or an operator is in a fleet: Zenoh, secured by keys, or within this computer."""
+"""Zenoh session of a robot or operator: over TLS with certificates, or within this computer."""
 
 import json
 import socket
@@ -13,24 +13,24 @@ if TYPE_CHECKING:
     import zenoh
 
 LINK_LEASE_MS = 1500
-"""Milliseconds without a word after which a link counts as broken; four signs of life are sent within it."""
+"""Milliseconds of silence after which a Zenoh link counts as broken; four keep-alives are sent within it."""
 
 MAX_TRANSPORT_BYTES = 4 * 1024 * 1024
-"""Bytes of a message that is put together of what comes over the wire, at most."""
+"""Maximum size of a reassembled Zenoh message in bytes."""
 
 INSTALL = "pip install 'missiontree[fleet]'"
 
 
 def check_name(name: str, what: str = "fleet") -> str:
-    """Return a name of a fleet or robot. Raises TaskError for one that cannot stand in a key."""
+    """Return a valid name of a fleet or robot. Raises TaskError for a name that cannot be part of a key."""
     if not NAME_PATTERN.fullmatch(name):
-        wanted = "small letters, digits, - and _, 40 at most"
-        raise TaskError(f"{ascii(name)[:60]} cannot be the name of a {what}: {wanted}", hint=f"a name such as {what}1")
+        rule = "use up to 40 of: small letters, digits, - and _"
+        raise TaskError(f"{ascii(name)[:60]} is not a valid {what} name: {rule}", hint=f"a name such as {what}1")
     return name
 
 
 def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
-    """Return a session in a fleet; it finds the others as soon as they are there. Raises TaskError."""
+    """Return a session in a fleet; other members are found in the background. Raises TaskError."""
     try:
         import zenoh  # noqa: PLC0415 - the extra may be missing
     except ImportError as error:
@@ -50,7 +50,7 @@ def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
 
 
 def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
-    """Return the settings of Zenoh. What a fleet says of no place is that of this computer."""
+    """Return the Zenoh configuration; without addresses, the fleet is limited to this computer."""
     listen, connect = list(fleet.listen), list(fleet.connect)
     if not listen and not connect:
         connect = [f"tcp/127.0.0.1:{DEFAULT_PORT}"]
@@ -66,7 +66,7 @@ def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
         "connect/timeout_ms": -1 if mode == "client" else 0,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
-        "scouting/multicast/enabled": False,  # who is in a fleet is said by a file, not by whoever shouts
+        "scouting/multicast/enabled": False,  # members come from the file, not from multicast
         "transport/shared_memory/enabled": False,
         "transport/link/rx/max_message_size": MAX_TRANSPORT_BYTES,
         "transport/link/tx/lease": LINK_LEASE_MS,
@@ -80,13 +80,13 @@ def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
             "listen_private_key": fleet.private_key,
             "connect_certificate": fleet.certificate,
             "connect_private_key": fleet.private_key,
-            "verify_name_on_connect": False,  # the fleet's own authority says who is in; addresses change
+            "verify_name_on_connect": False,  # the fleet's own CA authenticates members; addresses change
         }
     return found
 
 
 def _is_free(port: int) -> bool:
-    """Say whether nobody listens at a port of this computer: who comes first is where the others look."""
+    """Return whether a local port is free; the first process listens at the default port, where the others connect."""
     with socket.socket() as tried:
         tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

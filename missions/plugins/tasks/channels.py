@@ -1,4 +1,4 @@
-"""Where the notices of a task go: as the file of its robot says when they are made, or said when it was added."""
+"""Notice channels of a task: those of its robot file now, or those stored when it was added."""
 
 from typing import Protocol
 
@@ -11,24 +11,24 @@ TERMINAL = encode_notice(TerminalNotice())
 
 
 class NotifiedTask(Protocol):
-    """A task, as far as its notices go: a ``missions.plugins.tasks.task.Task``."""
+    """The parts of a ``missions.plugins.tasks.task.Task`` that select its channels."""
 
     @property
     def robot(self) -> str:
-        """The name or file of its robot; the empty text is the simulated default."""
+        """Name or file of its robot; empty for the simulated default."""
         ...
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The channels that it was added with."""
+        """Channels stored when the task was added."""
         ...
 
 
 def channels_of(task: NotifiedTask) -> tuple[str, ...]:
-    """Return the channels of a task's robot, as the outbox writes them; the terminal where it says nothing.
+    """Return the encoded channels of a task's robot file; the terminal if it has none.
 
-    Where the file cannot be read any more, they are those that the task was added with: that is just what somebody
-    should hear of.
+    If the file cannot be read any more, return the channels stored with the task, so that its failure is still
+    reported.
     """
     try:
         notices = load_named_robot(task.robot).notices

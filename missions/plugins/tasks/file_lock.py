@@ -1,4 +1,4 @@
-"""One robot, one runner: who holds a file that says so, and what a run inherits of it."""
+"""File locks of the task server: one server for a queue, and one run for a robot."""
 
 import fcntl
 import os
@@ -12,10 +12,10 @@ from drivers.clock import Clock, SystemClock
 from missions.plugins.tasks.task import TaskError
 
 LOCK_TIMEOUT = 1.0
-"""Seconds to try for a lock: who asks only whether it is held, holds it for a moment."""
+"""Seconds to try for a lock; a check by ``is_locked`` holds it for a moment."""
 
 RETRY_INTERVAL = 0.02
-"""Seconds from one try to the next."""
+"""Seconds between two tries."""
 
 
 class LockHeldError(TaskError):
@@ -23,27 +23,26 @@ class LockHeldError(TaskError):
 
 
 def server_lock(folder: Path) -> Path:
-    """Return what the server of the queue in ``folder`` holds as long as it lives."""
+    """Return the lock file of the server of the queue in ``folder``."""
     return folder / "serve.lock"
 
 
 def run_lock(folder: Path) -> Path:
-    """Return what the server of the queue in ``folder`` holds, and each of its runs as long as that goes on."""
+    """Return the lock file that the server of the queue in ``folder`` and each of its runs hold."""
     return folder / "run.lock"
 
 
 @contextmanager
 def hold_lock(path: Path, *, timeout: float = LOCK_TIMEOUT, clock: Clock | None = None) -> Iterator[int]:
-    """Hold the lock at ``path``, and give its file descriptor; whoever inherits that holds the lock as well.
+    """Hold the lock at ``path`` and yield its file descriptor; processes that inherit the descriptor hold the lock too.
 
-    The kernel gives it up with the last process that has it, however that ends. Raises OSError, or Taken where others
-    held it for ``patience`` seconds.
+    The kernel releases it when the last of them ends. Raises OSError, or LockHeldError after ``timeout`` seconds.
     """
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     number = regular_opener(str(path), os.O_RDWR | os.O_CREAT)
     try:
         _acquire(number, path, timeout, SystemClock() if clock is None else clock)
-        with suppress(OSError):  # on a full disk nobody reads who it is: it is held all the same
+        with suppress(OSError):  # on a full disk the process id is missing, but the lock holds
             os.ftruncate(number, 0)
             os.write(number, b"%d\n" % os.getpid())
         yield number
@@ -52,7 +51,7 @@ def hold_lock(path: Path, *, timeout: float = LOCK_TIMEOUT, clock: Clock | None 
 
 
 def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
-    """Lock an open file, as soon as nobody else does."""
+    """Lock an open file, retrying until the timeout."""
     until, pause = clock.now() + timeout, Event()
     while True:
         try:
@@ -66,7 +65,7 @@ def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
 
 
 def is_locked(path: Path) -> bool:
-    """Say whether some process holds the lock. Raises OSError where that is not known."""
+    """Return whether a process holds the lock. Raises OSError if that is unknown."""
     try:
         number = regular_opener(str(path), os.O_RDONLY)
     except FileNotFoundError:
@@ -81,7 +80,7 @@ def is_locked(path: Path) -> bool:
 
 
 def lock_holder(path: Path) -> str:
-    """Return the number of the process that took the lock last; it may have passed it on to one of its own."""
+    """Return the ID of the process that acquired the lock last; it may have passed the lock to a child."""
     try:
         return read_regular_text(path).strip()
     except (OSError, UnicodeDecodeError):

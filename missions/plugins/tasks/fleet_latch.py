@@ -1,4 +1,4 @@
-"""The stop of a fleet, kept on the disk: a robot that was stopped is stopped after it was switched on again."""
+"""The stop of a fleet, stored on disk so that it survives a restart of the robot."""
 
 import json
 import os
@@ -12,49 +12,52 @@ LATCH_FILE = "fleet_stop.json"
 
 
 class FleetLatch:
-    """Whether a robot was stopped over its fleet, and by whom; kept in ``folder``. From any thread."""
+    """Stop latch of a robot in a fleet, stored in ``folder``. Thread-safe.
+
+    ``by`` names the client of the latched stop, empty without one; ``number`` counts stops.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._path, self._lock, self._disk = folder / LATCH_FILE, Lock(), Lock()
         self.by, self.number = "", 0
 
     def load(self) -> None:
-        """Take up what was kept. A file that cannot be read counts as a stop: a person is to look."""
+        """Read the stored latch. A file that cannot be read counts as a stop, so that a person checks it."""
         try:
-            told = parse_object(read_regular_text(self._path))
-            self.by, self.number = str(told["by"]), int(told["number"])
+            stored = parse_object(read_regular_text(self._path))
+            self.by, self.number = str(stored["by"]), int(stored["number"])
         except FileNotFoundError:
             return
         except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
-            self.by = f"nobody known: {self._path} cannot be read ({type(error).__name__})"
+            self.by = f"unknown: {self._path} cannot be read ({type(error).__name__})"
 
     @property
     def is_latched(self) -> bool:
-        """Whether it is stopped."""
+        """Whether a stop is latched."""
         return bool(self.by)
 
     def stop(self, by: str) -> tuple[int, Callable[[], str]]:
-        """Latch; return the number of this stop, and what keeps it and says, in words, where that was not possible."""
+        """Latch a stop; return its number, and a function that stores it and returns a warning or an empty text."""
         with self._lock:
             self.by, self.number = by or "somebody", self.number + 1
             return self.number, self._save_stop
 
     def _save_stop(self) -> str:
         try:
-            with self._disk:  # which may take its time: who stops again does not wait for it
+            with self._disk:  # slow disk: another stop does not wait for it
                 self._write(self.by)
         except OSError as error:
-            return f"; it is not kept over a restart: {error.strerror}"
+            return f"; a restart will release it: {error.strerror}"
         return ""
 
     def release(self, number: int) -> bool:
-        """Release the stop of this number, if it is the last one; say whether it was. Raises OSError: it holds."""
+        """Release the stop with this number if it is the last; return whether it was. On OSError the stop holds."""
         with self._lock:
             if number != self.number or not self.by:
                 return False
             with self._disk:
                 self._write("")
-                self.by = ""  # not before that is on the disk
+                self.by = ""  # only after it is stored
             return True
 
     def _write(self, by: str) -> None:

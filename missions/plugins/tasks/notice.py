@@ -1,4 +1,4 @@
-"""A notice of a task: what somebody who is not there wants to know, and what it is known by."""
+"""Notices of tasks, and the conversion of values to database rows."""
 
 import json
 import sqlite3
@@ -15,27 +15,28 @@ from missions.plugins.tasks.task import How, NewTask, RetryPolicy, State, Task, 
 
 
 class DeliveryError(RuntimeError):
-    """A channel did not take a notice; the message says which, and why."""
+    """A channel did not deliver a notice; the message has channel and reason."""
 
 
 def read_secret(name: str, environment: Mapping[str, str]) -> str:
-    """Return what the environment variable ``name`` holds. Raises NotTaken where it is not set."""
+    """Return the value of an environment variable. Raises DeliveryError if it is not set."""
     if name not in environment:
         raise DeliveryError(
-            f"the environment variable {name}, which the robot file names, is not set for `mission task serve`"
+            f"the environment variable {name}, named in the robot file, is not set for `mission task serve`"
         )
     return environment[name]
 
 
 Kind = Literal["done", "failed", "cancelled", "given_up", "missed", "interrupted", "retried", "said"]
-"""What became of the task: ``interrupted`` and ``retried`` are tried again; ``message_notice`` is a word of the mission's own."""
+"""Kind of a notice. ``interrupted`` and ``retried`` tasks are tried again; ``said`` is a message of the mission itself.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """One notice. ``id`` is the same each time that it is sent, so that who gets it twice can tell.
+    """A notice of a task. ``id`` is the same at each try, so that a receiver can drop duplicates.
 
-    ``task`` is a number, ``mission`` a name or the path of a file, ``time`` when it was (ISO 8601, UTC).
+    ``task`` is a number, ``mission`` a name or path, ``time`` an ISO 8601 time in UTC.
     """
 
     id: str
@@ -46,16 +47,16 @@ class Notice:
     time: str
 
     def as_json(self) -> str:
-        """Return it as it is sent to programs."""
+        """Return the notice as JSON."""
         return json.dumps(asdict(self), ensure_ascii=False)
 
 
 Channel = Callable[[Notice], None]
-"""Delivers a notice, or raises an exception that says why it could not; then it is tried again."""
+"""Delivers a notice; raises an exception if it cannot, and is called again later."""
 
 
 def ended_notice(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
-    """Tell that an attempt at ``task`` has ended and in which ``state`` it is now."""
+    """Return the notice of an attempt's end, with the ``state`` of the task afterwards."""
     because, name = f": {reason}" if reason else "", f"{task.name} (task {task.id})"
     match state:
         case "waiting" if how == "interrupted":
@@ -73,17 +74,17 @@ def ended_notice(task: Task, how: How, state: State, reason: str, now: float) ->
 
 
 def missed_notice(task: Task, reason: str, now: float) -> Notice:
-    """Tell that a task was not begun in time."""
+    """Return the notice of a task that did not begin in time."""
     return _make_notice(task, "missed", f"{task.name} (task {task.id}) was missed: {reason}", now)
 
 
 def message_notice(task: Task, number: int, text: str, now: float) -> Notice:
-    """Tell what a mission itself wants to be told, as the ``number``-th thing of this attempt."""
+    """Return the notice for the ``number``-th message of the mission in this attempt."""
     return _make_notice(task, "said", text, now, f"-{number}")
 
 
 def _make_notice(task: Task, kind: Kind, text: str, now: float, more: str = "") -> Notice:
-    # Numbers begin anew with a new queue; when a task was added tells the two apart.
+    # A new queue restarts the numbers; the time of addition makes them unique.
     key = f"{task.id}-{task.added:.0f}-{task.attempts}-{kind}{more}"
     return Notice(key, task.id, task.mission, kind, text, datetime.fromtimestamp(now, UTC).isoformat())
 
@@ -98,7 +99,7 @@ class TerminalChannel:
         self._print = print_line
 
     def __call__(self, notice: Notice) -> None:
-        """Print it. Raises OSError where the terminal has gone."""
+        """Print a notice. Raises OSError if the terminal is closed."""
         self._print(f"{notice.time[:19]}  {notice.text}" + ("" if notice.kind != "said" else f"  (task {notice.task})"))
 
 
@@ -110,50 +111,50 @@ RULES = Rules()
 
 
 def check_texts(new: NewTask) -> None:
-    """Raise TaskError for texts that cannot be kept."""
+    """Raise TaskError for texts that are not valid UTF-8."""
     for text in (new.mission, new.robot, *new.options, *new.params, *new.params.values()):
         try:
             text.encode()
         except UnicodeEncodeError as error:
             shown = text.encode(errors="backslashreplace").decode()
             raise TaskError(
-                f"'{shown}' cannot be kept: it is not UTF-8", hint="mv gives a file another name"
+                f"'{shown}' cannot be stored: it is not UTF-8", hint="mv gives a file another name"
             ) from error
 
 
 def row_of(value: Any) -> dict[str, object]:
-    """Return the columns of a value; those of its policy stand beside the others."""
+    """Return the columns of a value; the fields of its retry policy are columns too."""
     found = asdict(value)
     found |= found.pop("policy", {})
     return {name: json.dumps(each) if isinstance(each, tuple | list | dict) else each for name, each in found.items()}
 
 
 def from_row(kind: type[T], row: sqlite3.Row, **more: object) -> T:
-    """Return the value that a row is, with ``more`` members. Raises sqlite3.DatabaseError unless it was written so."""
-    columns, wanted = {**row, **more}, cast("Any", kind)
+    """Return the value of a row, with ``more`` members. Raises sqlite3.DatabaseError for an invalid row."""
+    columns, dataclass_type = {**row, **more}, cast("Any", kind)
     try:
         values = {
             each.name: _column_value(each.kind, columns[each.name])
-            for each in message_fields(wanted)
+            for each in message_fields(dataclass_type)
             if each.name in columns
         }
         if kind is Task:
             values["policy"] = {each.name: columns[each.name] for each in message_fields(RetryPolicy)}
         return decode(kind, values, RULES)
     except (LookupError, ValueError, TypeError) as error:
-        name = kind.__name__.lower()
-        raise sqlite3.DatabaseError(f"{name} {row['id']} is not as it was written: {error}") from error
+        name = kind.__name__.removeprefix("Queued").lower()
+        raise sqlite3.DatabaseError(f"{name} {row['id']} is damaged: {error}") from error
 
 
 def _column_value(kind: Any, value: Any) -> Any:
-    """Return a column as JSON has it."""
+    """Return a column as a JSON value."""
     if isinstance(value, bytes):
-        raise TypeError("bytes, where a text or a number was")
+        raise TypeError("bytes instead of a text or a number")
     if kind is bool and value in (0, 1):
         return bool(value)
     return parse_json(value) if is_dataclass(kind) or get_origin(kind) in (tuple, Mapping) else value
 
 
 def to_new_task(task: Task) -> NewTask:
-    """Return what a task was as it was added."""
+    """Return a task as it was added."""
     return NewTask(**{name: getattr(task, name) for name in NewTask.__dataclass_fields__})

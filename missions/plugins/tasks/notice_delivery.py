@@ -1,4 +1,4 @@
-"""Takes notices from the outbox to their channels, each on a thread of its own: a dead broker delays nobody else."""
+"""Delivery of notices from the outbox to their channels, on a thread per notice, so that a dead broker blocks no other."""
 
 import sqlite3
 from collections.abc import Callable, Collection
@@ -19,20 +19,20 @@ from missions.plugins.tasks.queue_database import describe_retry, open_db
 # Which notice is next: each channel takes its own in order, and one that takes none rests, longer each time.
 
 FIRST_RETRY_DELAY, MAX_RETRY_DELAY = 1.0, 600.0
-"""Seconds to the second try, and from one try to the next at most; each is twice the one before."""
+"""Seconds before the first retry, and the maximum; each delay is twice the previous one."""
 
 MAX_BLOCKING_TRIES = 5
-"""Tries after which another notice is tried as well: perhaps it is not the channel that is to blame."""
+"""Failed tries after which another notice is tried too, since the notice may be at fault and not the channel."""
 
 MAX_NOTICE_AGE, MIN_TRIES = 7 * 24 * 3600.0, 20
-"""Seconds, and tries, after which a notice is given up: two hours of tries, for a clock that is set leaps by years."""
+"""Age in seconds and number of tries (two hours) after which a notice is given up; the clock alone may jump by years."""
 
 
 @dataclass(slots=True)
 class _ChannelState:
-    """What is known of a channel: ``failures`` in a row, and ``retry_at``, until when it is left alone.
+    """Delivery state of a channel: ``failures`` in a row, and ``retry_at``, the time of the next try.
 
-    ``postponed`` are the notices that others may pass, and until when; ``is_probing`` while such another one is tried.
+    ``postponed`` has the end times of notices that others may pass; ``is_probing`` while such another one is tried.
     """
 
     failures: int = 0
@@ -42,10 +42,10 @@ class _ChannelState:
 
 
 class DeliverySchedule:
-    """Chooses from the ``outbox`` what is to be delivered, and keeps in it what came of that.
+    """Selects due notices of the ``outbox``, and stores the results of their delivery.
 
-    ``now`` is the wall clock (Unix), ``tell`` hears what people should know. How long channels rest is measured by
-    ``clock``, and forgotten with this: a server that is started again tries all at once.
+    ``now`` returns Unix time, ``report`` prints a text for people. Retry delays are measured by ``clock`` and lost at a
+    restart, so a new server tries all notices at once.
     """
 
     def __init__(self, outbox: Outbox, now: Callable[[], float], clock: Clock, report: Callable[[str], None]) -> None:
@@ -53,12 +53,12 @@ class DeliverySchedule:
         self._channels: dict[str, _ChannelState] = {}
 
     def due_notices(self, busy: Collection[str] = ()) -> list[QueuedNotice]:
-        """Return one notice for each channel for which some wait, unless it rests or is ``busy``."""
+        """Return the next notice of each channel, except channels in ``busy`` and channels that wait for a retry."""
         found = [self._first(channel) for channel in self._outbox.channels() if channel not in busy]
         return [letter for letter in found if letter is not None]
 
     def on_delivered(self, queued: QueuedNotice) -> None:
-        """Keep in mind that a notice was delivered."""
+        """Store that a notice was delivered."""
         self._outbox.mark_delivered(queued, self._now())
         state = self._state(queued.channel)
         if state.failures:
@@ -66,12 +66,14 @@ class DeliverySchedule:
         state.failures, state.is_probing = 0, False
 
     def on_failed(self, queued: QueuedNotice, error: str) -> None:
-        """Keep in mind that a notice was not delivered, and why; its channel rests, unless that is to blame alone."""
+        """Store a failed try, and delay the channel, unless the notice itself seems to be the cause."""
         state, tries = self._state(queued.channel), queued.tries + 1
         self._outbox.mark_failed(queued, error)
         if tries >= MIN_TRIES and self._now() - queued.added > MAX_NOTICE_AGE:
             count = self._outbox.give_up(queued.channel, self._now() - MAX_NOTICE_AGE)
-            self._report(f"after a week, what waits for {public_text(queued.channel)} is given up ({count}): {error}")
+            self._report(
+                f"after a week, waiting notices for {public_text(queued.channel)} are given up ({count}): {error}"
+            )
         if tries >= MAX_BLOCKING_TRIES and not state.is_probing:
             state.postponed[queued.id] = self._clock.now() + retry_delay(tries)
             state.is_probing = self._outbox.first(queued.channel, state.postponed) is not None
@@ -79,7 +81,7 @@ class DeliverySchedule:
                 return
         state.failures += 1
         state.retry_at, state.is_probing = self._clock.now() + retry_delay(state.failures), False
-        state.postponed.clear()  # it was the channel, which begins with the first again
+        state.postponed.clear()  # the channel itself failed, so it restarts with the first notice
         if state.failures == 1:
             self._report(f"a notice of task {queued.notice.task} is not delivered yet: {error}")
 
@@ -95,34 +97,34 @@ class DeliverySchedule:
 
 
 def retry_delay(failures: int) -> float:
-    """Return the seconds to wait after so many tries that failed: 1, 2, 4 ... and 600 at most."""
+    """Return the seconds to wait after this number of failed tries: 1, 2, 4, ..., at most 600."""
     return min(MAX_RETRY_DELAY, FIRST_RETRY_DELAY * 2.0 ** min(failures - 1, 20))
 
 
 POLL_INTERVAL = 0.5
-"""Seconds from one look into the outbox to the next."""
+"""Seconds between two checks of the outbox."""
 
 FINAL_FLUSH_TIMEOUT = 5.0
-"""Seconds for which the end waits until all that is due was tried."""
+"""Seconds for which the end waits until all due notices were tried."""
 
 ABORT_TIMEOUT = 2.0
-"""Seconds that a channel has to give up what it is at, once it was told to."""
+"""Seconds for a channel to end an aborted delivery."""
 
 
 @runtime_checkable
 class AbortableChannel(Protocol):
-    """A channel that leaves something behind, unless it is told to give up."""
+    """A channel that would leave something running unless a delivery is aborted."""
 
-    def abandon_halt(self) -> None:
-        """End what it is at: its call raises. From any thread."""
+    def abort(self) -> None:
+        """Abort the present delivery, whose call raises. Thread-safe."""
         ...
 
 
 class NoticeSender:
-    """While it is entered, delivers what is in the outbox of the queue at ``path``; at its end it tries all once more.
+    """Delivers the notices of the queue at ``path`` while it is entered; at its end it tries all due ones once more.
 
-    ``channel_of`` makes a channel of its name in the outbox. ``now`` is the wall clock (Unix), ``tell`` hears what
-    people should know. ``farewell`` is how long the end may take, in seconds.
+    ``channel_of`` makes a channel from its encoding. ``now`` returns Unix time, ``report`` prints a text for people.
+    The end takes at most ``flush_timeout`` seconds.
     """
 
     def __init__(
@@ -139,7 +141,7 @@ class NoticeSender:
         self._ending, self._ended = Event(), Event()
         self._events: SimpleQueue[_DeliveryAttempt | Event | None] = (
             SimpleQueue()
-        )  # trials that are over, requests, and the end
+        )  # finished attempts, requests, and the end
         self._attempts: dict[str, _DeliveryAttempt] = {}  # by channel
         self._finished: list[_DeliveryAttempt] = []
         self._flush_requests: list[Event] = []
@@ -159,7 +161,7 @@ class NoticeSender:
         self._thread.join(2 * ABORT_TIMEOUT)
 
     def flush(self, seconds: float) -> None:
-        """Wait until all that is due was tried, for so many seconds at most."""
+        """Wait until all due notices were tried, at most ``seconds``."""
         tried = Event()
         self._events.put(tried)
         if not self._ended.is_set():
@@ -174,7 +176,7 @@ class NoticeSender:
                     self._wait_for_event(POLL_INTERVAL)
                 self._abort_attempts()
                 self._record_results(turns)
-        except Exception as error:  # a damaged file may hold anything; the tasks go on
+        except Exception as error:  # a damaged file may raise any error; the tasks go on
             self._report(f"notices are not delivered any more: {error}")
         finally:
             self._ended.set()
@@ -182,13 +184,13 @@ class NoticeSender:
             self._end_flushes()
 
     def _deliver_due(self, turns: DeliverySchedule) -> None:
-        """Keep what came of the trials that are over, and begin with what is due: one notice for each channel."""
+        """Store the results of finished attempts, and start one attempt for each channel with a due notice."""
         try:
             self._record_results(turns)
             for letter in turns.due_notices(self._attempts):
                 self._start_attempt(letter)
             self._last_error = ""
-        except sqlite3.OperationalError as error:  # a full disk, say
+        except sqlite3.OperationalError as error:  # for example, a full disk
             if str(error) != self._last_error:
                 self._last_error = str(error)
                 self._report(f"notices wait: {describe_retry(self._path, error)}")
@@ -202,7 +204,7 @@ class NoticeSender:
 
     def _record_results(self, turns: DeliverySchedule) -> None:
         while self._finished:
-            trial = self._finished[0]  # it stays there, and its channel busy, until this is written
+            trial = self._finished[0]  # it stays queued, and its channel busy, until the result is written
             if trial.problem is None:
                 turns.on_delivered(trial.queued)
             else:
@@ -210,27 +212,27 @@ class NoticeSender:
             del self._finished[0], self._attempts[trial.queued.channel]
 
     def _wait_for_event(self, seconds: float) -> bool:
-        """Wait for something to happen, for so long at most; say whether something did."""
+        """Wait for a finished attempt or a request for at most ``seconds``; return whether one came."""
         try:
-            heard = self._events.get(timeout=seconds)
+            event = self._events.get(timeout=seconds)
         except Empty:
             return False
-        if isinstance(heard, _DeliveryAttempt):
-            self._finished.append(heard)
-        elif heard is not None:
-            self._flush_requests.append(heard)
+        if isinstance(event, _DeliveryAttempt):
+            self._finished.append(event)
+        elif event is not None:
+            self._flush_requests.append(event)
         return True
 
     def _end_flushes(self) -> None:
-        """Say to those who wait that all was tried."""
+        """Wake the threads that wait in ``flush``."""
         while self._flush_requests:
             self._flush_requests.pop().set()
 
     def _abort_attempts(self) -> None:
-        """End the trials that would go on behind the server's back, and hear what is left."""
+        """Abort attempts that would outlive the server, and collect their results."""
         for trial in self._attempts.values():
             if trial.abortable is not None:
-                trial.abortable.abandon_halt()
+                trial.abortable.abort()
         for trial in self._attempts.values():
             trial.join(ABORT_TIMEOUT if trial.abortable is not None else 0.0)
         while self._wait_for_event(0.0):
@@ -238,7 +240,7 @@ class NoticeSender:
 
 
 class _DeliveryAttempt(Thread):
-    """One try to deliver a ``queued``; once it is ``over``, ``problem`` says what went wrong, None for nothing."""
+    """A thread that tries to deliver a notice once; ``problem`` is the error afterwards, None after success."""
 
     def __init__(
         self, letter: QueuedNotice, channel_of: Callable[[str], Channel], over: Callable[["_DeliveryAttempt"], None]
@@ -249,12 +251,11 @@ class _DeliveryAttempt(Thread):
         self._channel: Channel | None = None
         try:
             self._channel = channel_of(letter.channel)
-        except Exception as error:  # whatever it raises, the notice is not delivered
+        except Exception as error:  # any error means that the notice is not delivered
             self.problem = _error_text(error)
         self.abortable = _abortable(self._channel)
 
     def run(self) -> None:
-        """Deliver it."""
         try:
             if self._channel is not None:
                 self._channel(self.queued.notice)

@@ -1,4 +1,4 @@
-"""The notices that are to be delivered: each stays until its channel has taken it, or it is given up."""
+"""The outbox: notices that wait until their channel accepts them or they are given up."""
 
 import json
 import sqlite3
@@ -10,14 +10,14 @@ from config.notices import public_text
 from missions.plugins.tasks.notice import Notice, from_row
 
 WAITING = "delivered IS NULL AND next < 9e999"
-"""What is still to be delivered: ``next``, the time from which on it may be tried, is infinite for what is given up."""
+"""SQL condition of undelivered notices; ``next``, the earliest time of a try, is infinite for given-up ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class QueuedNotice:
-    """A notice for one channel; ``tries`` have failed, the last of them with ``last_error``. Times are Unix's.
+    """A notice for one channel, with ``tries`` failed tries and the ``last_error``. Times are Unix times.
 
-    One that is ``given_up`` is not tried any more.
+    A ``given_up`` one is not tried again.
     """
 
     id: int
@@ -31,20 +31,20 @@ class QueuedNotice:
 
 
 class Outbox:
-    """The notices in a database of ``schema.open_db``; ``now`` is the wall clock, in seconds (Unix)."""
+    """Notices in a database of ``queue_database.open_db``; ``now`` is Unix time in seconds."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
     def channels(self) -> list[str]:
-        """Return the channels for which notices wait."""
+        """Return the channels with waiting notices."""
         rows = self._connection.execute(f"SELECT DISTINCT channel FROM outbox WHERE {WAITING}")  # noqa: S608 - ours
         return [row["channel"] for row in rows]
 
     def first(self, channel: str, excluded: Collection[int] = (), *, fresh: bool = False) -> QueuedNotice | None:
-        """Return what is to be delivered next to a ``channel``, in the order in which things happened.
+        """Return the oldest waiting notice of a ``channel`` whose ID is not ``excluded``.
 
-        ``besides`` are the ids of those that are not meant; with ``fresh``, those that were tried less come first.
+        With ``fresh``, notices with fewer tries come first.
         """
         sql = (
             f"SELECT * FROM outbox WHERE {WAITING} AND channel = ? "  # noqa: S608 - ours
@@ -54,25 +54,25 @@ class Outbox:
         return None if row is None else _queued_notice(row)
 
     def mark_delivered(self, letter: QueuedNotice, now: float) -> None:
-        """Keep in mind that a channel has taken a notice."""
+        """Store that a notice was delivered."""
         self._connection.execute("UPDATE outbox SET delivered = ? WHERE id = ?", (now, letter.id))
 
     def mark_failed(self, letter: QueuedNotice, error: str) -> None:
-        """Keep in mind that a channel has not taken a notice, and why."""
+        """Store a failed try with its error."""
         self._connection.execute("UPDATE outbox SET tries = tries + 1, last_error = ? WHERE id = ?", (error, letter.id))
 
     def give_up(self, channel: str, before: float) -> int:
-        """Give up what waits for a channel since ``before``; return how many notices that were."""
+        """Give up the waiting notices of a channel that are older than ``before``; return their number."""
         sql = f"UPDATE outbox SET next = ? WHERE {WAITING} AND channel = ? AND added < ?"  # noqa: S608 - ours
         return self._connection.execute(sql, (inf, channel, before)).rowcount
 
     def notices_of(self, task: int) -> list[QueuedNotice]:
-        """Return all notices of a task, in order, for people: their channels are named without secrets."""
+        """Return all notices of a task in order, with channel names that contain no secrets."""
         rows = self._connection.execute("SELECT * FROM outbox WHERE task = ? ORDER BY id", (task,))
         return [replace(_queued_notice(row), channel=public_text(row["channel"])) for row in rows]
 
     def pending_count(self) -> int:
-        """Return how many notices are still to be delivered."""
+        """Return the number of waiting notices."""
         (count,) = self._connection.execute(f"SELECT COUNT(*) FROM outbox WHERE {WAITING}").fetchone()  # noqa: S608
         return int(count)
 

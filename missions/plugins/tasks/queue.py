@@ -1,7 +1,6 @@
-"""The queue of tasks: each change is one transaction, so that whatever ends the program, a task is never lost or split.
+"""The task queue. Each change is one transaction, so that no crash loses or splits a task.
 
-The end of an attempt, what becomes of its task, the next of a repetition and the notices of all that are one
-transaction: they happen together, once, or not at all.
+One transaction contains the end of an attempt, the new state of its task, the next repetition, and their notices.
 """
 
 import json
@@ -32,20 +31,17 @@ from missions.plugins.tasks.task import Attempt, AttemptOutcome, Claim, How, New
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 
 MIN_INTERVAL = 1.0
-"""Seconds from one repetition to the next, at least."""
+"""Minimum seconds between two repetitions."""
 
 MAX_INTERVAL = 366 * 24 * 3600.0
-"""Seconds from one repetition to the next, at most: a year."""
+"""Maximum seconds between two repetitions: a year."""
 
 _DATE_AND_TIME = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[ T]+([0-9]{1,2}:[0-9]{2})")
 
 
 @dataclass(frozen=True, slots=True)
 class Repetition:
-    """A repetition: each ``period`` seconds; or where that is 0, each day, or one ``day`` of the week (0 is Monday).
-
-    ``at`` is the time of day then. Its text can be read again.
-    """
+    """A repetition: every ``period`` seconds; or, if that is 0, daily or on a week ``day`` (0 is Monday) at ``at``."""
 
     period: float = 0.0
     day: int | None = None
@@ -58,43 +54,39 @@ class Repetition:
 
 
 def wall_clock() -> float:
-    """Return the time of day, in seconds (Unix)."""
+    """Return the Unix time in seconds."""
     return time_of_day().timestamp()
 
 
 def read_repetition(text: str, begin: float, zone: tzinfo, at: str = "") -> Repetition:
-    """Read "30 min", "day", "monday" or "day 18:00"; without a time of day it is that of ``begin``.
+    """Parse "30 min", "day", "monday" or "day 18:00"; the time of day defaults to that of ``at``, else of ``begin``.
 
-    Or that of ``at``, as ``read_at`` has read it: ``begin`` may be later, where the clocks leave that time out.
-    Raises ValueError that says what is wrong.
+    ``begin`` may differ from ``at`` when daylight saving skips that time. Raises ValueError with a message for people.
     """
     word, _, clock = text.strip().lower().partition(" ")
     if word == "day" or word in DAYS:
-        wanted = clock.strip() or at.strip()[-5:].strip(" T")
-        when = _read_time(wanted) if wanted else datetime.fromtimestamp(begin, zone).time()
+        time_text = clock.strip() or at.strip()[-5:].strip(" T")
+        when = _read_time(time_text) if time_text else datetime.fromtimestamp(begin, zone).time()
         return Repetition(day=None if word == "day" else DAYS.index(word), at=when.replace(second=0, microsecond=0))
     try:
         period = si_value(text, "duration")
     except ValueError as error:
         hint = did_you_mean(word, ("day", *DAYS)) or "such as '30 min', 'day' or 'monday 18:00'"
-        raise ValueError(f"{quoted_value(text)} is no repetition: {hint}") from error
+        raise ValueError(f"{quoted_value(text)} is not a repetition: {hint}") from error
     if period < MIN_INTERVAL:
         raise ValueError(f"{quoted_value(text)} is too often: at least {quantity_text(MIN_INTERVAL, 'duration')}")
     if period > MAX_INTERVAL:
-        raise ValueError(f"{quoted_value(text)} is too seldom: at most a year, {MAX_INTERVAL / 3600:g} h")
+        raise ValueError(f"{quoted_value(text)} is too rare: at most a year, {MAX_INTERVAL / 3600:g} h")
     return Repetition(period=period)
 
 
 def first_time(every: Repetition, begin: float, zone: tzinfo) -> float:
-    """Return when a repetition that begins at ``begin`` is due for the first time."""
+    """Return the first due time of a repetition that begins at ``begin``."""
     return begin if every.period else _next_day(every, begin, zone, inclusive=True)
 
 
 def next_time(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
-    """Return when what was ``due`` then is due again: the first time after that and after ``now``.
-
-    So what was missed meanwhile is not made up for.
-    """
+    """Return the first due time after both ``due`` and ``now``; missed repetitions are skipped."""
     if not every.period:
         return _next_day(every, max(due, now), zone)
     steps = max(1, int((now - due) // every.period) + 1)
@@ -104,28 +96,27 @@ def next_time(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
 
 
 def limit_ahead(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
-    """Return when a repetition comes that is to come at ``due``: sooner, if the clock was put back meanwhile.
+    """Return ``due``, or an earlier time if the clock was set back and ``due`` is too far ahead.
 
-    It is never further ahead than the next one of a repetition that begins ``now``.
+    The result is no later than the first time of a repetition that begins ``now``.
     """
     return min(due, now + every.period if every.period else _next_day(every, now, zone))
 
 
 def read_at(text: str, now: float, zone: tzinfo) -> float:
-    """Read "18:00", the next such time after ``now``; or "2026-12-24 18:00", once.
-
-    Raises ValueError that says what is wrong.
-    """
+    """Parse "18:00" (the next after ``now``) or "2026-12-24 18:00". Raises ValueError with a message for people."""
     found = _DATE_AND_TIME.fullmatch(text.strip())
     if found is None:
         return _next_day(Repetition(at=_read_time(text.strip())), now, zone)
     try:
         day = date.fromisoformat(found[1])
     except ValueError as error:
-        raise ValueError(f"{quoted_value(text)} is no date: {error}") from error
+        raise ValueError(f"{quoted_value(text)} is not a date: {error}") from error
     due = _local_timestamp(day, _read_time(found[2]), zone)
     if due <= now:
-        raise ValueError(f"{quoted_value(text)} is over: it is {datetime.fromtimestamp(now, zone):%Y-%m-%d %H:%M} now")
+        raise ValueError(
+            f"{quoted_value(text)} is in the past: it is {datetime.fromtimestamp(now, zone):%Y-%m-%d %H:%M} now"
+        )
     return due
 
 
@@ -144,12 +135,12 @@ def local_zone(environment: Mapping[str, str] = os.environ) -> tzinfo:
 def _read_time(text: str) -> time:
     found = re.fullmatch("([0-9]{1,2}):([0-9]{2})", text)
     if found is None or int(found[1]) > 23 or int(found[2]) > 59:
-        raise ValueError(f"{quoted_value(text)} is no time of day: such as '18:00', or '2026-12-24 18:00'")
+        raise ValueError(f"{quoted_value(text)} is not a time of day such as '18:00', or '2026-12-24 18:00'")
     return time(int(found[1]), int(found[2]))
 
 
 def _next_day(every: Repetition, after: float, zone: tzinfo, *, inclusive: bool = False) -> float:
-    """Return the first time of a daily or weekly repetition that comes ``after``, or is ``itself`` that."""
+    """Return the first daily or weekly time after ``after``; with ``inclusive``, ``after`` itself counts."""
     day = datetime.fromtimestamp(after, zone).date() - timedelta(days=1)
     while True:
         if every.day in (None, day.weekday()):
@@ -160,14 +151,14 @@ def _next_day(every: Repetition, after: float, zone: tzinfo, *, inclusive: bool 
 
 
 def _local_timestamp(day: date, at: time, zone: tzinfo) -> float:
-    """Return a local time in seconds: the first, where it comes twice; the end of the gap, where it never comes."""
+    """Return the Unix time of a local time: the first if it occurs twice, the end of the gap if it is skipped."""
     local = datetime.combine(day, at, zone)
-    # In a gap the first reading counts as before the change and the second as after it: they change places.
+    # In a gap, fold 0 is read as before the change and fold 1 as after it, so their order is reversed.
     early, late = sorted(local.replace(fold=fold).timestamp() for fold in (0, 1))
     if datetime.fromtimestamp(late, zone).replace(tzinfo=None) == datetime.combine(day, at) or early == late:
         return early
     before = datetime.fromtimestamp(early, zone).utcoffset()
-    while late - early > 0.5:  # the change lies between them, at a whole second
+    while late - early > 0.5:  # bisection: the change is at a whole second between them
         middle = (early + late) / 2
         if datetime.fromtimestamp(middle, zone).utcoffset() == before:
             early = middle
@@ -177,25 +168,25 @@ def _local_timestamp(day: date, at: time, zone: tzinfo) -> float:
 
 
 RETRY_INTERVAL = 30.0
-"""Seconds from the end of an attempt to the next: what was not there may be by then. Other tasks go on."""
+"""Seconds between the end of an attempt and the next one. Other tasks run meanwhile."""
 
 _READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
-"""Says of a task that its pause is over, or the clock was put back: ?1 is the time, ?2 the pause."""
+"""SQL condition: the pause is over, or the clock was set back. ?1 is the time, ?2 the pause."""
 
 _MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
-"""Says of a task that it was missed, as ``_is_too_late`` does."""
+"""SQL condition of missed tasks; the same as ``_is_too_late``."""
 
-DOWN_REASON = "the machine or the server went down"
-"""Why an attempt was interrupted of which nobody told the end."""
+DOWN_REASON = "the computer or the server went down"
+"""Reason of an attempt without an end, found at the start of a server."""
 
 Channels = Callable[[Task], Sequence[str]]
-"""Says where the notices of a task go: the channels, as the outbox writes them."""
+"""Returns the encoded notice channels of a task."""
 
 
 class TaskQueue:
-    """Tasks in a database of ``schema.open_db``; all times are seconds of the wall clock, handed in as ``now``.
+    """Tasks in a database of ``queue_database.open_db``. Times are Unix times, passed as ``now``.
 
-    ``zone`` is the one that daily repetitions are in. A method that raises has changed nothing.
+    ``zone`` is the time zone of daily repetitions. A method that raises has changed nothing.
     """
 
     def __init__(self, connection: sqlite3.Connection, channels: Channels, zone: tzinfo = UTC) -> None:
@@ -206,7 +197,7 @@ class TaskQueue:
     # --- what people ask of it ------------------------------------------------------------------------------------
 
     def add(self, new: NewTask, now: float) -> int:
-        """Add a task; return its number. Raises TaskError for texts that cannot be kept."""
+        """Add a task; return its number. Raises TaskError for texts that cannot be stored."""
         check_texts(new)
         with self._transaction():
             number = self._insert(new, None, now)
@@ -217,58 +208,58 @@ class TaskQueue:
         return number
 
     def cancel(self, number: int, now: float) -> State:
-        """Cancel a task, and the repetition that it belongs to; return its state now.
+        """Cancel a task and its repetition; return its state.
 
-        One that waits is cancelled at once. One that runs is stopped by the server that runs it; ``is_cancelling`` says
-        that it is to be. Raises TaskError for one that is not there, or has ended.
+        A waiting task is cancelled at once. A running one is marked as ``cancelling``, and its server stops it. Raises
+        TaskError for an unknown or ended task.
         """
         with self._transaction():
             task = self.task(number)
             if task.has_ended:
-                raise TaskError(f"task {number} has ended already: it is {task.state}", hint="mission task list")
+                raise TaskError(f"task {number} has already ended: it is {task.state}", hint="mission task list")
             if task.state == "running":
                 self._execute("UPDATE task SET cancelling = 1 WHERE id = ?", number)
                 return "running"
-            self._settle(task, "cancelled", "somebody cancelled it", now)
+            self._settle(task, "cancelled", "it was cancelled", now)
             return "cancelled"
 
     def move(self, number: int, priority: int) -> None:
-        """Give a task that waits another priority. Raises TaskError for one that is not there, or does not wait."""
+        """Set the priority of a waiting task. Raises TaskError for an unknown task, or one that does not wait."""
         with self._transaction():
             task = self.task(number)
             if task.state != "waiting":
-                raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
+                raise TaskError(f"task {number} is not waiting: it is {task.state}", hint="mission task list")
             self._execute("UPDATE task SET priority = ? WHERE id = ?", priority, number)
 
     def approve(self, number: int, now: float, by: str) -> None:
-        """Let a task begin that needs a person's approval; each of a repetition needs its own.
+        """Approve a task; each repetition needs its own approval.
 
-        Raises TaskError for one that is not there, does not wait, or does not need it.
+        Raises TaskError for an unknown task, one that does not wait, or one that needs no approval.
         """
         with self._transaction():
             task = self.task(number)
             if task.state != "waiting":
-                raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
+                raise TaskError(f"task {number} is not waiting: it is {task.state}", hint="mission task list")
             if not task.awaits_approval:
                 raise TaskError(f"task {number} needs no approval", hint="mission task list")
             self._execute("UPDATE task SET approved = ?, approved_by = ? WHERE id = ?", now, by, number)
 
     def task(self, number: int) -> Task:
-        """Return a task. Raises TaskError for one that is not there."""
+        """Return a task. Raises TaskError for an unknown one."""
         row = self._execute("SELECT * FROM task WHERE id = ?", number).fetchone()
         if row is None:
             raise TaskError(f"there is no task {number}", hint="mission task list --all")
         return from_row(Task, row)
 
     def tasks(self, *, ended: bool = True) -> list[Task]:
-        """Return all tasks, in the order in which they are run; those that have ended only where that is asked for."""
+        """Return all tasks in the order in which they run; without ``ended``, only open ones."""
         which = "" if ended else " WHERE state IN ('waiting', 'running')"
         return [from_row(Task, row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
 
     def expected_time(self, task: Task, now: float) -> float:
-        """Return when a task comes: a repetition that is too far ahead, since the clock was put back, comes nearer."""
+        """Return the due time of a task, corrected for a clock that was set back."""
         if task.state == "waiting" and task.due > now and task.every and task.id != task.series:
-            with suppress(ValueError, OverflowError):  # what somebody has written into the file stays where it is
+            with suppress(ValueError, OverflowError):  # an invalid value from outside stays unchanged
                 every = read_repetition(task.every, task.due, self._zone)
                 return min(task.due, self._unused_time(task, every, limit_ahead(every, task.due, now, self._zone), now))
         return task.due
@@ -281,16 +272,13 @@ class TaskQueue:
     # --- what the server asks of it -------------------------------------------------------------------------------
 
     def claim(self, now: float) -> Claim | None:
-        """Begin an attempt at what is due and comes first; None where nothing is. What is too late is missed, and told.
-
-        Only while nothing runs, and by the one server that there is.
-        """
+        """Start an attempt at the first due task; None if there is none. Tasks that are too late become missed."""
         self._limit_repetitions(now)
-        if self._due(now) is None:  # most of the time, and nothing is written then
+        if self._due(now) is None:  # the usual case, without a write
             return None
         with self._transaction():
             while (task := self._due(now)) is not None and _is_too_late(task, now):
-                reason = f"it was due at {_clock_text(task.due_since, self._zone)}, and is not begun more than {task.late:g} s later"
+                reason = f"it was due at {_clock_text(task.due_since, self._zone)}, and does not begin more than {task.late:g} s later"
                 self._settle(task, "given_up", reason, now)
                 self._post(task, notice.missed_notice(task, reason, now), now)
             if task is None:
@@ -301,33 +289,33 @@ class TaskQueue:
             return Claim(self.task(task.id), attempt or 0)
 
     def has_pausing_task(self, now: float) -> bool:
-        """Say whether a task is due that only waits for its next attempt."""
+        """Return whether a due task waits for its next attempt."""
         sql = f"SELECT 1 FROM task WHERE state = 'waiting' AND due <= ?1 AND NOT {_READY} LIMIT 1"  # noqa: S608 - ours
         return self._execute(sql, now, RETRY_INTERVAL).fetchone() is not None
 
     def finish(self, claim: Claim, outcome: AttemptOutcome, now: float) -> Task:
-        """End an attempt and do all that follows from it; return the task as it is then.
+        """End an attempt with all its consequences; return the task afterwards.
 
-        Raises TaskError if that was done before.
+        Raises TaskError if the attempt has ended already.
         """
         with self._transaction():
             return self._finish(claim.attempt, outcome, now, pause=0.0 if outcome.stopped else RETRY_INTERVAL)
 
     def recover(self, now: float) -> list[Task]:
-        """End the attempts that nobody told the end of; return their tasks. Only while nothing runs."""
+        """End attempts that a previous server left open; return their tasks. Only while nothing runs."""
         with self._transaction():
-            # Whether a fleet's task is still this robot's is to be asked anew: another may have it by now.
+            # A task of a fleet needs a new confirmation: another robot may have it by now.
             errands = "SELECT task FROM errand WHERE told = 0"
             self._execute(f"UPDATE task SET approved = NULL WHERE state = 'waiting' AND id IN ({errands})")  # noqa: S608
             rows = self._execute("SELECT id FROM attempt WHERE ended IS NULL ORDER BY id").fetchall()
             return [self._finish(row["id"], AttemptOutcome("interrupted", DOWN_REASON), now, pause=0.0) for row in rows]
 
     def is_cancelling(self, claim: Claim) -> bool:
-        """Say whether somebody wants the task stopped that is being run."""
+        """Return whether the running task is to be cancelled."""
         return self.task(claim.task.id).cancelling
 
     def post_message(self, claim: Claim, number: int, text: str, now: float) -> None:
-        """Post what the mission wants to be told, the ``number``-th thing of this attempt."""
+        """Post the mission's ``number``-th message of this attempt as a notice."""
         with self._transaction():
             self._post(claim.task, notice.message_notice(claim.task, number, text, now), now)
 
@@ -350,19 +338,19 @@ class TaskQueue:
         return self.task(task.id)
 
     def _settle(self, task: Task, state: State, reason: str, now: float) -> None:
-        """Give a task its new state; where that is for good, add the next of its repetition, unless it is cancelled."""
+        """Set the state of a task; if it is final, add the next repetition, unless the task was cancelled."""
         if task.every and state in ("done", "failed", "given_up") and not task.cancelling:
             try:
                 every = read_repetition(task.every, task.due_since, self._zone)
                 due = self._unused_time(task, every, next_time(every, task.due_since, now, self._zone), now)
-            except (ValueError, OverflowError) as error:  # what somebody has written into the file
+            except (ValueError, OverflowError) as error:  # an invalid value from outside
                 reason = f"{reason}{'; ' if reason else ''}it is not repeated: {error}"
             else:
                 self._insert(replace(to_new_task(task), due=due), task.series, now)
         self._execute("UPDATE task SET state = ?, reason = ? WHERE id = ?", state, reason, task.id)
 
     def _limit_repetitions(self, now: float) -> None:
-        """Bring repetitions nearer that are too far ahead, since the clock was put back."""
+        """Bring repetitions nearer that are too far ahead because the clock was set back."""
         sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
         for row in self._execute(sql, now).fetchall():
             task = from_row(Task, row)
@@ -370,7 +358,7 @@ class TaskQueue:
                 self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
 
     def _unused_time(self, task: Task, every: Repetition, due: float, now: float) -> float:
-        """Return the first time from ``due`` on that this repetition has not had yet; the clock may be put back."""
+        """Return the first time from ``due`` on that this repetition has not used; the clock may have been set back."""
         sql = "SELECT 1 FROM task WHERE series = ? AND due = ? AND id <> ?"
         while self._execute(sql, task.series, due, task.id).fetchone() is not None:
             due = next_time(every, due, now, self._zone)
@@ -382,13 +370,13 @@ class TaskQueue:
         return self._execute(f"INSERT INTO task ({names}) VALUES ({marks})", *row.values()).lastrowid or 0  # noqa: S608
 
     def _post(self, task: Task, told: Notice, now: float) -> None:
-        """Put a notice into the outbox, for each channel."""
+        """Add a notice to the outbox, once for each channel."""
         sql = "INSERT INTO outbox (key, task, channel, body, added, next) VALUES (?, ?, ?, ?, ?, ?)"
         for channel in dict.fromkeys(self._channels(task)):
             self._execute(sql, told.id, task.id, channel, told.as_json(), now, now)
 
     def _due(self, now: float) -> Task | None:
-        may = f"(NOT needs_approval OR approved IS NOT NULL OR {_MISSED})"  # what was missed is told, approved or not
+        may = f"(NOT needs_approval OR approved IS NOT NULL OR {_MISSED})"  # a missed task is reported, approved or not
         sql = (
             f"SELECT * FROM task WHERE state = 'waiting' AND due <= ?1 AND {_READY} AND {may} ORDER BY {ORDER} LIMIT 1"  # noqa: S608 - ours
         )
@@ -413,7 +401,7 @@ class TaskQueue:
 
 
 def _is_too_late(task: Task, now: float) -> bool:
-    """Say whether a task was missed; one that was begun in time and interrupted is not."""
+    """Return whether a task was missed; a task that began in time and was interrupted is not."""
     return task.late is not None and task.attempts == 0 and now > task.due_since + task.late
 
 

@@ -1,8 +1,8 @@
-"""The file that the queue is kept in: an SQLite database that a crash or a power cut leaves whole.
+"""The queue's SQLite database, which survives crashes and power cuts.
 
-A write-ahead log, and every commit waited for until it is on the disk. What must never happen is refused by the
-database itself, whichever program writes: a task that has ended never changes again, one attempt at most succeeds, one
-task runs at a time, none that nobody has approved where it needs that, no repetition is made twice, and no notice.
+It has a write-ahead log, and every commit waits for the disk. Triggers and constraints refuse invalid changes from any
+program: an ended task never changes, at most one attempt succeeds, one task runs at a time, an unapproved task does not
+run, and no repetition or notice is added twice.
 """
 
 import os
@@ -19,66 +19,66 @@ from missions.plugins.tasks.task import TaskError
 # What keeps the queue's file from being used, in words: a disk that is full, can only be read, or fails.
 
 MIN_FREE_BYTES = 128 * 1024
-"""Bytes with which a disk counts as full: SQLite tells of some that are only that the disk does not answer."""
+"""Free bytes below which a disk counts as full; SQLite reports a full disk in some cases only as an I/O error."""
 
-STATE_HOME_HINT = "XDG_STATE_HOME says where the queue is kept"
+STATE_HOME_HINT = "XDG_STATE_HOME selects the folder of the queue"
 
 _FULL, _READ_ONLY = frozenset({ENOSPC, EDQUOT}), frozenset({EROFS})
 
 
 class DiskFullError(TaskError):
-    """There is no room for what the queue should keep."""
+    """The disk of the queue is full."""
 
 
 def queue_error(path: Path, error: OSError | sqlite3.OperationalError) -> TaskError:
-    """Return what is to be said of the queue's file at ``path``, which could not be used, and what to type."""
+    """Return the TaskError, with a hint, for an error of the queue's file at ``path``."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     number = error.errno if isinstance(error, OSError) else None
-    folder, said = quote(str(path.parent)), str(error)
+    folder, detail = quote(str(path.parent)), str(error)
     if isinstance(error, OSError):
-        said = error.strerror or said
+        detail = error.strerror or detail
     if code == sqlite3.SQLITE_FULL or number in _FULL:
         return _disk_full(path)
     if code == sqlite3.SQLITE_READONLY or number in _READ_ONLY:
         return TaskError(
-            f"{path}: can only be read ({said}): so Linux mounts a disk that fails; or it is somebody else's",
+            f"{path}: is read-only ({detail}): Linux mounts a failing disk read-only; or the file belongs to another user",
             hint=f"findmnt -T {folder}, dmesg | tail, ls -l {folder}",
         )
     if code in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN) and not _has_space(path.parent):
         return _disk_full(path)
     if code == sqlite3.SQLITE_IOERR or number == EIO:
-        return TaskError(f"{path}: its disk does not do what it is told ({said})", hint="dmesg | tail  (does it fail?)")
+        return TaskError(f"{path}: disk error ({detail})", hint="dmesg | tail  (does it fail?)")
     if code == sqlite3.SQLITE_BUSY:
-        return TaskError(f"{path}: another program writes, and does not end ({said})", hint=f"fuser {quote(str(path))}")
-    return TaskError(f"{path}: {said}", hint=STATE_HOME_HINT)
+        return TaskError(f"{path}: locked by another program ({detail})", hint=f"fuser {quote(str(path))}")
+    return TaskError(f"{path}: {detail}", hint=STATE_HOME_HINT)
 
 
 def checkpoint_log(connection: sqlite3.Connection) -> None:
-    """Take the log of a queue whose disk is full into its file, so that what is written next takes no more room.
+    """Move the write-ahead log into the file, so that further writes on a full disk need no new space.
 
-    Of itself SQLite does so when the log has ``schema.LOG`` pages, and until then has it grow.
+    SQLite does this by itself only at ``MAX_LOG_PAGES`` pages, and lets the log grow until then.
     """
     with suppress(sqlite3.OperationalError):
         connection.execute("PRAGMA wal_checkpoint (PASSIVE)").fetchone()
 
 
 def describe_retry(path: Path, error: sqlite3.OperationalError) -> str:
-    """Return the same for who watches a server, which goes on trying."""
-    told = queue_error(path, error)
-    return f"{told}; trying on\n  try: {told.hint}"
+    """Return the error as a text for a server that goes on trying."""
+    problem = queue_error(path, error)
+    return f"{problem}; retrying\n  try: {problem.hint}"
 
 
 def _disk_full(path: Path) -> DiskFullError:
-    said = f"{path}: its disk is full: what the queue has is safe, and nothing more can be kept"
-    return DiskFullError(said, hint=f"df -h {quote(str(path.parent))}, and make room there")
+    message = f"{path}: the disk is full: the tasks in the queue are safe, and no more can be added"
+    return DiskFullError(message, hint=f"df -h {quote(str(path.parent))}, and free some space")
 
 
 def _has_space(folder: Path) -> bool:
-    """Say whether there is room for a little more."""
+    """Return whether the disk has some free space."""
     try:
         found = os.statvfs(folder)
     except OSError:
-        return True  # then it is something else that is wrong
+        return True  # then the error has another cause
     return found.f_bavail * found.f_frsize >= MIN_FREE_BYTES and (found.f_files == 0 or found.f_favail > 0)
 
 
@@ -86,13 +86,13 @@ LOCK_TIMEOUT = 30.0
 """Seconds to wait for another program that writes."""
 
 MAX_LOG_PAGES = 64
-"""Pages (of 4 kB) that the log may have: what it has taken of a full disk, the file itself cannot have."""
+"""Pages (4 kB) of the log before a checkpoint; its space on a full disk is not available to the file."""
 
 MIN_DATABASE_BYTES = 512
-"""Bytes of the smallest database there is."""
+"""Size of the smallest SQLite database in bytes."""
 
 ORDER = "priority DESC, max(due, added), id"
-"""The order of tasks that are due; one without a time is due when it was added."""
+"""SQL order of due tasks; a task without a time is due when it was added."""
 
 TABLES = """
 CREATE TABLE task (
@@ -164,23 +164,23 @@ CREATE TRIGGER kept_once BEFORE UPDATE OF state ON kept
     WHEN OLD.state IN ('FINISHED', 'FAILED') AND NEW.state <> OLD.state
     BEGIN SELECT RAISE (ABORT, 'this task has ended already'); END;
 """.replace("(ORDER)", f"({ORDER})")
-"""The tables: the queue, and what a robot does and keeps for its fleet, by the IDs of the fleet's tasks."""
+"""SQL of the tables: the queue, and the fleet tasks that the robot executes and keeps."""
 
 VERSION = 5
-"""The version of the tables, as the file has it in ``user_version``; a file of any other is refused."""
+"""Version of the tables, stored in ``user_version``; other versions are refused."""
 
 
 def queue_file(folder: Path) -> Path:
-    """Return the file of the queue in a folder."""
+    """Return the path of the queue's file in a folder."""
     return folder / "tasks.db"
 
 
 def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
-    """Open the database, and make it where there is none, for its owner alone. For the thread that opens it.
+    """Open the database, creating it for its owner only; for the thread that opens it.
 
-    With ``any_thread`` another may have it; one at a time.
+    With ``any_thread``, other threads may use it, one at a time.
 
-    Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, emptied, or of another
+    Raises TaskError for a folder that cannot hold it, and for a file that is damaged, empty, no queue, or of another
     version.
     """
     try:
@@ -189,17 +189,15 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
             if not path.exists():
                 _create(path)
             if not path.is_file():
-                raise TaskError(
-                    f"{path}: is no file, as a queue is", hint=f"mv {path} {path}.other  (a new queue begins)"
-                )
-            if (size := path.stat().st_size) < MIN_DATABASE_BYTES:  # SQLite would begin anew
-                raise _damaged_error(path, f"it was emptied: {size} bytes are left")
+                raise TaskError(f"{path}: not a regular file", hint=f"mv {path} {path}.other  (a new queue begins)")
+            if (size := path.stat().st_size) < MIN_DATABASE_BYTES:  # SQLite would create a new database
+                raise _damaged_error(path, f"it was truncated: {size} bytes are left")
             connection = sqlite3.connect(
                 path, timeout=LOCK_TIMEOUT, isolation_level=None, check_same_thread=not any_thread
             )
             undone.callback(connection.close)
-            # Before anything is in it. Nobody but SQLite may open the file here: to close it again would drop the locks
-            # that other connections of this process have on it, and with them what they write.
+            # Before it has any content. Only SQLite may open the file here: closing it would drop the POSIX locks
+            # that other connections of this process hold on it, and could corrupt their writes.
             path.chmod(0o600)
             prepare(connection, path)
             undone.pop_all()
@@ -209,13 +207,13 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
 
 
 def _create(path: Path) -> None:
-    """Make the file with all its tables at once: one that is empty was emptied. Raises TaskError, OSError, sqlite3's.
+    """Create the file with all its tables atomically: no empty file is valid. Raises TaskError, OSError, sqlite3.Error.
 
-    Whoever else does so at the same time may come first.
+    Another process may create it first; then its file is kept.
     """
     log = path.with_name(f"{path.name}-wal")
     if log.exists() and not path.exists():
-        what = f"{path}: is gone, and its log {log.name} is still there: a queue was here"
+        what = f"{path}: is missing, but its log {log.name} is still there"
         raise TaskError(what, hint=f"put {path.name} back; or mv {log} {log}.broken  (a new queue begins)")
     with TemporaryDirectory(dir=path.parent, prefix=".new-") as folder:
         new = Path(folder) / path.name
@@ -233,37 +231,34 @@ def _create(path: Path) -> None:
 
 @contextmanager
 def queue_errors(path: Path) -> Iterator[None]:
-    """Tell of a file that cannot be used, or is damaged, as a TaskError; of what is a fault of ours as it is."""
+    """Convert errors of the queue's file to TaskError; programming errors pass unchanged."""
     try:
         yield
     except sqlite3.OperationalError as error:
         raise queue_error(path, error) from error
     except sqlite3.DatabaseError as error:
-        if type(error) is not sqlite3.DatabaseError:  # one of its kinds, such as a constraint that is broken
+        if type(error) is not sqlite3.DatabaseError:  # a subclass, such as a violated constraint
             raise
         raise _damaged_error(path, str(error)) from error
 
 
 def _damaged_error(path: Path, why: str) -> TaskError:
     return TaskError(
-        f"{path}: is damaged, or no queue of tasks: {why}",
-        hint=f"mv {path} {path}.broken  (a new queue begins; sqlite3 {path}.broken .recover shows what is left)",
+        f"{path}: is damaged, or not a task queue: {why}",
+        hint=f"mv {path} {path}.broken  (a new queue begins; sqlite3 {path}.broken .recover shows the remaining data)",
     )
 
 
 def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) -> None:
-    """Set a connection up, and make the tables of a ``new`` file.
-
-    Raises TaskError, or an error of sqlite3.
-    """
+    """Configure a connection, and create the tables if the file is ``new``. Raises TaskError, sqlite3.Error."""
     connection.row_factory = sqlite3.Row
     if not new:
-        _check_version(connection, path)  # before anything of it is changed
+        _check_version(connection, path)  # before any change
     (journal,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
     if journal != "wal":
         raise TaskError(
-            f"{path}: this disk cannot keep a queue safe (it gave journal_mode {journal}): is it a network's?",
-            hint="XDG_STATE_HOME=... says where the queue is kept: a disk of this machine",
+            f"{path}: this disk cannot store a queue safely (journal_mode {journal}); is it a network disk?",
+            hint="set XDG_STATE_HOME to a folder on a local disk",
         )
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute(f"PRAGMA wal_autocheckpoint = {MAX_LOG_PAGES}")
@@ -284,13 +279,13 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
         raise TaskError(
-            f"{path}: is of version {version}, made by a newer MissionTree; this one knows version {VERSION}",
+            f"{path}: version {version} was made by a newer MissionTree; this one reads version {VERSION}",
             hint="pip install --upgrade missiontree",
         )
     if 0 < version < VERSION:
         raise TaskError(
-            f"{path}: is of version {version}, made by an older MissionTree; this one knows version {VERSION}",
+            f"{path}: version {version} was made by an older MissionTree; this one reads version {VERSION}",
             hint=f"mv {path} {path}.old  (a new queue begins)",
         )
     if not version or not _has_tables(connection):
-        raise _damaged_error(path, "it has no tables of a queue")
+        raise _damaged_error(path, "it lacks the tables of a queue")

@@ -1,8 +1,8 @@
-"""Doing a task: `mission run` in a process of its own, which brings its robot to rest when the server goes.
+"""Runs a task as `mission run` in a child process, which stops its robot when the server ends.
 
-The run has a *leash*, the reading end of a pipe that only the server can write to: nobody ever does, so whatever ends
-the server, ``kill -9`` above all, ends the pipe, and the run stops safely. The run also inherits the server's lock, so
-that no other server starts a run before this one is over.
+The child holds the reading end of a pipe, its *leash*. Only the server has the writing end and never writes, so the
+pipe closes however the server ends, even by ``kill -9``, and the run stops safely. The child also inherits the server's
+lock, so that no other server starts a run before this one has ended.
 """
 
 import json
@@ -25,7 +25,7 @@ from missions.plugins.tasks.task import AttemptOutcome, Claim, Task
 
 
 class ProcessOutput:
-    """While it is entered, reads the two outputs of a process; they must be pipes."""
+    """Reads the output pipes of a process line by line, without blocking, while it is entered."""
 
     def __init__(self, process: "subprocess.Popen[bytes]") -> None:
         self._partial_lines = {pipe: b"" for pipe in (process.stdout, process.stderr) if pipe is not None}
@@ -42,7 +42,7 @@ class ProcessOutput:
         self._selector.close()
 
     def lines(self, seconds: float) -> Iterator[tuple[IO[bytes], str]]:
-        """Yield the lines that have come, and of which pipe; wait for the first of them for so many seconds."""
+        """Yield the complete lines and their pipes; wait for the first for at most ``seconds``."""
         for key, _ in self._selector.select(seconds):
             pipe: IO[bytes] = key.data
             data = os.read(pipe.fileno(), 1 << 16)
@@ -52,46 +52,46 @@ class ProcessOutput:
             yield from ((pipe, line.decode(errors="replace")) for line in whole)
 
     def remaining_lines(self) -> Iterator[tuple[IO[bytes], str]]:
-        """Yield all lines that there are, the last of a pipe even where it is not ended."""
+        """Yield all remaining lines, including incomplete last ones."""
         while self._selector.select(0.0):
             yield from self.lines(0.0)
         yield from ((pipe, rest.decode(errors="replace")) for pipe, rest in self._partial_lines.items() if rest)
 
 
 Stopping = Callable[[], bool]
-"""Says whether the task is to be stopped; asked a few times a second."""
+"""Returns whether the task is to be stopped; called a few times a second."""
 
 Say = Callable[[str], None]
 
 Work = Callable[[Claim, Stopping, Say], AttemptOutcome]
-"""Does a task, and says what its mission wants to be told; with the first True of ``Stopping`` it ends, interrupted."""
+"""Runs a task and reports its messages with ``Say``; ends as interrupted once ``Stopping`` returns True."""
 
 STOP_CHECK_INTERVAL = 0.2
-"""Seconds from one question whether to stop to the next."""
+"""Seconds between two checks whether to stop."""
 
 STOP_TIMEOUT = 10.0
-"""Seconds that a run has to stop safely; then it is killed, and the devices stop by themselves."""
+"""Seconds for a run to stop safely before it is killed; then its devices stop by themselves."""
 
 RUN_COMMAND = (sys.executable, "-m", "missions", "run")
 
 
 def arguments_of(task: Task) -> list[str]:
-    """Return the words behind `mission run` for a task.
+    """Return the arguments of `mission run` for a task.
 
-    A name of the library becomes its path: a file of that name in the server's folder would go before it.
+    A library name becomes a path, since a file of that name in the server's folder would take precedence.
     """
     mission = task.mission
     with suppress(UnknownNameError):
-        mission = str(find_mission(mission, Path(os.devnull)))  # nothing is beside in what is no folder
+        mission = str(find_mission(mission, Path(os.devnull)))  # /dev/null is not a folder, so no files are beside it
     params = [f"--param={name}={value}" for name, value in task.params.items()]
     robot = [f"--robot={task.robot}"] if task.robot else []
     return [*params, *robot, *task.options, "--", mission]
 
 
 class RunProcess:
-    """A Work: runs a task in a child process.
+    """A Work that runs a task in a child process.
 
-    The child inherits the file descriptors ``hold``. What it tells people goes to ``out``, line by line.
+    The child inherits the file descriptors ``inherited_files``. ``print_line`` gets its output for people.
     """
 
     def __init__(
@@ -112,9 +112,9 @@ class RunProcess:
         self._clock = SystemClock() if clock is None else clock
 
     def __call__(self, claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
-        """Run it to its end; where that is not to be, since ``stopping`` or ``say`` raises, until it is at rest.
+        """Run a task to its end; if ``stopping`` or ``say`` raises, stop it safely and re-raise.
 
-        Raises OSError where no process can be started, and what those two raise.
+        Raises OSError if no process can be started.
         """
         with _make_leash() as leash:
             command = [*self._command, "--json", f"--leash={leash}", *arguments_of(claim.task)]
@@ -124,7 +124,7 @@ class RunProcess:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 pass_fds=(leash, *self._inherited_files),
-                start_new_session=True,  # a Ctrl-C is for the server, which tells the run
+                start_new_session=True,  # Ctrl-C goes to the server, which stops the run
             ) as process:
                 try:
                     return self._watch(process, stopping, say)
@@ -132,24 +132,24 @@ class RunProcess:
                     _kill(process)
 
     def _watch(self, process: "subprocess.Popen[bytes]", stopping: Stopping, say: Say) -> AttemptOutcome:
-        """Listen to a run until it ends, and stop it where that is wanted."""
-        heard, end = _RunOutput(say, self._print_line), _Termination(process, self._stop_timeout, self._clock)
+        """Read the output of a run until it ends, and stop it on request."""
+        output, end = _RunOutput(say, self._print_line), _Termination(process, self._stop_timeout, self._clock)
         with ProcessOutput(process) as pipes:
             try:
                 for line, from_results in _read_lines(process, pipes, stopping, end):
-                    heard.add_line(line, result=from_results)
+                    output.add_line(line, result=from_results)
             except BaseException:
-                # Whatever goes wrong here, the robot comes to rest. To be heard no more must not block its last words.
+                # After any error here, the robot must come to rest; its last output must not block.
                 for _ in _read_lines(process, pipes, lambda: True, end):
                     pass
                 raise
-        return heard.outcome(process.returncode, end.killed)
+        return output.outcome(process.returncode, end.killed)
 
 
 def _read_lines(
     process: "subprocess.Popen[bytes]", pipes: ProcessOutput, stopping: Stopping, end: "_Termination"
 ) -> Iterator[tuple[str, bool]]:
-    """Yield what a run says, and whether it comes from where results do, until it has ended, or was brought to it."""
+    """Yield each line with True if it comes from the standard output, until the process has ended or was stopped."""
     over = False
     while not over:
         over = process.poll() is not None
@@ -160,7 +160,7 @@ def _read_lines(
 
 
 class _Termination:
-    """Brings a process to its end: asks it to stop and, once ``grace`` seconds are over, kills it."""
+    """Stops a process by SIGTERM, and by SIGKILL after ``grace`` seconds."""
 
     def __init__(self, process: "subprocess.Popen[bytes]", grace: float, clock: Clock) -> None:
         self._process, self._grace, self._clock = process, grace, clock
@@ -169,7 +169,7 @@ class _Termination:
         self.killed = ""
 
     def advance(self) -> None:
-        """Do what is to be done by now."""
+        """Send the signal that is due."""
         if not self.begun:
             self.begun = True
             self._process.terminate()
@@ -180,7 +180,7 @@ class _Termination:
 
 
 class _RunOutput:
-    """What a run has said: notices at once, in the end a result, and lines for people."""
+    """Handles the output of a run: notices, the result, and lines for people."""
 
     def __init__(self, say: Say, out: Callable[[str], None]) -> None:
         self._say, self._out = say, out
@@ -188,28 +188,28 @@ class _RunOutput:
         self._last = ""
 
     def add_line(self, line: str, *, result: bool) -> None:
-        """Take in a line: of JSON, where it comes from where results do."""
-        told = _json(line) if result else None
-        if told is not None and "notice" in told:
-            self._say(_replace_surrogates(told["notice"]))
-        elif told is not None and told.get("result") in ("success", "failure", "interrupted", "error"):
-            self._result = told
+        """Handle a line; with ``result``, it comes from the standard output and may be JSON."""
+        answer = _json(line) if result else None
+        if answer is not None and "notice" in answer:
+            self._say(_replace_surrogates(answer["notice"]))
+        elif answer is not None and answer.get("result") in ("success", "failure", "interrupted", "error"):
+            self._result = answer
         else:
             self._last = line.strip() or self._last
             self._out(line)
 
     def outcome(self, code: int, killed: str) -> AttemptOutcome:
-        """Return how the run ended, which had this exit code. One that could not tell its result was interrupted."""
+        """Return the outcome, given the exit code; without a result, a killed run counts as interrupted."""
         if self._result is not None:
             return AttemptOutcome(self._result["result"], _replace_surrogates(self._result.get("reason", "")))
         if killed or code < 0:
             return AttemptOutcome("interrupted", killed or f"the run died: signal {-code}")
-        return AttemptOutcome("error", self._last or f"the run ended with exit code {code}, and said nothing")
+        return AttemptOutcome("error", self._last or f"the run ended with exit code {code} and no output")
 
 
 @contextmanager
 def _make_leash() -> Iterator[int]:
-    """Give the end of a pipe that ends when this process does, or when this is over."""
+    """Yield the reading end of a pipe that closes with this process or this context."""
     reading, writing = os.pipe()
     try:
         yield reading
@@ -219,14 +219,14 @@ def _make_leash() -> Iterator[int]:
 
 
 def _kill(process: "subprocess.Popen[bytes]") -> None:
-    """Kill a process, and those that it has started; nothing where it has ended."""
+    """Kill a process and its process group, unless it has ended."""
     if process.poll() is None:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
 
 
 def _replace_surrogates(told: object) -> str:
-    """Return a text without the halves of signs that JSON lets through, and that no file or terminal takes."""
+    """Return a text with lone surrogates replaced, which JSON allows but files and terminals refuse."""
     return str(told).encode(errors="replace").decode()
 
 

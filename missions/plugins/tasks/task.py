@@ -1,4 +1,4 @@
-"""Tasks, and the policy that decides what becomes of one once an attempt at it has ended: values, without a queue."""
+"""Tasks and their retry policy, as plain values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,26 +6,26 @@ from pathlib import Path
 from typing import Literal
 
 State = Literal["waiting", "running", "done", "failed", "cancelled", "given_up"]
-"""Where a task is: the first two may change, the last four are for good."""
+"""State of a task; the last four are final."""
 
 How = Literal["success", "failure", "error", "interrupted", "cancelled"]
-"""How an attempt ended; an error is a device that is not there, or a file that is wrong."""
+"""End of an attempt; an error is a missing device or an invalid file."""
 
 Interrupted = Literal["retry", "give-up"]
-"""What to do about a task that was interrupted, of which nobody knows how far it came."""
+"""Policy for an interrupted task, of which nobody knows how far it came."""
 
 Verdict = Literal["done", "again", "failed", "given_up"]
-"""What follows from the end of an attempt; ``given_up`` was interrupted too often, or must not be done twice."""
+"""Consequence of an attempt's end; ``given_up``: interrupted too often, or must not be done twice."""
 
 PRIORITIES = (-100, 100)
-"""The lowest and the highest priority; 0 is that of a task of which nobody says any."""
+"""Lowest and highest priority; the default is 0."""
 
 DEFAULT_MAX_INTERRUPTIONS = 3
-"""Times that a task may be interrupted, unless somebody says otherwise; with the last of them it is given up."""
+"""Default number of interruptions after which a task is given up."""
 
 
 class TaskError(Exception):
-    """Something that cannot be asked of the queue: the message says what and why, ``hint`` what to type next."""
+    """An invalid request to the queue, with a ``hint`` at the next command."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -34,10 +34,10 @@ class TaskError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RetryPolicy:
-    """What to do about a task that did not succeed.
+    """Retry policy of a task.
 
-    An interrupted one is tried again, until it was interrupted ``most`` times; or never. One that failed is tried again
-    ``retries`` times.
+    After an interruption it is retried unless ``interrupted`` is "give-up", and given up after ``most`` interruptions.
+    After a failure it is retried ``retries`` times.
     """
 
     interrupted: Interrupted = "retry"
@@ -45,9 +45,9 @@ class RetryPolicy:
     retries: int = 0
 
     def verdict(self, how: str, failures: int, interruptions: int) -> Verdict:
-        """Return what follows from an attempt that ended, after so many that failed or were interrupted before.
+        """Return the consequence of an attempt's end, given the previous failures and interruptions.
 
-        It is the one rule for tasks of a robot's queue and for those of a fleet.
+        Used for tasks of a robot's queue and of a fleet.
         """
         match how:
             case "success":
@@ -61,20 +61,18 @@ class RetryPolicy:
 
 
 def is_due(not_before: float, now: float, pause: float) -> bool:
-    """Return whether the pause before the next attempt is over; a clock that was set back prolongs no pause."""
+    """Return whether the pause before the next attempt is over; a clock that was set back does not prolong it."""
     return not now < not_before <= now + pause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewTask:
-    """What to do: a mission with its params as texts, and when. Times are seconds of the wall clock (Unix).
+    """A task to add: a mission with its params as texts, and its time. Times are Unix times in seconds.
 
-    ``robot`` is empty for the simulated default; ``options`` are more words for `mission run`. ``due`` is 0 for a task
-    that is to begin as soon as its turn comes, whatever the clock says. Of those that are due, the one of the highest
-    ``priority`` is first. A task that is not begun within ``late`` seconds of when it is due, or was added, is missed;
-    None waits for ever. ``every`` repeats it, as ``times.Repetition`` is written. One that ``needs_approval`` is not begun
-    before somebody has approved it, and each of its repetitions anew. ``channels`` are where its notices went
-    when it was added, as the outbox writes them: the queue fills them in.
+    ``robot`` is empty for the simulated default; ``options`` are further words for `mission run`. ``due`` is 0 for a
+    task that runs as soon as its turn comes. The task is missed if it has not begun ``late`` seconds after it was due
+    or added; None waits for ever. ``every`` is the text of a ``queue.Repetition``. ``channels`` are filled in by the
+    queue: where notices went when the task was added.
     """
 
     mission: str
@@ -91,18 +89,17 @@ class NewTask:
 
     @property
     def name(self) -> str:
-        """The mission's name for people: that of its file, for one that is named by its whole path."""
+        """Name of the mission for people: a library name, or the stem of a file."""
         path = Path(self.mission)
         return path.stem if path.is_absolute() else self.mission
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task(NewTask):
-    """A task in the queue. ``reason`` says why it ended as it did; ``cancelling`` that somebody wants it stopped.
+    """A task in the queue. ``reason`` explains its state; ``cancelling`` means that it is to be stopped.
 
-    ``attempts`` were begun; ``failures`` of them ended in a failure, ``interruptions`` were cut off by something that
-    counts. It is not begun before ``not_before``. ``approved`` is when somebody did so, ``approved_by`` who.
-    ``series`` is the first task of a repetition.
+    ``attempts`` counts attempts, ``failures`` and ``interruptions`` those that ended so and count for the policy.
+    ``not_before`` is the end of the pause before the next attempt. ``series`` is the first task of a repetition.
     """
 
     id: int
@@ -120,23 +117,23 @@ class Task(NewTask):
 
     @property
     def awaits_approval(self) -> bool:
-        """Whether it waits for somebody to approve it."""
+        """Whether it waits for a person's approval."""
         return self.needs_approval and self.approved is None and self.state == "waiting"
 
     @property
     def has_ended(self) -> bool:
-        """True once nothing more will become of it."""
+        """Whether its state is final."""
         return self.state not in ("waiting", "running")
 
     @property
     def due_since(self) -> float:
-        """When it was due, or, where it has no time, was added."""
+        """Time at which it was due, or was added if it has no time."""
         return max(self.due, self.added)
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One try at a task, the ``number``-th; ``ended`` and ``how`` are None while it goes on."""
+    """An attempt at a task, the ``number``-th; ``ended`` and ``how`` are None while it runs."""
 
     id: int
     task: int
@@ -149,20 +146,20 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A task that is being run, and the attempt that this is."""
+    """A running task with the ID of its present attempt."""
 
     task: Task
     attempt: int
 
     @property
     def number(self) -> int:
-        """Which attempt at the task this is, from 1."""
+        """Number of the attempt at the task, from 1."""
         return self.task.attempts
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptOutcome:
-    """How an attempt ended, and why; ``stopped`` where it was interrupted because somebody stopped the server."""
+    """End of an attempt with its reason; ``stopped`` if it was interrupted because the server was stopped."""
 
     how: How
     reason: str = ""
@@ -170,9 +167,9 @@ class AttemptOutcome:
 
 
 def next_state(task: Task, how: How, *, stopped: bool = False) -> State:
-    """Return what a running task becomes when the present attempt ends.
+    """Return the state of a running task after its attempt.
 
-    An interruption by somebody who has ``stopped`` the server does not count towards the most that there may be.
+    An interruption because the server was ``stopped`` does not count towards the maximum.
     """
     if how == "cancelled" or (how != "success" and task.cancelling):
         return "cancelled" if how in ("cancelled", "interrupted") else "failed"

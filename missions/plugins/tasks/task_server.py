@@ -1,4 +1,4 @@
-"""The server: takes one task after another from the queue, has it done, and keeps what came of it."""
+"""The task server: takes tasks from the queue, runs them one at a time, and stores the results."""
 
 import sqlite3
 from collections.abc import Callable
@@ -12,16 +12,16 @@ from missions.plugins.tasks.run_process import Work
 from missions.plugins.tasks.task import AttemptOutcome, Claim
 
 POLL_INTERVAL = 0.5
-"""Seconds from one look into the queue to the next: a task that is added begins within that time."""
+"""Seconds between two checks of the queue; a new task begins within that time."""
 
 T = TypeVar("T")
 
 
 class TaskServer:
-    """Does what is due, in order, one task at a time; ``run`` it on one thread, ``stop`` it from any.
+    """Runs due tasks in order, one at a time; ``run`` on one thread, ``stop`` from any.
 
-    Only while nobody else serves the same ``queue``. ``now`` is the wall clock (Unix), ``tell`` hears what people
-    should know. While ``held`` says so, nothing begins. ``explain`` says of a queue that cannot be used what to do.
+    No other server may serve the same ``queue``. ``now`` returns Unix time, ``report`` prints a text for people. No
+    task begins while ``is_held`` returns True. ``explain`` describes a database error.
     """
 
     def __init__(
@@ -36,17 +36,17 @@ class TaskServer:
     ) -> None:
         self._queue, self._work, self._now, self._report = queue, work, now, report
         self._is_held, self._explain = is_held, explain
-        self._pause = Event()  # nobody sets it: a signal handler, which stops the server, must take no lock
+        self._pause = Event()  # never set: a signal handler must not take its lock
         self._stopping = False
         self._last_error = ""
 
     def stop(self, reason: str) -> None:
-        """End the run that goes on, safely, and then the server. The one call that a signal handler may make."""
+        """Stop the present run safely, then the server. Takes no lock, so a signal handler may call it."""
         del reason
         self._stopping = True
 
     def run(self, *, once: bool = False) -> None:
-        """Serve until told to stop; with ``once``, until nothing is due, nor to be tried again."""
+        """Serve until ``stop``; with ``once``, until no task is due or waits for a retry."""
         self._retry_until_stored(lambda: self._queue.recover(self._now()))
         while not self._stopping:
             now = self._now()
@@ -76,11 +76,11 @@ class TaskServer:
         if self._stopping and outcome.how == "interrupted":
             reason = f"the server was stopped{': ' if outcome.reason else ''}{outcome.reason}"
             outcome = AttemptOutcome("interrupted", reason, stopped=True)
-        # Where even this cannot be written before the end, the next server finds the attempt without an end.
+        # If this cannot be written either, the next server finds the attempt without an end.
         self._retry_until_stored(lambda: self._queue.finish(claim, outcome, self._now()))
 
     def _retry_until_stored(self, action: Callable[[], T]) -> T | None:
-        """Do something with the queue; where its disk is full, again until there is room, or the server is to stop."""
+        """Call a function of the queue, retrying while the disk is full, until the server is stopped."""
         while True:
             try:
                 result = action()

@@ -47,7 +47,7 @@ def test_a_stop_that_is_not_on_the_disk_is_told_so(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(os, "fsync", full)
     _, keep = FleetLatch(tmp_path).stop("me")
-    assert keep() == "; it is not kept over a restart: Input/output error"
+    assert keep() == "; a restart will release it: Input/output error"
 
 
 def test_a_robot_stays_in_its_fleet_when_an_answer_cannot_be_sent(tmp_path: Path) -> None:

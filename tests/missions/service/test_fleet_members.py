@@ -127,7 +127,7 @@ def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_
 def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp_path: Path) -> None:
     body, told = CountingBody(), list[bytes]()
     body.telemetry = odd
-    line = SimpleNamespace(tell=told.append, announce=lambda *_: None, close=lambda: None)
+    line = SimpleNamespace(publish_state=told.append, announce=lambda *_: None, close=lambda: None)
     clock = ManualClock()
     robot = FleetMember(
         RobotInfo(ANNA, "kobuki"), cast("ZenohTransport", line), Roster(clock), body, FleetLatch(tmp_path), clock=clock
@@ -148,13 +148,13 @@ def test_two_robots_with_one_number_as_of_a_copied_card_take_no_task_and_are_tol
     ):
         wait_until(lambda: one.is_duplicate and two.is_duplicate)
         wait_until(lambda: operator.members()[ANNA].state is not None and not state(operator, ANNA).free)
-        assert "another robot has the number 0000000a" in caplog.text
+        assert "another robot has the same number 0000000a" in caplog.text
         one.run_once()
         two._publish(two._state)
         one._publish(one._state)
         wait_until(lambda: operator.roster.is_duplicate(ANNA))
         _, silent = operator.stop()
-        assert silent == [f"{ANNA}, a number that two robots have"]
+        assert silent == [f"{ANNA}, a number shared by two robots"]
 
 
 @pytest.mark.real_time

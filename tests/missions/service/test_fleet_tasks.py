@@ -385,7 +385,7 @@ def test_a_keeper_whose_number_another_robot_has_too_keeps_nothing_and_gives_not
     assert not anna.queue.tasks()
     answer = fleet.keeper.answer(KeepTask(task=f"{DESK}/00000000000c", mission="greet"))
     assert answer is not None
-    assert "another robot has the number" in answer.reason
+    assert "another robot has the same number" in answer.reason
     fleet.keeper.is_duplicate = lambda: False
     fleet.turn(3.0)
     assert anna.begin()
@@ -432,7 +432,7 @@ def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> N
     ("wrong", "why"),
     [
         ({"task": "bob/0000000b/0123456789ab"}, "is not the ID"), ({"task": "../x"}, "is not the ID"),
-        ({"mission": "/etc/passwd"}, "no name of a mission"), ({"mission": "../greet"}, "no name of a mission"),
+        ({"mission": "/etc/passwd"}, "not the name of a library mission"), ({"mission": "../greet"}, "not the name of a library mission"),
         ({"where": "__import__('os')"}, "cannot be called"), ({"where": "battery >"}, "is not an expression"),
     ],
 )  # fmt: skip

@@ -34,19 +34,19 @@ def test_a_disk_that_sqlite_finds_full_is_told_with_what_to_do(tmp_path: Path) -
             connection.execute("CREATE TABLE more AS SELECT zeroblob(100000)")
     told = queue_error(path, raised.value)
     assert isinstance(told, DiskFullError)
-    assert "tasks.db: its disk is full: what the queue has is safe" in str(told)
-    assert told.hint == f"df -h {tmp_path}, and make room there"
+    assert "tasks.db: the disk is full: the tasks in the queue are safe" in str(told)
+    assert told.hint == f"df -h {tmp_path}, and free some space"
 
 
 @pytest.mark.parametrize(
     ("error", "said", "hint"),
     [
-        (OSError(ENOSPC, os.strerror(ENOSPC)), "its disk is full", "df -h "),
-        (OSError(EROFS, os.strerror(EROFS)), "can only be read (Read-only file system)", "findmnt -T "),
-        (OSError(EIO, os.strerror(EIO)), "does not do what it is told (Input/output error)", "dmesg | tail"),
-        (of_code(sqlite3.SQLITE_READONLY, "attempt to write"), "can only be read (attempt to write)", "findmnt -T "),
-        (of_code(sqlite3.SQLITE_IOERR_FSYNC, "disk I/O error"), "does not do what it is told", "dmesg | tail"),
-        (of_code(sqlite3.SQLITE_BUSY, "database is locked"), "another program writes", "fuser "),
+        (OSError(ENOSPC, os.strerror(ENOSPC)), "the disk is full", "df -h "),
+        (OSError(EROFS, os.strerror(EROFS)), "is read-only (Read-only file system)", "findmnt -T "),
+        (OSError(EIO, os.strerror(EIO)), "disk error (Input/output error)", "dmesg | tail"),
+        (of_code(sqlite3.SQLITE_READONLY, "attempt to write"), "is read-only (attempt to write)", "findmnt -T "),
+        (of_code(sqlite3.SQLITE_IOERR_FSYNC, "disk I/O error"), "disk error", "dmesg | tail"),
+        (of_code(sqlite3.SQLITE_BUSY, "database is locked"), "locked by another program", "fuser "),
         (of_code(sqlite3.SQLITE_ERROR, "no such thing"), "no such thing", "XDG_STATE_HOME"),
     ],
 )
@@ -81,12 +81,12 @@ def test_who_holds_a_lock_need_not_be_written_down(tmp_path: Path, monkeypatch: 
 def test_a_folder_in_the_place_of_the_queue_is_no_emptied_queue(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     path.mkdir()
-    with pytest.raises(TaskError, match=r"tasks\.db: is no file, as a queue is") as raised:
+    with pytest.raises(TaskError, match=r"tasks\.db: not a regular file") as raised:
         open_db(path)
     assert raised.value.hint.startswith(f"mv {path} ")
     path.rmdir()
     path.symlink_to("/dev/zero")
-    with pytest.raises(TaskError, match="is no file"):
+    with pytest.raises(TaskError, match="not a regular file"):
         open_db(path)
 
 
@@ -96,7 +96,7 @@ def test_a_database_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
         other.execute("CREATE TABLE songs (name)")
         other.execute("PRAGMA user_version = 5")
     before = path.read_bytes()
-    with pytest.raises(TaskError, match="no queue of tasks: it has no tables of a queue"):
+    with pytest.raises(TaskError, match="not a task queue: it lacks the tables of a queue"):
         open_db(path)
     assert path.read_bytes() == before
 
@@ -112,15 +112,15 @@ def test_on_a_full_disk_nothing_is_lost_and_the_queue_goes_on_when_there_is_room
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     refused, hint = told["refused"]
-    assert "its disk is full: what the queue has is safe" in refused
+    assert "the disk is full: the tasks in the queue are safe" in refused
     assert hint.startswith(f"df -h {tmp_path}")
     (waited,) = told["waited"]
-    assert "its disk is full" in waited
-    assert "waiting for room" in waited
+    assert "the disk is full" in waited
+    assert "waiting for free space" in waited
     first, trouble_, again = told["served"]
     assert first == "task 1: first begins"
     assert "the queue cannot be used: " in trouble_
-    assert "its disk is full" in trouble_
+    assert "the disk is full" in trouble_
     assert "df -h" in trouble_
     assert again == "the queue can be used again"
     assert told["states"] == ["done"]

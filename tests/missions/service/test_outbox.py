@@ -215,7 +215,7 @@ def test_after_a_week_notices_are_given_up_and_that_is_said_once(post: Post) -> 
     post.away["home"] = "gone for good"
     post.rounds(int(MAX_NOTICE_AGE / 7200.0) + 20, 7200.0)
     assert [line for line in post.told if "week" in line] == [
-        "after a week, what waits for home is given up (3): gone for good"
+        "after a week, waiting notices for home are given up (3): gone for good"
     ]
     tried = len(post.tried)
     post.rounds(20, MAX_RETRY_DELAY)
@@ -326,7 +326,7 @@ def test_a_program_that_hangs_does_not_outlive_the_courier(queue: Shop, tmp_path
     child = int(number.read_text(encoding="ascii"))
     wait_until(lambda: not alive(child), 5.0)
     (letter, _) = queue.outbox.notices_of(1)
-    assert letter.last_error == "sh: had not ended when the server did"
+    assert letter.last_error == "sh: was still running when the server ended"
     assert queue.outbox.pending_count() == 2
 
 
@@ -353,7 +353,7 @@ def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
         courier.flush(30.0)
     assert (len(taken), queue.outbox.pending_count()) == (2, 0)
     (said,) = told
-    assert said.startswith(f"notices wait: {tmp_path / 'tasks.db'}: database or disk is full; trying on")
+    assert said.startswith(f"notices wait: {tmp_path / 'tasks.db'}: database or disk is full; retrying")
 
 
 def test_a_queue_that_cannot_be_opened_is_told(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_a_run_that_died_without_a_result_was_interrupted() -> None:
 def test_a_run_that_ends_without_a_result_says_why() -> None:
     script = "print('mission: no such file', file=sys.stderr); sys.exit(2)"
     assert Attended(script).outcome == AttemptOutcome("error", "mission: no such file")
-    assert Attended("sys.exit(70)").outcome.reason == "the run ended with exit code 70, and said nothing"
+    assert Attended("sys.exit(70)").outcome.reason == "the run ended with exit code 70 and no output"
 
 
 def test_a_result_counts_even_where_the_run_dies_after_it() -> None:

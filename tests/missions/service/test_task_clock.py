@@ -47,7 +47,7 @@ def test_a_task_without_a_time_is_late_after_it_was_added(queue: Shop) -> None:
     queue.now += 61.0
     assert queue.queue.claim(queue.now) is None
     assert queue.told(number) == [
-        f"greet (task {number}) was missed: it was due at 2026-11-21 12:00, and is not begun more than 60 s later"
+        f"greet (task {number}) was missed: it was due at 2026-11-21 12:00, and does not begin more than 60 s later"
     ]
 
 
@@ -96,7 +96,7 @@ def test_a_repetition_that_nobody_can_read_ends_and_says_so(queue: Shop) -> None
     task = queue.attempt("failure", "no camera")
     assert (task.state, task.reason) == (
         "failed",
-        "no camera; it is not repeated: '1e15 s' is too seldom: at most a year, 8784 h",
+        "no camera; it is not repeated: '1e15 s' is too rare: at most a year, 8784 h",
     )
     assert [each.id for each in queue.queue.tasks()] == [number]
 
@@ -109,7 +109,7 @@ def test_a_task_that_was_missed_is_told_and_the_next_one_waits(queue: Shop) -> N
     task = queue.queue.task(number)
     assert (task.state, task.attempts) == ("given_up", 0)
     assert queue.told(number) == [
-        f"greet (task {number}) was missed: it was due at 2026-11-21 12:00, and is not begun more than 3600 s later"
+        f"greet (task {number}) was missed: it was due at 2026-11-21 12:00, and does not begin more than 3600 s later"
     ]
     assert [each.due for each in queue.queue.tasks(ended=False) if each.state == "waiting"] == [START + 86400.0]
 

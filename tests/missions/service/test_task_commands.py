@@ -94,13 +94,13 @@ def test_a_task_is_moved_before_another_while_it_waits(user: User) -> None:
     assert user.task("move", "2", "--priority", "5").out == "task 2 has priority 5\n"
     assert [task["id"] for task in user.tasks()] == [2, 1]
     user.task("remove", "1")
-    assert user.task("move", "1", "--priority", "5").err.startswith("Error: task 1 does not wait: it is cancelled")
+    assert user.task("move", "1", "--priority", "5").err.startswith("Error: task 1 is not waiting: it is cancelled")
     assert "there is no task 9" in user.task("move", "9", "--priority", "5").err
 
 
 def test_a_task_that_needs_approval_begins_once_somebody_has_approved_it(user: User) -> None:
     added = user.add("--needs-approval")
-    assert "it begins once somebody approves it: mission task approve 1\n" in added.out
+    assert "it waits for approval: mission task approve 1\n" in added.out
     serve_once()
     assert "needs approval" in user.task("list").out
     assert user.state_of(1) == "waiting"
@@ -109,19 +109,19 @@ def test_a_task_that_needs_approval_begins_once_somebody_has_approved_it(user: U
     assert f"approved by {getuser()}\n" in user.task("log", "1").out
     serve_once()
     assert user.state_of(1) == "done"
-    assert "task 1 does not wait: it is done" in user.task("approve", "1").err
+    assert "task 1 is not waiting: it is done" in user.task("approve", "1").err
 
 
 def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     added = user.add("--at", "2126-12-24 18:00")
     assert added.out == "task 1: tell at 2126-12-24 18:00:00\n"
-    assert added.err == "nobody does tasks at the moment: mission task serve\n"
+    assert added.err == "no server is running the tasks: mission task serve\n"
     listed = user.task("list").out.splitlines()
     assert listed[1].split()[:4] == ["1", "waiting", "2126-12-24", "18:00:00"]
     assert "to=Ana time=0 s" in listed[1]
     assert user.task("remove", "1").out == "task 1 is cancelled\n"
-    assert user.task("list").out == "no tasks wait; --all shows those that have ended\n"
-    assert user.task("log", "1").out.splitlines()[0] == "task 1: tell, cancelled: somebody cancelled it"
+    assert user.task("list").out == "no waiting tasks; --all shows the ended ones\n"
+    assert user.task("log", "1").out.splitlines()[0] == "task 1: tell, cancelled: it was cancelled"
     assert json.loads(user.task("log", "1", "--json").out)["task"]["state"] == "cancelled"
 
 
@@ -188,15 +188,15 @@ def test_a_damaged_queue_is_told_in_words(user: User, capsys: pytest.CaptureFixt
     path.write_bytes(path.read_bytes()[:4096] + b"\x5a" * 65536)
     for outcome in (user.task("list"), command(capsys, "task", "serve", "--once")):
         assert outcome.code == 2
-        assert f"{path}: is damaged, or no queue of tasks: " in outcome.err
+        assert f"{path}: is damaged, or not a task queue: " in outcome.err
         assert f"try: mv {path} {path}.broken" in outcome.err
 
 
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["greet", "--at", "25:00"], "'25:00' is no time of day"),
-        (["greet", "--at", "2001-01-01 00:00"], "is over"),
+        (["greet", "--at", "25:00"], "'25:00' is not a time of day"),
+        (["greet", "--at", "2001-01-01 00:00"], "is in the past"),
         (["greet", "--every", "mondy"], "did you mean 'monday'"),
         (["gret"], "did you mean 'greet'"),
         (["greet", "--robot", "nobody"], "unknown robot 'nobody'"),
@@ -227,7 +227,7 @@ def test_a_second_server_is_refused(user: User, capsys: pytest.CaptureFixture[st
     with hold_lock(user.state / "serve.lock"):
         outcome = command(capsys, "task", "serve", "--once")
     assert outcome.code == 2
-    assert "another `mission task serve` does the tasks" in outcome.err
+    assert "another `mission task serve` runs the tasks" in outcome.err
 
 
 # Real runs
@@ -255,7 +255,7 @@ def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: U
     server.end(signal.SIGKILL)
     wait_until(lambda: not is_locked(user.lock), 60.0)
     told = serve_once()
-    assert any("was interrupted, and is given up: the machine or the server went down" in line for line in told)
+    assert any("was interrupted, and is given up: the computer or the server went down" in line for line in told)
     assert user.state_of(1) == "given_up"
 
 
@@ -317,4 +317,4 @@ def test_the_list_names_what_was_added_at_a_time_to_come(user: User) -> None:
     outcome = user.task("list")
     assert "at once" in outcome.out
     assert "task 1 was added at 2200-01-01" in outcome.err
-    assert "mission task remove 1, and add it anew" in outcome.err
+    assert "mission task remove 1, and add it again" in outcome.err

@@ -57,7 +57,7 @@ def test_a_queue_of_another_version_is_refused_and_left_as_it_is(
     with closing(open_db(path)) as connection:
         connection.execute(f"PRAGMA user_version = {version}")
     before = path.read_bytes()
-    with pytest.raises(TaskError, match=f"is of version {version}, made by {words} MissionTree") as raised:
+    with pytest.raises(TaskError, match=f"version {version} was made by {words} MissionTree") as raised:
         open_db(path)
     assert raised.value.hint.startswith(hint)
     assert path.read_bytes() == before
@@ -66,7 +66,7 @@ def test_a_queue_of_another_version_is_refused_and_left_as_it_is(
 def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     path.write_text("my notes" * 1000, encoding="utf-8")
-    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: file is not a database") as raised:
+    with pytest.raises(TaskError, match="is damaged, or not a task queue: file is not a database") as raised:
         open_db(path)
     assert raised.value.hint.startswith(f"mv {path} {path}.broken  (")
     assert path.read_text(encoding="utf-8") == "my notes" * 1000
@@ -77,7 +77,7 @@ def test_a_damaged_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
     open_db(path).close()
     damaged = path.read_bytes()[:4096] + b"\x5a" * 8192
     path.write_bytes(damaged)
-    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: ") as raised:
+    with pytest.raises(TaskError, match="is damaged, or not a task queue: ") as raised:
         open_db(path)
     assert f"mv {path} {path}.broken" in raised.value.hint
     assert path.read_bytes() == damaged
@@ -90,7 +90,7 @@ def test_a_queue_that_was_emptied_or_cut_off_is_no_new_queue(tmp_path: Path) -> 
     whole = path.read_bytes()
     for length in (0, 1, 100, 511, 512, 4096, 8192, len(whole) // 2, len(whole) - 4096):
         path.write_bytes(whole[:length])
-        with pytest.raises(TaskError, match="is damaged, or no queue of tasks: ") as raised:
+        with pytest.raises(TaskError, match="is damaged, or not a task queue: ") as raised:
             open_db(path)
         assert f"mv {path} {path}.broken" in raised.value.hint
         assert path.read_bytes() == whole[:length]
@@ -103,7 +103,7 @@ def test_a_database_of_something_else_gets_no_tables_of_ours(tmp_path: Path) -> 
     path = tmp_path / "tasks.db"
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("CREATE TABLE songs (name)")
-    with pytest.raises(TaskError, match="no queue of tasks: it has no tables of a queue"):
+    with pytest.raises(TaskError, match="not a task queue: it lacks the tables of a queue"):
         open_db(path)
 
 
@@ -112,7 +112,7 @@ def test_a_log_without_its_queue_is_no_new_queue(tmp_path: Path) -> None:
     with closing(open_db(path)) as connection:
         connection.execute("INSERT INTO attempt (task, number, began) SELECT 1, 1, 0 WHERE 0")
         path.unlink()
-        with pytest.raises(TaskError, match=r"tasks\.db: is gone, and its log tasks\.db-wal is still there"):
+        with pytest.raises(TaskError, match=r"tasks\.db: is missing, but its log tasks\.db-wal is still there"):
             open_db(path)
     (tmp_path / "tasks.db-wal").unlink(missing_ok=True)
     open_db(path).close()
@@ -127,7 +127,7 @@ def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path
     whole = path.read_bytes()
     middle = len(whole) // 8192 * 4096
     path.write_bytes(whole[:middle] + b"\x5a" * 4096 + whole[middle + 4096 :])
-    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: "):
+    with pytest.raises(TaskError, match="is damaged, or not a task queue: "):
         open_db(path)
 
 
@@ -139,7 +139,7 @@ def test_a_task_that_is_not_as_it_was_written_is_damage_and_no_fault_of_ours(tmp
         for wrong in ("", "7x", "[" * 100_000):
             with closing(sqlite3.connect(path)) as other, other:
                 other.execute(f"UPDATE task SET {column} = ?", (wrong,))  # noqa: S608 - ours
-            with pytest.raises(TaskError, match="task 1 is not as it was written"), queue_errors(path):
+            with pytest.raises(TaskError, match="task 1 is damaged"), queue_errors(path):
                 opened.queue.tasks()
 
 
@@ -150,7 +150,7 @@ def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: s
         opened.add(new())
         with closing(sqlite3.connect(path)) as other, other:
             other.execute(f"UPDATE task SET {column} = x'ff00'")  # noqa: S608 - ours
-        with pytest.raises(TaskError, match="task 1 is not as it was written"), queue_errors(path):
+        with pytest.raises(TaskError, match="task 1 is damaged"), queue_errors(path):
             opened.queue.tasks()
 
 
@@ -159,10 +159,10 @@ def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: s
     [
         ("attempt", "began", "attempt 1"),
         ("attempt", "ended", "attempt 1"),
-        ("outbox", "added", "letter 1"),
-        ("outbox", "tries", "letter 1"),
-        ("outbox", "delivered", "letter 1"),
-        ("outbox", "body", "letter 1"),
+        ("outbox", "added", "notice 1"),
+        ("outbox", "tries", "notice 1"),
+        ("outbox", "delivered", "notice 1"),
+        ("outbox", "body", "notice 1"),
     ],
 )
 def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
@@ -177,7 +177,7 @@ def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
                 continue
             with closing(sqlite3.connect(path)) as other, other:
                 other.execute(f"UPDATE {table} SET {column} = ?", (wrong,))  # noqa: S608 - ours
-            with pytest.raises(TaskError, match=f"{what} is not as it was written"), queue_errors(path):
+            with pytest.raises(TaskError, match=f"{what} is damaged"), queue_errors(path):
                 _ = opened.queue.attempts(1), opened.outbox.notices_of(1)
 
 
@@ -202,7 +202,7 @@ def test_a_folder_that_cannot_be_made_says_what_to_try(tmp_path: Path) -> None:
 def test_a_disk_without_a_write_ahead_log_is_refused() -> None:
     with (
         closing(sqlite3.connect(":memory:", isolation_level=None)) as connection,
-        pytest.raises(TaskError, match="cannot keep a queue safe"),
+        pytest.raises(TaskError, match="cannot store a queue safely"),
     ):
         prepare(connection, Path("tasks.db"), new=True)
 

@@ -188,7 +188,7 @@ class Days(RuleBasedStateMachine):
             if task.series is not None:
                 series.setdefault(task.series, []).append(task)
         for tasks in series.values():
-            live = [task for task in tasks if not task.ended]
+            live = [task for task in tasks if not task.has_ended]
             stopped = any(task.state == "cancelled" or task.cancelling for task in tasks)
             assert len(live) <= 1
             assert bool(live) != stopped or [task.state for task in live] == ["running"]

@@ -57,7 +57,7 @@ def test_the_order_is_read_from_an_index(queue: Shop) -> None:
 
 def test_a_text_that_is_not_utf_8_is_refused(queue: Shop) -> None:
     for task in (replace(new(), mission="Ren\udce9.yaml"), replace(new(), params={"to": "Ren\udce9"})):
-        with pytest.raises(TaskError, match=r"'Ren\\udce9.*' cannot be kept: it is not UTF-8"):
+        with pytest.raises(TaskError, match=r"'Ren\\udce9.*' cannot be stored: it is not UTF-8"):
             queue.add(task)
     assert queue.queue.tasks() == []
 
@@ -135,7 +135,7 @@ def test_what_a_crash_cut_off_is_interrupted_and_goes_first_again(queue: Shop) -
     (task,) = queue.queue.recover(queue.now)
     assert (task.id, task.state) == (number, "waiting")
     assert queue.told(number) == [
-        f"greet (task {number}) was interrupted: the machine or the server went down; it is tried again"
+        f"greet (task {number}) was interrupted: the computer or the server went down; it is tried again"
     ]
     assert [queue.attempt("success").id for _ in range(2)] == [number, other]
     assert queue.queue.recover(queue.now) == []
@@ -230,7 +230,7 @@ def test_a_task_that_was_to_be_cancelled_when_all_went_down_is(queue: Shop) -> N
 def test_what_cannot_be_cancelled_says_why(queue: Shop) -> None:
     number = queue.add(new())
     queue.attempt("success")
-    with pytest.raises(TaskError, match=f"task {number} has ended already: it is done"):
+    with pytest.raises(TaskError, match=f"task {number} has already ended: it is done"):
         queue.queue.cancel(number, queue.now)
     with pytest.raises(TaskError, match="there is no task 99") as raised:
         queue.queue.cancel(99, queue.now)

@@ -1,4 +1,4 @@
-"""``mission fleet``: the robots that `mission task serve --fleet` announces: list, stop and release them."""
+"""``mission fleet``: list, stop and release the robots of a fleet."""
 
 import json
 from collections.abc import Iterator
@@ -16,20 +16,23 @@ from missions.plugins.fleet.operator import Operator
 from missions.plugins.fleet.zenoh_transport import RosterEntry
 
 WATCH_INTERVAL = 0.2
-"""Seconds from one look at the list to the next."""
+"""Seconds between two checks of the roster."""
 
 
 @click.group("fleet", cls=LazyGroup, epilog="Example: mission fleet list")
 def command() -> None:
-    """See the robots of a fleet, give them tasks, stop them all. `mission task serve --fleet NAME` puts each there."""
+    """List the robots of a fleet, give them tasks, and stop them.
+
+    A robot joins with `mission task serve --fleet NAME`.
+    """
 
 
 @command.command(name="list", epilog="Example: mission fleet list --watch")
 @FLEET
-@click.option("--watch", is_flag=True, help="Go on, with a new list at each change.")
+@click.option("--watch", is_flag=True, help="Update the list at each change.")
 @AS_JSON
 def list_command(name: str | None, watch: bool, as_json: bool) -> int:
-    """List the robots: how each is connected, what it does, its battery, and where it is by its own odometry."""
+    """List the robots: connection, mission, battery, odometry position and state."""
     with open_operator(name) as operator:
         operator.discover()
         _show(operator, as_json=as_json)
@@ -46,18 +49,18 @@ def list_command(name: str | None, watch: bool, as_json: bool) -> int:
 def _show(operator: Operator, *, as_json: bool) -> None:
     members = sorted(operator.members().values(), key=lambda each: each.address)
     if as_json:
-        told = [
+        lines = [
             {**asdict(each.address), "connection": each.connection, "state": each.state and asdict(each.state)}
             for each in members
         ]
-        click.echo(json.dumps(told))
+        click.echo(json.dumps(lines))
         return
     names = [each.address.name for each in members]
     rows = [list(_row(each, twice=names.count(each.address.name) > 1)) for each in members]
-    rows += [[name, "OFFLINE", "-", "-", "-", "-", "nobody has met it"] for name in operator.missing_robots()]
+    rows += [[name, "OFFLINE", "-", "-", "-", "-", "it has not been seen"] for name in operator.missing_robots()]
     if not rows:
         click.echo(
-            f"nobody is in fleet '{operator.fleet.fleet}'\n  try: mission task serve --fleet {operator.fleet.fleet}"
+            f"no robots in fleet '{operator.fleet.fleet}'\n  try: mission task serve --fleet {operator.fleet.fleet}"
         )
         return
     headings = ("name", "connection", "robot", "mission", "battery", "at", "state")
@@ -65,7 +68,7 @@ def _show(operator: Operator, *, as_json: bool) -> None:
 
 
 def _row(member: RosterEntry, *, twice: bool) -> Iterator[str]:
-    """Yield the cells of a robot; two of one name are told apart by their numbers."""
+    """Yield the cells of a robot; with ``twice``, its name includes the number, since another robot has the same name."""
     state = member.state
     yield str(member.address) if twice else member.address.name
     yield member.connection
@@ -83,9 +86,10 @@ def _row(member: RosterEntry, *, twice: bool) -> Iterator[str]:
 @command.command(epilog="Example: mission fleet stop")
 @FLEET
 def stop(name: str | None) -> int:
-    """Stop all robots: each stands still, latched, and begins nothing, until `mission fleet release`.
+    """Stop and latch all robots until `mission fleet release`.
 
-    Each confirms it; those that do not are named, and were perhaps not reached: go there, or press their stop.
+    Each robot confirms the stop. Robots that do not are listed and were perhaps not reached: go there, or press their
+    stop.
     """
     with open_operator(name) as operator:
         answers, silent = operator.stop()
@@ -94,7 +98,7 @@ def stop(name: str | None) -> int:
     for each in silent:
         click.echo(f"{each}: DID NOT ANSWER\n  try: mission stop, at that robot", err=True)
     if not answers and not silent:
-        click.echo("nobody is in this fleet: nobody was stopped\n  try: mission fleet list", err=True)
+        click.echo("no robots in this fleet; nothing was stopped\n  try: mission fleet list", err=True)
         return FAILURE
     return FAILURE if silent or not all(each.ok for each in answers.values()) else SUCCESS
 
@@ -102,11 +106,11 @@ def stop(name: str | None) -> int:
 @command.command(epilog="Example: mission fleet release anna")
 @click.argument("robots", nargs=-1, metavar="[ROBOT]...")
 @FLEET
-@click.option("--resume", is_flag=True, help="Let missions go on; else they stay paused.")
+@click.option("--resume", is_flag=True, help="Resume the missions, instead of leaving them paused.")
 def release(robots: tuple[str, ...], name: str | None, resume: bool) -> int:
-    """Release the stop of all robots, or of those named. A stop that came meanwhile holds.
+    """Release the stop of all robots, or of the named ones. A newer stop stays latched.
 
-    NAME/NUMBER is one of two robots of one name, as the list shows them.
+    ROBOT is a name, or NAME/NUMBER if two robots have the same name.
     """
     with open_operator(name) as operator:
         answers = operator.release(robots, resume=resume)

@@ -1,4 +1,4 @@
-"""``mission fleet run``, ``tasks`` and ``decide``: what a fleet is to do, and what becomes of it."""
+"""``mission fleet run``, ``tasks`` and ``decide``: give tasks to a fleet and follow them."""
 
 import json
 import secrets
@@ -26,19 +26,21 @@ from missions.plugins.tasks.task import Interrupted, TaskError
 
 # Being at a fleet for a command of a terminal.
 
-FLEET = shared_option("--fleet", "name", metavar="NAME", help="Which fleet; else that of fleet.yaml, or `home`.")
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+FLEET = shared_option(
+    "--fleet", "name", metavar="NAME", help="Name of the fleet; the default is that of fleet.yaml, or `home`."
+)
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
 def fleet_of(name: str | None) -> FleetKeys:
-    """Return the fleet of the user's file, under another name where one is given."""
+    """Return the configuration in fleet.yaml, with the fleet's name replaced by ``name`` if given."""
     found = load_fleet()
     return found if name is None else replace(found, fleet=name)
 
 
 @contextmanager
 def open_operator(name: str | None) -> Iterator[Operator]:
-    """Give an operator of a fleet while this is entered; say what is wrong in words."""
+    """Connect an operator to a fleet for the duration of a command; errors become click exceptions."""
     try:
         with connect_operator(fleet_of(name)) as operator:
             yield operator
@@ -48,23 +50,27 @@ def open_operator(name: str | None) -> Iterator[Operator]:
 
 
 READABLE_FIELDS = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
-"""What `--where` may read of a robot."""
+"""Names that an expression of `--where` may read."""
 
 
 @click.command(cls=SharingCommand, epilog='Example: mission fleet run greet --on any --where "battery > 40 %"')
 @click.argument("mission")
 @params_option
 @FLEET
-@click.option("--on", default="any", show_default=True, metavar="NAME", help="Which robot: a name, `any` or `all`.")
-@click.option("--where", default="", metavar="CONDITION", help='How it has to be: "battery > 40 %", "x < 3 m".')
+@click.option("--on", default="any", show_default=True, metavar="NAME", help="Robot: a name, `any` or `all`.")
+@click.option("--where", default="", metavar="CONDITION", help='Condition on the robot: "battery > 40 %", "x < 3 m".')
 @click.option(
     "--if-interrupted",
     "interrupted",
     type=click.Choice(["retry", "give-up"]),
-    help="What to do where nobody knows how far it came. Else as its mission says, or retry.",
+    help="Action if it was interrupted; the default is that of the mission, or retry.",
 )
-@click.option("--retry", type=WholeNumber(min=0, max=1000), default=0, metavar="TIMES", help="Try again when it fails.")
-@click.option("--id", "number", metavar="TASK", help="The ID of a task that was perhaps given: it is not given twice.")
+@click.option(
+    "--retry", type=WholeNumber(min=0, max=1000), default=0, metavar="TIMES", help="Number of retries after a failure."
+)
+@click.option(
+    "--id", "number", metavar="TASK", help="ID of an earlier attempt to add this task, which prevents adding it twice."
+)
 def run(
     mission: str,
     params: dict[str, str],
@@ -75,9 +81,9 @@ def run(
     retry: int,
     number: str | None,
 ) -> int:
-    """Give a mission of the library to one robot of a fleet, as soon as one is free; or to each, as a task of its own.
+    """Give a mission of the library to one robot of a fleet, as soon as one is free, or to each robot.
 
-    One of the robots keeps the task, and decides who does it. The mission is read on the robot that does it.
+    One of the robots keeps the task and decides which robot does it. The mission is read on the robot that does it.
     """
     _check(mission, where, on, number)
     policy = interrupted or _policy(mission)
@@ -88,63 +94,63 @@ def run(
         for each in names:
             keeper = operator.choose_allocator(each) if number is None else Address.read(number.rpartition("/")[0])
             task = number or f"{keeper}/{secrets.token_hex(6)}"
-            wanted = KeepTask(
+            request = KeepTask(
                 task=task, mission=mission, params=params, on=each, where=where,
                 if_interrupted=policy, retries=retry, by=operator.by,
             )  # fmt: skip
-            answer = operator.submit(wanted, keeper)
+            answer = operator.submit(request, keeper)
             code = code if answer.ok else FAILURE
             click.echo(
                 f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.reason}", err=not answer.ok
             )
         if not names:
-            click.echo("nobody is in this fleet\n  try: mission fleet list", err=True)
+            click.echo("no robots in this fleet\n  try: mission fleet list", err=True)
             code = FAILURE
     return code
 
 
 def _check(mission: str, where: str, on: str, number: str | None) -> None:
-    """Raise click.UsageError for what no robot would understand."""
+    """Raise click.UsageError for a mission, condition or ID that every robot would refuse."""
     if not MISSION_NAME.fullmatch(mission):
-        raise click.UsageError(f"'{mission}' is no name in a library: a fleet's robots read no other's files")
+        raise click.UsageError(f"'{mission}' is not a library name; robots of a fleet have only their own files")
     if number is not None and (not TASK_ID_PATTERN.fullmatch(number) or on == "all"):
-        raise click.UsageError("--id is that of one task, as `mission fleet run` printed it")
+        raise click.UsageError("--id must be a task ID printed by `mission fleet run`")
     try:
         unknown = set(parse(where).names) - READABLE_FIELDS if where else set()
     except ExpressionError as error:
         raise click.UsageError(f"--where: {error}") from error
     if unknown:
         raise click.UsageError(
-            f"--where: '{min(unknown)}' is not known of a robot; known: {', '.join(sorted(READABLE_FIELDS))}"
+            f"--where: '{min(unknown)}' is not a property of a robot; known: {', '.join(sorted(READABLE_FIELDS))}"
         )
 
 
 def _policy(mission: str) -> Interrupted:
-    """Return what a mission says of its interruption, where it is in the library of this computer too."""
+    """Return the mission's policy for interruptions if this computer's library has the mission, else "retry"."""
     try:
-        said = load_mission(mission, leaves=LEAVES).if_interrupted
+        policy = load_mission(mission, leaves=LEAVES).if_interrupted
     except (InvalidFileError, UnknownNameError):
         return "retry"
-    return "give-up" if said == "give_up" else "retry"
+    return "give-up" if policy == "give_up" else "retry"
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission fleet tasks --all")
 @FLEET
-@click.option("--all", "ended", is_flag=True, help="Also those that have ended.")
+@click.option("--all", "ended", is_flag=True, help="Include ended tasks.")
 @AS_JSON
 def tasks(name: str | None, ended: bool, as_json: bool) -> int:
-    """List the tasks that the robots keep that are there: who has each, and how it goes."""
+    """List the tasks of the connected robots, with the robot and the state of each."""
     with open_operator(name) as operator:
-        told = operator.tasks(ended=ended)
-    found = sorted(told.tasks, key=lambda each: each.id)
-    for each in sorted(told.more):
-        click.echo(f"{each} keeps more tasks, older than those that are shown", err=True)
-    for each in sorted(told.silent):
-        click.echo(f"{each} did not answer: its tasks may be missing", err=True)
+        task_list = operator.tasks(ended=ended)
+    found = sorted(task_list.tasks, key=lambda each: each.id)
+    for each in sorted(task_list.more):
+        click.echo(f"{each} has more tasks, older than the ones shown", err=True)
+    for each in sorted(task_list.silent):
+        click.echo(f"{each} did not answer; its tasks may be missing", err=True)
     if as_json:
         click.echo(json.dumps([asdict(each) for each in found]))
     elif not found:
-        click.echo("no tasks" if ended else "no tasks wait or run; --all shows those that have ended")
+        click.echo("no tasks" if ended else "no waiting or running tasks; --all shows the ended ones")
     else:
         headings = ("task", "state", "mission", "on", "robot", "reason")
         click.echo(format_columns(headings, [_row(each) for each in found], left=frozenset(headings)))
@@ -160,9 +166,9 @@ def _row(task: FleetTaskInfo) -> list[str]:
 @click.argument("what", type=click.Choice(["hand-on", "give-up"]))
 @FLEET
 def decide(number: str, what: Literal["hand-on", "give-up"], name: str | None) -> int:
-    """Say what becomes of a task whose robot is lost: another does it, or nobody. The end of its ID is enough.
+    """Decide about a task whose robot is lost: another robot does it, or none. The end of its ID is enough.
 
-    Handed on, it is done twice if the lost robot goes on with it: look first.
+    After `hand-on` the task is done twice if the lost robot continues with it, so look first.
     """
     with open_operator(name) as operator:
         answer = operator.decide(_full_id(operator, number), what)
@@ -171,11 +177,11 @@ def decide(number: str, what: Literal["hand-on", "give-up"], name: str | None) -
 
 
 def _full_id(operator: Operator, number: str) -> str:
-    """Return the ID that a piece of it means. Raises TaskError."""
+    """Return the full ID of the task whose ID contains ``number``. Raises TaskError unless exactly one matches."""
     if TASK_ID_PATTERN.fullmatch(number):
         return number
     found = [each.id for each in operator.tasks(ended=False).tasks if number in each.id.rpartition("/")[2]]
     if len(found) != 1:
         many = f"{len(found)} tasks that wait or run have '{number}' in their ID" if found else ""
-        raise TaskError(many or f"no task that waits or runs has '{number}' in its ID", hint="mission fleet tasks")
+        raise TaskError(many or f"no waiting or running task has '{number}' in its ID", hint="mission fleet tasks")
     return found[0]

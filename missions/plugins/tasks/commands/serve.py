@@ -1,4 +1,4 @@
-"""``mission task serve``: the server that does the tasks of ``mission task``, without a screen of its own."""
+"""``mission task serve``: the server that runs queued tasks."""
 
 import sqlite3
 from collections.abc import Callable
@@ -35,10 +35,10 @@ from missions.plugins.tasks.task import TaskError
 from missions.plugins.tasks.task_server import TaskServer
 
 ORPHAN_TIMEOUT = 60.0
-"""Seconds that a run without a server has to come to rest; it needs a few."""
+"""Seconds for a run whose server has ended to come to rest; it needs a few."""
 
 DISK_CHECK_INTERVAL = 2.0
-"""Seconds from one look to the next whether a full disk has room again."""
+"""Seconds between two checks whether a full disk has space again."""
 
 FLUSH_TIMEOUT = 60.0
 """Seconds for which ``--once`` waits until every notice was tried."""
@@ -49,13 +49,13 @@ OPTIONS = {name: cls for name in ("studio_options", "fleet_options") if (cls := 
 
 
 @click.command("serve", epilog="Example: mission task serve --once")
-@click.option("--once", is_flag=True, help="End when nothing is due any more.")
+@click.option("--once", is_flag=True, help="End when no task is due.")
 @add_options(*OPTIONS.values())
 def serve_tasks(once: bool, **values: object) -> int:
-    """Do the tasks of the queue, one after another, as they are due. Ctrl-C stops what runs, safely, and ends it.
+    """Run the tasks of the queue as they are due. Ctrl-C stops the running task safely and ends the server.
 
-    `mission task add` fills the queue. What was interrupted, by a power cut or else, is told, and given up, or tried
-    again where its task says so. With --fleet, others see this robot, stop it, and give it tasks.
+    `mission task add` fills the queue. An interrupted task, for example after a power cut, is reported, and retried or
+    given up as its task says. With --fleet, other computers see this robot, stop it, and give it tasks.
     """
     try:
         member = None
@@ -70,13 +70,13 @@ def serve_tasks(once: bool, **values: object) -> int:
 
 
 Membership = Callable[[Path, FleetLatch], AbstractContextManager[object]]
-"""The context in which a server is in a fleet, with its state folder and the stop of the fleet."""
+"""Returns the context in which a server is in a fleet, given its state folder and the stop latch of the fleet."""
 
 
 def serve(where: Path, *, once: bool, member: Membership | None = None) -> None:
-    """Serve the queue in the folder ``where``, as a ``member`` of a fleet, if any.
+    """Serve the queue in the folder ``where``, in the fleet context of ``member``, if any.
 
-    Raises TaskError where another server does, or it cannot be used.
+    Raises TaskError if another server runs, or the queue cannot be used.
     """
     path = queue_file(where)
     with queue_errors(path), ExitStack() as closed:
@@ -84,7 +84,7 @@ def serve(where: Path, *, once: bool, member: Membership | None = None) -> None:
             closed.enter_context(hold_lock(server_lock(where)))
             held = _wait_for_orphan(run_lock(where), closed)
         except LockHeldError as error:
-            raise TaskError(f"another `mission task serve` does the tasks: {error}") from error
+            raise TaskError(f"another `mission task serve` runs the tasks: {error}") from error
         except OSError as error:
             raise queue_error(path, error) from error
         connection = closed.enter_context(closing(_open_recovered(path, wait_for_space=not once)))
@@ -105,15 +105,15 @@ def serve(where: Path, *, once: bool, member: Membership | None = None) -> None:
         if once:
             courier.flush(FLUSH_TIMEOUT)
             if waiting := Outbox(connection).pending_count():
-                _report(f"{waiting} notices are not delivered yet: the next `mission task serve` goes on with them")
+                _report(f"{waiting} notices are not delivered yet; the next `mission task serve` will try again")
 
 
 def _open_recovered(path: Path, *, wait_for_space: bool) -> sqlite3.Connection:
-    """Open the queue, and end the attempts of the server before: a fleet shall not hear that they run.
+    """Open the queue, and end the attempts of a previous server, so that a fleet does not see them as running.
 
-    Who is ``patient`` waits until the disk has room. Raises TaskError, and errors of sqlite3.
+    With ``wait_for_space``, wait while the disk is full. Raises TaskError, sqlite3.Error.
     """
-    told = False
+    is_reported = False
     while True:
         try:
             with queue_errors(path), ExitStack() as undone:
@@ -125,25 +125,25 @@ def _open_recovered(path: Path, *, wait_for_space: bool) -> sqlite3.Connection:
         except DiskFullError as error:
             if not wait_for_space:
                 raise
-            if not told:
-                _report(f"{error}; waiting for room\n  try: {error.hint}")
-            told = True
+            if not is_reported:
+                _report(f"{error}; waiting for free space\n  try: {error.hint}")
+            is_reported = True
         Event().wait(DISK_CHECK_INTERVAL)
 
 
 def _wait_for_orphan(path: Path, closed: ExitStack) -> int:
-    """Hold what each run holds as well: where a run has lost its server, wait until it has come to rest."""
+    """Hold the lock that each run inherits; first wait until a run whose server has ended is at rest."""
     try:
         return closed.enter_context(hold_lock(path))
     except LockHeldError:
-        _report("waiting: a run that has lost its server comes to rest")
+        _report("waiting for a run without a server to end")
     try:
         return closed.enter_context(hold_lock(path, timeout=ORPHAN_TIMEOUT))
     except LockHeldError as error:
-        raise TaskError(f"a run of another server does not end: {error}", hint=f"fuser {path}") from error
+        raise TaskError(f"the run of an earlier server does not end: {error}", hint=f"fuser {path}") from error
 
 
 def _report(text: str) -> None:
-    """Say something to who watches the server, if anybody does."""
+    """Print a text on stderr; a closed terminal is ignored."""
     with suppress(OSError):
         click.echo(text, err=True)

@@ -1,4 +1,4 @@
-"""``mission task``: a queue of missions; ``mission task serve`` runs them."""
+"""``mission task``: the queue of missions that ``mission task serve`` runs."""
 
 import json
 import os
@@ -38,7 +38,7 @@ from missions.request import RunRequest, Simulate
 
 
 def list_row(task: Task) -> Mapping[str, str]:
-    """Return what the list says of a task, by heading."""
+    """Return the cells of a task in the list, by heading."""
     return {
         "task": str(task.id),
         "state": _state(task),
@@ -58,7 +58,7 @@ def _state(task: Task) -> str:
 
 
 def describe_attempt(attempt: Attempt) -> str:
-    """Return what the log says of an attempt."""
+    """Return the line of an attempt in the log."""
     if attempt.ended is None:
         return f"{clock_text(attempt.began)}  attempt {attempt.number} begins"
     reason = f": {attempt.reason}" if attempt.reason else ""
@@ -67,16 +67,16 @@ def describe_attempt(attempt: Attempt) -> str:
 
 
 def describe_notice(queued: QueuedNotice) -> str:
-    """Return what the log says of a notice."""
+    """Return the line of a notice in the log."""
     if queued.delivered is not None:
         return f"{clock_text(queued.delivered)}  delivered to {queued.channel}: {queued.notice.text}"
     why = f" ({queued.tries} tries; {queued.last_error})" if queued.tries else ""
-    state = "never delivered, and given up," if queued.given_up else "not delivered yet"
+    state = "given up, not delivered" if queued.given_up else "not delivered yet"
     return f"{clock_text(queued.added)}  {state} to {queued.channel}{why}: {queued.notice.text}"
 
 
 def clock_text(time: float) -> str:
-    """Write a time, whatever stands in the file: of other calendars than ours, the bare number."""
+    """Return a Unix time as local date and time, or as a number if it is out of the calendar's range."""
     try:
         return f"{datetime.fromtimestamp(time, UTC).astimezone(local_zone()):%Y-%m-%d %H:%M:%S}"
     except (ValueError, OverflowError, OSError):
@@ -84,14 +84,14 @@ def clock_text(time: float) -> str:
 
 
 DEFAULT_LATE_LIMIT = 3600.0
-"""Seconds after which a task that has a time is missed, unless somebody says otherwise."""
+"""Default for `--late` of a task with a time, in seconds."""
 
 POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
-"""What is done about an interrupted task, by what its mission says of that."""
+"""Interruption policy of a task by the mission's `if_interrupted`."""
 
 
 def _numbers(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the tasks that have not ended, as a shell completes them."""
+    """Return shell completions: the numbers of open tasks."""
     del ctx, param
     with suppress(click.ClickException), _queue() as (queue, _):
         tasks = queue.tasks(ended=False)
@@ -102,18 +102,18 @@ def _numbers(ctx: click.Context, param: click.Parameter, incomplete: str) -> lis
 
 
 def _user_name() -> str:
-    """Return who sits here: a name, or in a container without names, a number."""
+    """Return the name of the current user, or the user ID if it has no name."""
     with suppress(KeyError, OSError):
         return getuser()
     return str(os.geteuid())
 
 
 NUMBER = click.argument("number", metavar="TASK", type=WholeNumber(min=1), shell_complete=_numbers)
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
 MAX_CLOCK_ERROR = 60.0
-"""Seconds that a task may have been added ahead of the clock, which is put right by as much now and then."""
+"""Seconds that a task may have been added ahead of the clock; clock corrections are of this size."""
 
 
 @click.group(
@@ -122,7 +122,7 @@ MAX_CLOCK_ERROR = 60.0
     epilog="Example: mission task list",
 )
 def command() -> None:
-    """Queue missions, to be run in turn, at a time, or again and again; `mission task serve` runs them.
+    """Queue missions to run in turn, at a time, or repeatedly; `mission task serve` runs them.
 
     The queue survives crashes and power cuts.
     """
@@ -130,7 +130,7 @@ def command() -> None:
 
 @contextmanager
 def _queue() -> Iterator[tuple[TaskQueue, Outbox]]:
-    """Open the user's queue, and tell in words what goes wrong with it."""
+    """Open the user's queue; its errors become click exceptions."""
     try:
         path = queue_file(state_folder())
         with queue_errors(path), closing(open_db(path)) as connection:
@@ -144,26 +144,28 @@ def _queue() -> Iterator[tuple[TaskQueue, Outbox]]:
 @click.argument("mission", type=MISSION)
 @params_option
 @behaviours_option
-@click.option("--at", metavar="TIME", help='When: "18:00", the next such time, or "2026-12-24 18:00". Else at once.')
-@click.option("--every", metavar="TIME", help='Again and again: "30 min", day, monday, or "day 18:00".')
 @click.option(
-    "--late", type=SECONDS, metavar="TIME", help="Miss it, and say so, where it is later than this; else 1 h."
+    "--at", metavar="TIME", help='Start time: "18:00", the next such time, or "2026-12-24 18:00"; the default is now.'
+)
+@click.option("--every", metavar="TIME", help='Repetition: "30 min", day, monday, or "day 18:00".')
+@click.option(
+    "--late", type=SECONDS, metavar="TIME", help="Skip it, with a notice, if it is later than this; the default is 1 h."
 )
 @click.option(
     "--priority",
     type=WholeNumber(*PRIORITIES),
     default=0,
     metavar="NUMBER",
-    help="Of the tasks that are due, the highest is first: -100 to 100, else 0. What runs is not broken off.",
+    help="Priority from -100 to 100, default 0: the highest of the due tasks runs first. A running task is not interrupted.",
 )
-@click.option("--retry", type=WholeNumber(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
+@click.option("--retry", type=WholeNumber(min=0), default=0, metavar="TIMES", help="Number of retries after a failure.")
 @click.option(
     "--if-interrupted",
     "interrupted",
     type=click.Choice(["retry", "give-up"]),
-    help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or retry.",
+    help="Action if it was interrupted, for example by a power cut; the default is that of the mission, or retry.",
 )
-@click.option("--needs-approval", is_flag=True, help="Begin it once somebody approves it: mission task approve.")
+@click.option("--needs-approval", is_flag=True, help="Wait for approval: mission task approve.")
 @add_options(*run_options("robot", "simulate", "world", "eyes"))
 def add(
     mission: str,
@@ -181,7 +183,7 @@ def add(
     world: str | None,
     eyes: Literal["pixels", "truth"],
 ) -> int:
-    """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission task serve`."""
+    """Add a task: a mission (name or file), which is checked now and run by `mission task serve`."""
     order = RunRequest(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
     plan = _check(order)
     time = wall_clock()
@@ -203,29 +205,29 @@ def add(
     when = f"at {clock_text(due)}" if due > time else "as soon as its turn comes"
     click.echo(f"task {number}: {new.name} {when}" + (f", then every {repetition}" if repetition else ""))
     if needs_approval:
-        click.echo(f"it begins once somebody approves it: mission task approve {number}")
+        click.echo(f"it waits for approval: mission task approve {number}")
     if _is_served() is False:
-        click.echo("nobody does tasks at the moment: mission task serve", err=True)
+        click.echo("no server is running the tasks: mission task serve", err=True)
     return SUCCESS
 
 
 def _is_served() -> bool | None:
-    """Return whether a server does the tasks; None where that is not known, which is told."""
+    """Return whether a server is running; None, after a warning, if that is unknown."""
     try:
         return is_locked(server_lock(state_folder()))
     except OSError as error:
-        click.echo(f"it is not known whether a server does the tasks: {error}", err=True)
+        click.echo(f"it is not known whether a server runs the tasks: {error}", err=True)
         return None
 
 
 def _as_json(task: Task) -> dict[str, object]:
-    """Return a task for programs; of where it is told, what may be told of that."""
+    """Return a task for JSON output, without secrets of its channels."""
     return asdict(task) | {"channels": [public_text(each) for each in task.channels]}
 
 
 def _check(request: RunRequest) -> Plan:
-    """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
-    from missions.cli.request_checks import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
+    """Return the mission; raise the errors that `mission run` would raise for this request."""
+    from missions.cli.request_checks import check_people  # noqa: PLC0415 - slow imports that other subcommands do not need
     from missions.runner import load_plan, requested_robot  # noqa: PLC0415
 
     check_request(request)
@@ -237,7 +239,7 @@ def _check(request: RunRequest) -> Plan:
 
 
 def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
-    """Return when a task is due for the first time, and its repetition; 0 for as soon as its turn comes."""
+    """Return the first due time and the repetition of a task; time 0 means as soon as its turn comes."""
     zone = local_zone()
     try:
         due = 0.0 if at is None else read_at(at, time, zone)
@@ -250,7 +252,7 @@ def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
 
 
 def _options(request: RunRequest) -> Iterator[str]:
-    """Yield what `mission run` is to be told beside the mission, its params and the robot."""
+    """Yield further options of `mission run`."""
     if request.simulate is not None:
         yield f"--simulate={request.simulate}"
     if isinstance(request.world, str):
@@ -262,22 +264,22 @@ def _options(request: RunRequest) -> Iterator[str]:
 
 
 def _portable_name(name: str, library: dict[str, Path], path: Path) -> str:
-    """Return a name as the server understands it, wherever that runs: one in the library, or a whole path."""
+    """Return a name that is valid in any folder: a library name, or an absolute path."""
     return name if path in library.values() else str(path.resolve())
 
 
 @command.command(name="list", epilog="Example: mission task list --all")
-@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
+@click.option("--all", "everything", is_flag=True, help="Include ended tasks.")
 @AS_JSON
 def list_command(everything: bool, as_json: bool) -> None:
-    """List the tasks that wait or run, by priority, then in the order in which they are due."""
+    """List waiting and running tasks, by priority, then by due time."""
     now = wall_clock()
     with _queue() as (queue, _):
         tasks = [replace(task, due=queue.expected_time(task, now)) for task in queue.tasks(ended=everything)]
     if as_json:
         click.echo(json.dumps([_as_json(task) for task in tasks], indent=2))
     elif not tasks:
-        click.echo("no tasks" if everything else "no tasks wait; --all shows those that have ended")
+        click.echo("no tasks" if everything else "no waiting tasks; --all shows the ended ones")
     else:
         rows = [list_row(task) for task in tasks]
         headings = [name for name in rows[0] if name != "priority" or any(task.priority for task in tasks)]
@@ -285,16 +287,21 @@ def list_command(everything: bool, as_json: bool) -> None:
         click.echo(format_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
     for task in tasks:
         if not task.has_ended and task.added > now + MAX_CLOCK_ERROR:
-            said = f"task {task.id} was added at {clock_text(task.added)}, to come: the clock was wrong then, or is"
-            cure = f"date; where that is right: mission task remove {task.id}, and add it anew"
-            click.echo(f"{said} now\n  try: {cure}", err=True)
+            warning = f"task {task.id} was added at {clock_text(task.added)}, a time in the future: the clock was wrong then, or is wrong"
+            cure = f"date; if it is right: mission task remove {task.id}, and add it again"
+            click.echo(f"{warning} now\n  try: {cure}", err=True)
 
 
 @command.command(epilog="Example: mission task approve 3")
 @NUMBER
-@click.option("--by", default=_user_name, metavar="NAME", help="Who approves it, if not the user of this computer.")
+@click.option(
+    "--by",
+    default=_user_name,
+    metavar="NAME",
+    help="Name of the person who approves it; the default is the user of this computer.",
+)
 def approve(number: int, by: str) -> None:
-    """Let a task begin that was added with --needs-approval; each of a repetition needs its own."""
+    """Approve a task that was added with --needs-approval; each repetition needs its own approval."""
     with _queue() as (queue, _):
         queue.approve(number, wall_clock(), by)
     click.echo(f"task {number} is approved")
@@ -303,13 +310,13 @@ def approve(number: int, by: str) -> None:
 @command.command(epilog="Example: mission task remove 3")
 @NUMBER
 def remove(number: int) -> None:
-    """Cancel a task, and its repetition; one that runs is stopped safely."""
+    """Cancel a task and its repetition; a running task is stopped safely."""
     with _queue() as (queue, _):
         state = queue.cancel(number, wall_clock())
     running = _is_served()
     stopping = "is being stopped" if running else "is cancelled as soon as `mission task serve` runs again"
     if running is None:
-        stopping = "is cancelled; it is perhaps not stopped: mission stop"
+        stopping = "is cancelled, but may still be moving: mission stop"
     click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")
 
 
@@ -317,7 +324,7 @@ def remove(number: int) -> None:
 @NUMBER
 @click.option("--priority", type=WholeNumber(*PRIORITIES), required=True, metavar="NUMBER", help="-100 to 100.")
 def move(number: int, priority: int) -> None:
-    """Give a task that waits another priority: of those that are due, the highest is first."""
+    """Change the priority of a waiting task; due tasks with the highest priority run first."""
     with _queue() as (queue, _):
         queue.move(number, priority)
     click.echo(f"task {number} has priority {priority}")
@@ -327,12 +334,12 @@ def move(number: int, priority: int) -> None:
 @NUMBER
 @AS_JSON
 def log(number: int, as_json: bool) -> None:
-    """Say what became of a task: every attempt, and every notice with its delivery."""
+    """Print the history of a task: every attempt, and every notice with its delivery."""
     with _queue() as (queue, outbox):
         task, attempts, letters = queue.task(number), queue.attempts(number), outbox.notices_of(number)
     if as_json:
-        told = {"task": _as_json(task), "attempts": [asdict(each) for each in attempts]}
-        click.echo(json.dumps(told | {"notices": [asdict(each) for each in letters]}, indent=2))
+        data = {"task": _as_json(task), "attempts": [asdict(each) for each in attempts]}
+        click.echo(json.dumps(data | {"notices": [asdict(each) for each in letters]}, indent=2))
         return
     reason = f": {task.reason}" if task.reason else ""
     click.echo(f"task {number}: {task.name}, {task.state.replace('_', ' ')}{reason}")

@@ -1,4 +1,4 @@
-"""Notices to a topic of an MQTT broker, with paho-mqtt, which is an extra: `pip install 'missiontree[mqtt]'`."""
+"""Notice channel: a topic of an MQTT broker, by paho-mqtt (extra: `pip install 'missiontree[mqtt]'`)."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -12,16 +12,16 @@ if TYPE_CHECKING:
     from paho.mqtt.reasoncodes import ReasonCode
 
 TIMEOUT = 10.0
-"""Seconds for connecting, and then for the broker's word that it has the notice."""
+"""Seconds to connect, and then for the broker's acknowledgement."""
 
 POLL_INTERVAL = 0.1
-"""Seconds for which the network is waited for at a time."""
+"""Seconds of one wait for network traffic."""
 
 
 class MqttChannel:
-    """Connects, publishes one notice with QoS 1, and waits until the broker has acknowledged it.
+    """Publishes each notice with QoS 1 over a new connection, and waits for the broker's acknowledgement.
 
-    QoS 1 is at least once, as all that is sent here; the JSON has the notice's ``id``.
+    QoS 1 is at-least-once delivery; the JSON has the notice's ``id``.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class MqttChannel:
         self._clock = SystemClock() if clock is None else clock
 
     def __call__(self, notice: Notice) -> None:
-        """Publish it once. Raises NotTaken where the broker is away, refuses, or does not acknowledge in time."""
+        """Publish a notice. Raises DeliveryError if the broker is offline, refuses, or does not acknowledge in time."""
         client, delivery = self._client(), _Delivery()
         client.on_connect, client.on_disconnect = delivery.on_connect, delivery.on_disconnect
         client.on_publish = delivery.on_publish
@@ -68,11 +68,11 @@ class MqttChannel:
         return client
 
     def _wait(self, client: "Client", delivery: "_Delivery") -> str:
-        """Do the network's work until the notice is acknowledged; return what went wrong instead."""
+        """Run the network loop until the notice is acknowledged; return the error if it is not."""
         until = self._clock.now() + self._timeout
         while not (delivery.is_acknowledged or delivery.problem):
             code = client.loop(POLL_INTERVAL)
-            if code:  # most of the time, a callback has said more of it
+            if code:  # usually a callback has reported the details
                 delivery.fail(f"the connection broke: {code.name}")
             elif self._clock.now() > until:
                 delivery.fail(f"the broker did not acknowledge within {self._timeout:g} s")
@@ -80,7 +80,7 @@ class MqttChannel:
 
 
 class _Delivery:
-    """What paho tells of one notice: whether it was ``is_acknowledged``, and the first ``problem``."""
+    """paho callbacks for one notice: ``is_acknowledged``, and the first ``problem``."""
 
     def __init__(self) -> None:
         self.is_acknowledged = False
@@ -96,7 +96,7 @@ class _Delivery:
     def on_disconnect(
         self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object
     ) -> None:
-        self.fail(f"the broker hung up: {reason}")
+        self.fail(f"the broker disconnected: {reason}")
 
     def on_publish(self, _client: object, _data: object, _id: int, reason: "ReasonCode", _more: object) -> None:
         if reason.is_failure:

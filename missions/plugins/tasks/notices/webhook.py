@@ -1,4 +1,4 @@
-"""Notices to a web server: one POST of JSON for each."""
+"""Notice channel: an HTTP POST of JSON for each notice."""
 
 import socket
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from missions.plugins.tasks.notice import DeliveryError, Notice, read_secret
 
 
 class Deadline:
-    """While it is entered, cuts the sockets that it ``watch_socket`` when ``seconds`` have passed; then it is ``expired``."""
+    """Shuts down the watched sockets when ``seconds`` have passed while it is entered; ``expired`` is True then."""
 
     def __init__(self, seconds: float) -> None:
         self.expired = False
@@ -40,7 +40,7 @@ class Deadline:
             each.close()
 
     def watch_socket(self, connection: socket.socket) -> None:
-        """Cut this one too, whatever is wrapped around it later; at once where the time is over."""
+        """Shut down this socket too, also if it is wrapped later; at once if the deadline has expired."""
         with self._lock:
             self._sockets.append(connection.dup())
         if self.expired:
@@ -50,47 +50,47 @@ class Deadline:
         with self._lock:
             self.expired = True
             for each in self._sockets:
-                with suppress(OSError):  # it has ended
+                with suppress(OSError):  # already closed
                     each.shutdown(socket.SHUT_RDWR)
 
 
 TIMEOUT = 10.0
-"""Seconds that it may take altogether, however slowly the server goes on."""
+"""Maximum total duration of a request in seconds, even if the server sends slowly."""
 
 
 class WebhookChannel:
-    """Posts each notice; the server has taken it when it answers 2xx.
+    """Posts each notice; an answer of 2xx means delivered.
 
-    The header ``Idempotency-Key`` holds the notice's id, which is also in the JSON: so the server can drop doubles.
-    A redirection is no delivery: a POST that follows one becomes a GET without its text. What is told of errors has
-    the scheme and the host of its address alone: for many services the rest is a secret.
+    The header ``Idempotency-Key`` has the notice's id, so the server can drop duplicates. Redirections are errors,
+    since a redirected POST becomes a GET without body. Error messages contain only scheme and host, because the rest of
+    the address is often a secret.
     """
 
     def __init__(self, config: WebhookNotice, environment: Mapping[str, str], timeout: float = TIMEOUT) -> None:
         self._config, self._environment, self._timeout = config, environment, timeout
 
     def __call__(self, notice: Notice) -> None:
-        """Post it once. Raises NotTaken for any other answer, and none."""
+        """Post a notice. Raises DeliveryError for any other answer, and for none."""
         url, site = self._address()
         headers = {"Content-Type": "application/json", "Idempotency-Key": notice.id}
         headers |= {name: read_secret(value, self._environment) for name, value in self._config.headers.items()}
         request = Request(url, notice.as_json().encode(), headers, method="POST")  # noqa: S310 - http(s), as read
-        late = f"did not answer within {self._timeout:g} s"
+        late = f"no reply within {self._timeout:g} s"
         with Deadline(self._timeout) as deadline:
             try:
                 opener = build_opener(_NoRedirect, _Http(deadline), _Https(deadline))
                 with closing(opener.open(request, timeout=self._timeout)):
-                    if not deadline.expired:  # the end of its headers came from them, not from us
+                    if not deadline.expired:  # the server closed the connection, not the deadline
                         return
                 problem = ""
             except HTTPError as error:
                 error.close()
                 problem = f"the server says {error.code} {error.reason}"
             except URLError as error:
-                # The connection's own limit may be heard before the deadline's, which is on another thread.
+                # The connection's own timeout may fire before the deadline, which is on another thread.
                 problem = late if isinstance(error.reason, TimeoutError) else f"cannot be reached: {error.reason}"
-            except ValueError:  # whose text has what it is about
-                problem = "a value of its headers has a letter that none may have"
+            except ValueError:  # its text names the cause
+                problem = "a header value has an invalid character"
             except TimeoutError:
                 problem = late
             except (HTTPException, OSError) as error:
@@ -101,35 +101,34 @@ class WebhookChannel:
         raise DeliveryError(f"{site}: {problem.replace(path, '...') if len(path) > 1 else problem}")
 
     def _address(self) -> tuple[str, str]:
-        """Return the whole address, and what of it may be told."""
+        """Return the whole address, and the part that error messages may contain."""
         variable = self._config.url_from
         url = read_secret(variable, self._environment).strip() if variable else self._config.url
         try:
             return url, site_of(url)
         except ValueError:
-            raise DeliveryError(f"the environment variable {variable} holds no address of a web server") from None
+            raise DeliveryError(f"the environment variable {variable} is not the address of a web server") from None
 
 
 class _NoRedirect(HTTPRedirectHandler):
-    """Follows no redirection: each is an error then."""
+    """Treats each redirection as an error."""
 
-    def redirect_request(self, *_: object, **__: object) -> None:
-        """Return no request."""
+    def redirect_request(self, *_: object, **__: object) -> None: ...
 
 
 class _Connection(HTTPConnection):
-    """A connection that a deadline ends."""
+    """HTTP connection with a deadline."""
 
     deadline: Deadline
 
     def connect(self) -> None:
-        """Connect, and have it ended in time: from here on, also while TLS is negotiated."""
+        """Connect, and let the deadline watch the socket, also during the TLS handshake."""
         super().connect()
         self.deadline.watch_socket(self.sock)
 
 
 class _SecureConnection(HTTPSConnection, _Connection):
-    """The same with TLS: HTTPSConnection connects by way of its neighbour here."""
+    """HTTPS connection with a deadline; HTTPSConnection.connect calls _Connection.connect by the MRO."""
 
 
 def _make_connection(kind: type[_Connection], deadline: Deadline, host: str, **options: Any) -> _Connection:
@@ -144,7 +143,6 @@ class _Http(HTTPHandler):
         self._connected = partial(_make_connection, _Connection, deadline)
 
     def http_open(self, req: Request) -> HTTPResponse:
-        """Connect with a deadline."""
         return self.do_open(self._connected, req)
 
 
@@ -154,5 +152,4 @@ class _Https(HTTPSHandler):
         self._connected = partial(_make_connection, _SecureConnection, deadline)
 
     def https_open(self, req: Request) -> HTTPResponse:
-        """Connect with a deadline."""
         return self.do_open(self._connected, req)
