@@ -1,4 +1,4 @@
-"""Who may use the studio: two tokens, the sign-ins of browsers, and how often wrong tokens are tried."""
+"""Access control of the studio: two tokens, the sign-ins of browsers, and a limit on wrong tokens."""
 
 import hashlib
 import hmac
@@ -20,16 +20,16 @@ from missions.library.folders import state_folder
 
 ROLE_NAMES = ("operator", "viewer")
 MIN_TOKEN_LENGTH = 24
-"""Letters of a token, at least: 18 bytes of chance."""
+"""Minimum length of a token in characters: 18 random bytes."""
 
 
 def token_file() -> Path:
-    """Return the file in which they are kept."""
+    """Return the path of the file that stores the tokens."""
     return state_folder() / "studio.tokens"
 
 
 def load_tokens(path: Path | None = None) -> tuple[str, str]:
-    """Return the operator's and the viewer's token of last time, or new ones that are kept now. Raises OSError."""
+    """Return the stored operator and viewer tokens; if there are none, create and store new ones. Raises OSError."""
     path = token_file() if path is None else path
     with suppress(FileNotFoundError, ValueError, TypeError, KeyError):
         found = parse_object(read_regular_text(path))
@@ -42,7 +42,7 @@ def load_tokens(path: Path | None = None) -> tuple[str, str]:
 
 
 def save_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
-    """Keep tokens for the next time, in the place of those that are kept. Raises OSError."""
+    """Store the tokens for later studios, replacing the stored ones. Raises OSError."""
     path = token_file() if path is None else path
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
@@ -52,40 +52,40 @@ def save_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
 
 
 MAX_WRONG_TOKENS, WRONG_TOKEN_WINDOW = 10, 60.0
-"""Wrong tokens of one address within so many seconds, after which it is told to wait. A right one is always taken."""
+"""Wrong tokens of one address, within seconds, from which further ones are refused. A valid token is always accepted."""
 
 MAX_SIGN_INS, MAX_ADDRESSES = 500, 1000
-"""Sign-ins of each role that hold at once, and addresses that are kept in mind; the oldest go."""
+"""Maximum number of sign-ins of each role, and of recorded addresses; the oldest are dropped."""
 
 ONCE_TOKEN_LIFETIME = 120.0
-"""Seconds for which the token that lets in once holds."""
+"""Lifetime of a one-time token in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class SignIn:
-    """A sign-in of a browser. ``secret`` is never sent: proofs are made of it.
+    """Sign-in of a browser. Its ``secret`` never leaves the studio: proofs are derived from it.
 
-    A browser sends its cookie to every server on the same host name, whatever its port. So the cookie alone opens
-    nothing but the files of the page. All else takes a proof too, which only the origin of the page holds.
+    A browser sends its cookie to every server on the same host name, whatever the port. So the cookie alone opens only
+    the page's files; everything else also needs a proof, which only the page's origin stores.
     """
 
     role: Role
     secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
 
     def proof(self, path: str) -> str:
-        """Return the proof that opens ``path``, and nothing else."""
+        """Return the proof that opens ``path``, and no other path."""
         return hmac.digest(self.secret, path.encode("utf-8", "replace"), "sha256").hex()
 
     def is_proved(self, path: str, proof: str) -> bool:
-        """Return whether this is the proof for ``path``."""
+        """Return whether ``proof`` is the proof for ``path``."""
         return hmac.compare_digest(self.proof(path).encode(), proof.encode("utf-8", "replace"))
 
 
 @dataclass(slots=True)
 class StudioAccess:
-    """Knows tokens and sign-ins for as long as the process lives, or until they are renewed.
+    """The tokens and the sign-ins, until the process ends or the tokens are renewed.
 
-    ``save`` stores new tokens beyond the end of the studio; ``epoch`` counts how often they were renewed.
+    ``save`` stores new tokens for later studios; ``epoch`` counts the renewals.
     """
 
     operator: str = field(default_factory=lambda: secrets.token_urlsafe(24))
@@ -99,28 +99,30 @@ class StudioAccess:
     _wrong_times: dict[str, deque[float]] = field(default_factory=dict)
 
     def by_token(self, token: str, address: str) -> Role | None:
-        """Return the role of a token; None for a wrong one, which counts against ``address``."""
+        """Return the role of a token. A wrong token returns None and counts against ``address``."""
         if self._once_digest and hmac.compare_digest(_digest(token), self._once_digest):
             self._once_digest = b""
             if self.clock.now() < self._once_until:
                 return "operator"
         role: Role | None = None
         for known, whose in ((self.viewer, "viewer"), (self.operator, "operator")):
-            if hmac.compare_digest(token.encode("utf-8", "replace"), known.encode()):  # each, whichever it is
+            if hmac.compare_digest(
+                token.encode("utf-8", "replace"), known.encode()
+            ):  # compares all, so that the time is constant
                 role = "operator" if whose == "operator" else "viewer"
         if role is None:
             self._count_wrong(address)
         return role
 
     def make_once_token(self) -> str:
-        """Return a token that signs an operator in once, within ``ONCE_TOKEN_LIFETIME``."""
+        """Return a new token that signs in one operator, once, within ``ONCE_TOKEN_LIFETIME``."""
         token = secrets.token_urlsafe(24)
         self._once_digest, self._once_until = _digest(token), self.clock.now() + ONCE_TOKEN_LIFETIME
         return token
 
     @property
     def is_once_open(self) -> bool:
-        """Whether the token that lets in once has not been used."""
+        """Whether the one-time token is still unused."""
         return bool(self._once_digest)
 
     def renew(self) -> None:
@@ -132,7 +134,7 @@ class StudioAccess:
             self.save(self.operator, self.viewer)
 
     def has_many_wrong(self, address: str) -> bool:
-        """Return whether too many wrong tokens came from an address lately."""
+        """Return whether an address has sent too many wrong tokens within ``WRONG_TOKEN_WINDOW``."""
         tries = self._wrong_times.get(address)
         now = self.clock.now()
         while tries and now - tries[0] > WRONG_TOKEN_WINDOW:
@@ -140,7 +142,7 @@ class StudioAccess:
         return tries is not None and len(tries) >= MAX_WRONG_TOKENS
 
     def sign_in(self, role: Role) -> tuple[str, SignIn]:
-        """Return the cookie of a new sign-in, and the sign-in; the oldest ones of the same role go."""
+        """Create a sign-in of a role, dropping the oldest beyond the limit; return its cookie value and the sign-in."""
         value, found = secrets.token_urlsafe(24), SignIn(role)
         same = [digest for digest, each in self._sign_ins.items() if each.role == role]
         for digest in same[: max(0, len(same) + 1 - MAX_SIGN_INS)]:
@@ -149,7 +151,7 @@ class StudioAccess:
         return value, found
 
     def by_cookie(self, value: str) -> SignIn | None:
-        """Return the sign-in of a cookie, found by its digest: the time taken tells nothing about its value."""
+        """Return the sign-in of a cookie value, or None. The lookup by digest prevents timing attacks."""
         return self._sign_ins.get(_digest(value))
 
     def _count_wrong(self, address: str) -> None:

@@ -1,4 +1,4 @@
-"""Who has done what, and when: a line of JSON for each command that changes something, kept for the user alone."""
+"""Audit log of the studio: one JSON line for each command that changes something, readable by its owner alone."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from drivers.clock import Clock, SystemClock, time_of_day
 from missions.control.commands import COMMAND_KEY
 
 MAX_LOG_BYTES = 4_000_000
-"""Bytes of the log; then it begins anew, and the one before is kept."""
+"""Maximum size of the log in bytes; then a new file begins, and the previous file is kept."""
 
 UNLOGGED_COMMANDS = frozenset(
     {
@@ -34,27 +34,27 @@ UNLOGGED_COMMANDS = frozenset(
         "failsafe",
     }
 )
-"""Commands that change nothing, or come twenty times a second: `take` and `give` say who drove."""
+"""Commands that are not logged: they change nothing, or come 20 times a second. `take` and `give` show the driver."""
 
 BURST_LINES, REFILL_RATE = 20.0, 0.1
-"""Lines of viewers for each word at once, and a second after that: who floods the log pushes nothing out of it."""
+"""Lines of viewers per command: burst, and rate per second, so that a flood cannot displace older lines."""
 
 
 class AuditLog:
-    """Writes lines to ``path``, for its owner alone. A disk that is full costs lines, and nothing else.
+    """Writes the audit log at ``path``, mode 0600. If the disk is full, lines are lost, and the studio goes on.
 
-    What viewers do is written at a bounded rate; ``unwritten`` in a line says how many before it were left out.
+    Commands of viewers are written at a limited rate; ``unwritten`` in a line counts the lines dropped before it.
     """
 
     def __init__(self, path: Path, *, clock: Clock | None = None) -> None:
         self.path = path
         self._lock = Lock()
         self._clock = clock or SystemClock()
-        self._allowed: dict[object, tuple[float, float]] = {}  # by word: how many lines, as of when
+        self._allowed: dict[object, tuple[float, float]] = {}  # by command word: number of lines, and their time
         self._dropped: dict[object, int] = {}
 
     def write(self, client: str, role: str, command: Mapping[str, object], outcome: str) -> None:
-        """Write who has commanded what, and what came of it: ``ok``, or the name of the error."""
+        """Write a line: client, role, command and ``outcome``, which is ``ok`` or the name of the error."""
         line: dict[str, object] = {}
         if role == "viewer":
             with self._lock:
@@ -77,7 +77,7 @@ class AuditLog:
                 file.write(json.dumps(line | dict(command), ensure_ascii=True) + "\n")
 
     def _count_dropped(self, word: object) -> int | None:
-        """Return how many lines of a word were left out before this one; None where this one is to be, too."""
+        """Return the number of lines of this command dropped before this one; None if this one is to be dropped."""
         now = self._clock.now()
         had, since = self._allowed.get(word, (BURST_LINES, now))
         had = min(BURST_LINES, had + (now - since) * REFILL_RATE)

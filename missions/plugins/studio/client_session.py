@@ -1,4 +1,4 @@
-"""One client of the studio: reads its commands, lets through what its role may do, and passes on what the runs say."""
+"""Session of one client of the studio: reads its commands, checks its role, and sends the messages of runs."""
 
 import asyncio
 from collections.abc import Coroutine, Mapping
@@ -30,26 +30,26 @@ from missions.plugins.studio.studio import Studio
 from missions.plugins.studio.studio_commands import COMMANDS, Hello, RecordQuery
 
 MAX_COMMAND_RATE = 100.0
-"""Commands a second, at most; some more may come at once. A `stop` is always heard."""
+"""Maximum rate of commands per second, with a small burst. A `stop` is never refused."""
 
 MAX_PENDING_COMMANDS = 64
-"""Commands that wait to be done, at most."""
+"""Maximum number of queued commands."""
 
 MAX_UNREAD_BYTES = 65536
-"""Bytes that wait for a run which hangs, at most."""
+"""Maximum number of bytes that wait for a run which does not read them."""
 
 HELLO_TIMEOUT = 10.0
-"""Seconds that a client has to say hello."""
+"""Seconds within which a client must send `hello`."""
 
 STOP_TIMEOUT = 10.0
-"""Seconds for which a session of somebody who has gone is kept for the stops that they have asked for."""
+"""Seconds for which the session of a disconnected client is kept for its pending stops."""
 
 CLOSE_POLICY_VIOLATION = 1008
-"""The code by which a websocket is closed to who does not keep to the protocol."""
+"""Websocket close code for a client that breaks the protocol."""
 
 
 class ClientSession:
-    """Serves one websocket until it is closed. What its client drove stands then: its connections to runs end."""
+    """Serves one websocket until it is closed. Then its connections to runs end, which stops the parts it drove."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class ClientSession:
         self._has_news = asyncio.Event()
 
     async def run(self) -> None:
-        """Serve."""
+        """Serve the client until it disconnects."""
         self._serve_task = asyncio.current_task()
         await self._socket.accept()
         try:
@@ -96,11 +96,11 @@ class ClientSession:
             if not self._is_shut_out:
                 raise
         except (WebSocketDisconnect, TimeoutError, RuntimeError):
-            pass  # it has gone, or says nothing
+            pass  # disconnected, or sent no `hello`
         finally:
-            # First what moves: the ends of these connections stop the base.
+            # Close these first: the end of a connection stops the parts that it drives.
             await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
-            if self._stops:  # a stop is done and written down although nobody hears of it any more
+            if self._stops:  # stops are finished and logged even after the client disconnects
                 await asyncio.wait(self._stops, timeout=STOP_TIMEOUT)
             for task in list(self._tasks):
                 task.cancel()
@@ -110,13 +110,12 @@ class ClientSession:
                 await self._socket.close(CLOSE_POLICY_VIOLATION)
 
     def disconnect(self) -> None:
-        """See Client."""
         self._is_shut_out = True
         if self._serve_task is not None:
             self._serve_task.cancel()
 
     def send_runs(self, runs: RunsMessage) -> None:
-        """Send what runs there are, when this client can take it; of several, the newest."""
+        """Send the list of runs as soon as the client can receive it; of several lists, only the newest."""
         self._runs = runs
         self._has_news.set()
 
@@ -136,7 +135,7 @@ class ClientSession:
                 await self._socket.send_text(text)
 
     async def _receive(self) -> str:
-        """Return the next message; one of bytes as the text that it holds."""
+        """Return the next message; a binary message is decoded as text."""
         message = await self._socket.receive()
         if message["type"] != "websocket.receive":
             raise WebSocketDisconnect(message.get("code", 1005))
@@ -144,13 +143,13 @@ class ClientSession:
         return text if isinstance(text, str) else bytes(data or b"").decode("utf-8", "replace")
 
     async def _check_hello(self, line: str) -> bool:
-        """Answer the first command; say whether it was a good one."""
+        """Answer the first command; return whether it is a valid `hello`."""
         try:
             command = read_command(line, commands=COMMANDS)
             if not isinstance(command, Hello):
-                raise BadMessage("hello_first", "the first command is hello", '{"do": "hello", "version": "2"}')
+                raise BadMessage("hello_first", "the first command must be hello", '{"do": "hello", "version": "2"}')
             if command.version not in self._studio.versions:
-                raise BadMessage("old_page", "this page is of another version of the studio", "reload it")
+                raise BadMessage("old_page", "this page belongs to another version of the studio", "reload it")
         except BadMessage as error:
             await self.send(_error_answer(find_id(line), error))
             return False
@@ -158,20 +157,20 @@ class ClientSession:
         return True
 
     async def _handle_line(self, line: str) -> None:
-        """Do what a line asks for, or have it done: a stop that comes next is not to wait for it."""
+        """Handle one line: run the command or queue it, so that a stop that follows does not wait."""
         try:
             command = read_command(line, commands=COMMANDS)
             if isinstance(command, StopCommand):
                 self._stops.add(stop := self._start_task(self._run_and_answer(command, self._stop(command))))
                 stop.add_done_callback(self._stops.discard)
                 if not self._has_allowance():
-                    await asyncio.sleep(1 / MAX_COMMAND_RATE)  # it is done; what comes next of this client waits
+                    await asyncio.sleep(1 / MAX_COMMAND_RATE)  # the command is done, but this client's next one waits
                 return
             if not self._has_allowance():
-                raise BadMessage("too_many", f"more than {MAX_COMMAND_RATE:g} commands a second")
+                raise BadMessage("too_many", f"more than {MAX_COMMAND_RATE:g} commands per second")
             if command.role == "operator" and self.role != "operator":
                 self._studio.audit.write(self.name, self.role, {COMMAND_KEY: command.word}, "not_allowed")
-                raise BadMessage("not_allowed", "a viewer may not do this", "open the operator's link")
+                raise BadMessage("not_allowed", "viewers may not do this", "open the operator's link")
             if isinstance(command, RunCommand) and not isinstance(command, WatchCommand | PictureShownCommand):
                 self._run_commands.put_nowait(command)
             elif isinstance(command, Hello):
@@ -181,7 +180,7 @@ class ClientSession:
             else:
                 self._start_task(self._run_and_answer(command, self._run_command(command)))
         except asyncio.QueueFull:
-            await self.send(_error_answer(find_id(line), BadMessage("too_many", "more commands than can be done")))
+            await self.send(_error_answer(find_id(line), BadMessage("too_many", "too many pending commands")))
         except BadMessage as error:
             await self.send(_error_answer(find_id(line), error))
 
@@ -192,14 +191,14 @@ class ClientSession:
         return had >= 1.0
 
     async def _run_and_answer(self, command: ClientCommand, work: Any) -> None:
-        """Do what a command asks of the studio, and answer."""
+        """Run a command of the studio and send its answer."""
         outcome = "ok"
         try:
             result = await work
         except BadMessage as error:
             outcome = error.error
             await self.send(_error_answer(command.id, error))
-        except Exception as error:  # a fault of our own ends no session
+        except Exception as error:  # an internal error must not end the session
             outcome = "fault"
             await self.send(_error_answer(command.id, BadMessage("fault", f"{type(error).__name__}: {error}")))
         else:
@@ -232,14 +231,14 @@ class ClientSession:
     # --- what goes to and comes from runs -----------------------------------------------------------------------------
 
     async def _relay(self) -> None:
-        """Pass commands on to their runs, in order."""
+        """Forward commands to their runs, in order."""
         while True:
             command = await self._run_commands.get()
             outcome = "ok"
             try:
                 link = await self._link(command.run)
                 if link.unread > MAX_UNREAD_BYTES:
-                    raise BadMessage("no_answer", f"run {command.run} does not read what it is sent")
+                    raise BadMessage("no_answer", f"run {command.run} does not read its commands")
                 members = {
                     name: value
                     for name, value in encode_tagged(command, COMMAND_KEY, CODEC_RULES).items()
@@ -252,7 +251,7 @@ class ClientSession:
             self._studio.log_command(self, self.role, command, outcome)
 
     async def _link(self, run: str) -> AsyncRunLink:
-        """Return this client's own connection to a run: its end is the end of the client. Raises BadMessage."""
+        """Return this client's own connection to a run, which closes with the client. Raises BadMessage."""
         link = self._links.get(run)
         if link is not None and not link.closed.is_set():
             return link
@@ -264,12 +263,12 @@ class ClientSession:
 
         try:
             link = self._links[run] = await self._studio.hub.connect(run, answered)
-        except (OSError, ValueError) as error:  # a TimeoutError is an OSError
+        except (OSError, ValueError) as error:  # OSError includes TimeoutError
             raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
         return link
 
     async def _watch(self, command: WatchCommand) -> None:
-        """Watch a run, together with all others who do; or no more."""
+        """Begin or end watching a run over the connection that all watchers share."""
         hearer = self._feed_clients.get(command.run)
         if not (command.state or command.events or command.pictures):
             if hearer is not None:
@@ -284,11 +283,11 @@ class ClientSession:
     def _acknowledge_picture(self, command: PictureShownCommand) -> None:
         hearer = self._feed_clients.get(command.run)
         if hearer is None:
-            raise BadMessage("no_such_run", f"run '{command.run}' is not watched here", "watch")
+            raise BadMessage("no_such_run", f"run '{command.run}' is not being watched", "watch")
         hearer.feed.on_seen(hearer, command.t)
 
     async def _pass_on(self, hearer: FeedClient) -> None:
-        """Send what a run tells, as this client takes it."""
+        """Send the lines of a run at the speed at which this client takes them."""
         try:
             async for line in hearer.lines():
                 await self._send_text(line.decode())

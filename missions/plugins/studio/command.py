@@ -1,4 +1,4 @@
-"""``mission studio``: a page in the browser to see, start, drive and stop what runs on this machine."""
+"""``mission studio``: a page in the browser to see, start, drive and stop the runs of this machine."""
 
 import ipaddress
 import os
@@ -21,32 +21,32 @@ from missions.plugins.records.options import is_recorded_by_default
 DEFAULT_PORT = 8642
 
 MAX_PORTS_TRIED = 20
-"""Ports from the usual one on that are tried where none is named."""
+"""Number of ports that are tried, from the default port on, if the user names none."""
 
 
 MIN_DESCRIPTORS = 128
-"""File descriptors without which the studio is not started: 64 are kept for a stop, and with few others it is deaf."""
+"""Minimum limit of open files for a studio: 64 are reserved for stops, and the rest must suffice for clients."""
 
 
 @click.command(epilog="Example: mission studio --open")
 @click.option(
     "--port",
     type=WholeNumber(min=0, max=65535),
-    help=f"Where, 0 for any free port; {DEFAULT_PORT} by default, or the next free one.",
+    help=f"Port, 0 for any free one; {DEFAULT_PORT} by default, or the next free one.",
 )
 @click.option(
     "--host",
     default="127.0.0.1",
     show_default=True,
     metavar="ADDRESS",
-    help="Who can reach it: this computer alone, or with 0.0.0.0 all of its network.",
+    help="Address to serve at: by default this computer only; 0.0.0.0 for the whole network.",
 )
-@click.option("--name", "names", multiple=True, metavar="NAME", help="Another name by which browsers ask for it.")
+@click.option("--name", "names", multiple=True, metavar="NAME", help="Additional host name that browsers may use.")
 @click.option("--open", "in_browser", is_flag=True, help="Open the page in the browser.")
 @click.option(
     "--record/--no-record",
     default=None,
-    help="Record the runs that it starts, simulated ones too: so it is unless your defaults.yaml says `record: false`.",
+    help="Record the runs that it starts, including simulated ones; the default, unless your defaults.yaml has `record: false`.",
 )
 @click.option(
     "--records",
@@ -56,17 +56,26 @@ MIN_DESCRIPTORS = 128
     callback=lambda _context, _option, folder: (
         folder and os.environ.update({retention.STUDIO_RECORDS_VARIABLE: str(folder)})
     ),
-    help="The records that it shows; else those that are kept by default, as runs that it starts are in any case.",
+    help="Folder of the records that it shows; runs that it starts are always stored in the default folder.",
 )
 @click.option(
     "--certificate",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="TLS: a PEM file.",
+    help="TLS certificate: a PEM file.",
 )
-@click.option("--key", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE", help="Its key.")
-@click.option("--leash", type=WholeNumber(), hidden=True, help="The end of a pipe: the studio ends with it.")
-@click.option("--keep-tokens", is_flag=True, help="The tokens of last time, so that links and bookmarks go on to work.")
+@click.option(
+    "--key",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Private key of the certificate.",
+)
+@click.option(
+    "--leash", type=WholeNumber(), hidden=True, help="File descriptor of a pipe; the studio ends when it closes."
+)
+@click.option(
+    "--keep-tokens", is_flag=True, help="Reuse the tokens of the last studio, so that links and bookmarks stay valid."
+)
 def command(
     port: int | None,
     host: str,
@@ -78,10 +87,10 @@ def command(
     leash: int | None,
     keep_tokens: bool,
 ) -> int:
-    """Serve a page to see, start, drive and stop robots, for the browsers of this computer, or of the network.
+    """Serve a page to see, start, drive and stop robots, for browsers on this computer or on the network.
 
-    Whoever opens the printed link is signed in: as an operator, or with the other one as a viewer, who sees all and may
-    stop. Runs go on when the studio ends, and those of other terminals are in it too.
+    Whoever opens the first printed link is signed in as an operator, with the second as a viewer, who may look and
+    stop. Runs go on when the studio ends. Runs started in other terminals are shown too.
     """
     try:
         from missions.plugins.studio import access as tokens  # noqa: PLC0415
@@ -102,13 +111,11 @@ def command(
         def begun() -> None:
             link = place.link(access.operator)
             click.echo(f"studio: {link}")
-            click.echo(f"to look and stop only: {place.link(access.viewer)}")
+            click.echo(f"to view and stop only: {place.link(access.viewer)}")
             if not _is_loopback(host):
                 _show_code(link)
                 if certificate is None:
-                    click.echo(
-                        "without TLS: who listens on this network can read the link (--certificate FILE)", err=True
-                    )
+                    click.echo("without TLS, others on this network can read the link (--certificate FILE)", err=True)
             if in_browser:
                 opener.open()
 
@@ -126,15 +133,15 @@ def command(
 
 
 def _check_descriptors() -> None:
-    """Raise ClickException where this process may open too few files to serve anybody."""
+    """Raise ClickException if the limit of open files of this process is too low to serve clients."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limit != resource.RLIM_INFINITY and limit < MIN_DESCRIPTORS:
-        few = f"open files are limited to {limit}, and the studio needs {MIN_DESCRIPTORS}"
+        few = f"open files are limited to {limit}; the studio needs at least {MIN_DESCRIPTORS}"
         raise click.ClickException(f"{few}\n  try: ulimit -n 1024  (in this shell)")
 
 
 def _listen(host: str, port: int | None) -> socket.socket:
-    """Return the socket at a port; without one, at the usual port or the next free one. Raises ClickException."""
+    """Return a socket that listens at ``port``, or at the default port or the next free one. Raises ClickException."""
     from missions.plugins.studio.web_server import StudioAddress, open_listener  # noqa: PLC0415
 
     tried = range(DEFAULT_PORT, DEFAULT_PORT + MAX_PORTS_TRIED) if port is None else [port]
@@ -158,7 +165,7 @@ def _listen(host: str, port: int | None) -> socket.socket:
 
 
 def _port_holders(port: int) -> tuple[str, str]:
-    """Return who has a port, and how to end that; empty texts where the user may not know."""
+    """Return the programs that hold a port and the command that ends them; empty texts if unknown."""
     holders = tcp_holders(port)
     ends = end_command(holders, "")
     return f" by {', '.join(map(str, holders))}" if holders else "", f"; or: {ends}" if ends else ""
@@ -171,8 +178,8 @@ def _is_loopback(host: str) -> bool:
 
 
 def _show_code(link: str) -> None:
-    """Draw a link for the camera of a phone."""
-    import segno  # noqa: PLC0415 - only where it is wanted
+    """Print a link as a QR code for the camera of a phone."""
+    import segno  # noqa: PLC0415 - rarely needed
 
     if sys.stdout.isatty():
         segno.make(link, error="m").terminal(compact=True)

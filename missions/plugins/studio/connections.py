@@ -1,7 +1,7 @@
-"""The connections of the studio: how many there may be, and which of them go when room is short.
+"""Connections of the studio: their limits, and the choice of those that are closed for newer ones.
 
-A connection is counted from ``accept`` on, so before TLS, until its descriptor is closed. One that has not signed in
-goes for a newer one; one that has signed in never does.
+A connection counts from ``accept``, before TLS, until its descriptor is closed. A connection that has not signed in is
+closed for a newer one; a signed-in one never is.
 """
 
 import asyncio
@@ -22,11 +22,11 @@ from drivers.clock import Clock, SystemClock
 # File descriptors that are kept for a stop: a studio that has none left for anything else can still look for runs.
 
 RESERVED_DESCRIPTORS = 64
-"""How many are kept: a folder, a note and a socket for each of some runs at the same time."""
+"""Number of descriptors in reserve: a folder, a file and a socket for each of several runs at the same time."""
 
 
 class SpareDescriptors:
-    """Holds descriptors, and lends their numbers while something important is done. For one thread."""
+    """Reserve of open file descriptors, released while a stop needs them. Not thread-safe."""
 
     def __init__(self, count: int = RESERVED_DESCRIPTORS) -> None:
         self._count, self._lend_count = count, 0
@@ -35,7 +35,7 @@ class SpareDescriptors:
 
     @contextmanager
     def lend(self) -> Iterator[None]:
-        """Have them free while this is entered; from several places at once, until the last one leaves."""
+        """Release the descriptors inside the context. Contexts may overlap; the last one takes them back."""
         self._lend_count += 1
         self.close()
         try:
@@ -46,7 +46,7 @@ class SpareDescriptors:
                 self._fill()
 
     def close(self) -> None:
-        """Hold none any more."""
+        """Release the descriptors for good."""
         while self._held:
             os.close(self._held.pop())
 
@@ -55,36 +55,36 @@ class SpareDescriptors:
             while len(self._held) < self._count:
                 self._held.append(os.open(os.devnull, os.O_RDONLY))
         except OSError:
-            return  # there are not so many now: those that there are, and more after the next stop
+            return  # not enough free now: keep these, and try again after the next stop
 
 
 MAX_CONNECTIONS = 200
-"""Connections at once, if there are descriptors for them."""
+"""Maximum number of connections, if there are descriptors for them."""
 
 MAX_CONNECTIONS_PER_ADDRESS = 128
-"""Connections of one address that have not signed in."""
+"""Maximum number of connections of one address that have not signed in."""
 
 MIN_CONNECTIONS = 8
-"""Connections that there may be however few descriptors there are."""
+"""Number of connections that are allowed even if few descriptors are left."""
 
 HANDSHAKE_TIMEOUT, CLOSING_TIMEOUT = 5.0, 1.0
-"""Seconds for the handshake of TLS, and for its end."""
+"""Seconds for the TLS handshake, and for the TLS shutdown."""
 
 SIGN_IN_TIMEOUT = 10.0
-"""Seconds from ``accept`` until a connection has to have signed in."""
+"""Seconds from ``accept`` within which a connection must sign in."""
 
 LATE_CHECK_INTERVAL = 1.0
-"""Seconds from one look for connections that are late to the next."""
+"""Seconds between two checks for connections that have not signed in in time."""
 
 COUNT_INTERVAL = 0.1
-"""Seconds from one count of the descriptors of this process to the next, at least."""
+"""Minimum time in seconds between two counts of this process's descriptors."""
 
 RETRY_INTERVAL = 0.1
-"""Seconds for which nothing is accepted where the process has no descriptor left."""
+"""Seconds without accepting after the process had no descriptor left."""
 
 
 class AuthLevel(IntEnum):
-    """What a connection has shown: nothing, the cookie of a browser, or also a proof (or a token)."""
+    """Credentials that a connection has shown: none, a browser's cookie, or also a proof or a token."""
 
     STRANGER = 0
     VISITOR = 1
@@ -93,9 +93,9 @@ class AuthLevel(IntEnum):
 
 @dataclass(slots=True, eq=False)
 class ClientConnection:
-    """A connection that was accepted at ``accepted_at`` (s). ``transport`` is None before TLS is done.
+    """An accepted connection; ``accepted_at`` in seconds. ``transport`` is None until TLS is established.
 
-    ``network`` is its address, of IPv6 the first 64 bits.
+    ``network`` is its address; of IPv6, the first 64 bits.
     """
 
     raw_socket: socket.socket
@@ -106,15 +106,15 @@ class ClientConnection:
 
     @property
     def is_open(self) -> bool:
-        """Whether it still has its descriptor."""
+        """Whether the connection still has its descriptor."""
         return self.raw_socket.fileno() >= 0
 
     def close(self) -> None:
-        """End it, in whatever state it is; its descriptor is closed in the next turn of the loop."""
+        """Close the connection in any state; its descriptor is closed in the next iteration of the event loop."""
         if self.transport is not None:
             self.transport.abort()
         elif self.is_open:
-            with suppress(OSError):  # the other side has ended it
+            with suppress(OSError):  # the peer has closed it
                 self.raw_socket.shutdown(socket.SHUT_RDWR)
 
 
@@ -123,7 +123,7 @@ ProtocolFactory = Callable[[ClientConnection], asyncio.Protocol]
 
 @dataclass(slots=True)
 class ConnectionAcceptor:
-    """Accepts connections, with TLS where ``ssl_context`` says how, and gives each a protocol. For one event loop."""
+    """Accepts connections, with TLS if there is an ``ssl_context``, and creates their protocols. For one event loop."""
 
     protocol: ProtocolFactory
     ssl_context: SSLContext | None = None
@@ -134,13 +134,13 @@ class ConnectionAcceptor:
     _count_at: float = float("-inf")
 
     def open(self, listener: socket.socket) -> None:
-        """Accept the connections of a socket that listens."""
+        """Accept the connections of a listening socket."""
         listener.setblocking(False)
         self._start_task(self._accept(listener))
         self._start_task(self._check_late())
 
     def close(self) -> None:
-        """Accept nothing more, and end the handshakes that go on."""
+        """Stop accepting, and cancel pending handshakes."""
         for task in self._tasks:
             task.cancel()
         for visit in self.connections:
@@ -148,7 +148,7 @@ class ConnectionAcceptor:
                 visit.close()
 
     async def wait_closed(self) -> None:
-        """Wait until all that was going on here has ended."""
+        """Wait until all tasks of this acceptor have ended."""
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def _accept(self, listener: socket.socket) -> None:
@@ -157,8 +157,8 @@ class ConnectionAcceptor:
             try:
                 connection, address = await loop.sock_accept(listener)
             except ConnectionError:
-                continue  # it had gone before
-            except OSError:  # no descriptor, or no memory
+                continue  # already closed
+            except OSError:  # out of descriptors or memory
                 self._evict_one(self.connections)
                 await asyncio.sleep(RETRY_INTERVAL)
                 continue
@@ -167,7 +167,7 @@ class ConnectionAcceptor:
                 self._start_task(self._serve(visit))
             else:
                 connection.close()
-            await asyncio.sleep(0)  # one in a turn: those that are there are heard first
+            await asyncio.sleep(0)  # one per loop iteration, so that existing connections are served first
 
     async def _check_late(self) -> None:
         while True:
@@ -175,13 +175,13 @@ class ConnectionAcceptor:
             self.close_late()
 
     def close_late(self) -> None:
-        """Hang up on those whose time to sign in is over."""
+        """Close the connections that did not sign in in time."""
         for visit in self.connections:
             if visit.auth_level is AuthLevel.STRANGER and self.clock.now() - visit.accepted_at > SIGN_IN_TIMEOUT:
                 visit.close()
 
     def admit(self, visit: ClientConnection) -> bool:
-        """Count a connection, for which another one may have to go; return whether there is room."""
+        """Return whether there is room for a connection, which is then counted; another one may be closed for it."""
         self.connections = [each for each in self.connections if each.is_open]
         same = [
             each for each in self.connections if each.network == visit.network and each.auth_level < AuthLevel.SIGNED_IN
@@ -195,7 +195,7 @@ class ConnectionAcceptor:
         return True
 
     def _evict_one(self, among: list[ClientConnection]) -> bool:
-        """Hang up on the oldest of those that have shown least, of the address with most of them."""
+        """Close one connection: from the network with most of them, with the fewest credentials, the oldest."""
         lowest = min((each.auth_level for each in among), default=AuthLevel.SIGNED_IN)
         if lowest is AuthLevel.SIGNED_IN:
             return False
@@ -207,7 +207,7 @@ class ConnectionAcceptor:
         return True
 
     def _capacity(self) -> int:
-        """Return for how many connections there are descriptors, without those in reserve."""
+        """Return the number of connections for which there are descriptors, without the reserve."""
         now = self.clock.now()
         if now >= self._count_at:
             self._count_at = now + COUNT_INTERVAL
@@ -218,7 +218,7 @@ class ConnectionAcceptor:
         return max(MIN_CONNECTIONS, min(MAX_CONNECTIONS, limit - RESERVED_DESCRIPTORS - self._other_descriptors))
 
     async def _serve(self, visit: ClientConnection) -> None:
-        """Do the handshake, and hand the connection over to its protocol."""
+        """Do the TLS handshake, and hand the connection over to its protocol."""
         timeouts: dict[str, Any] = {}
         if self.ssl_context is not None:
             timeouts = {"ssl_handshake_timeout": HANDSHAKE_TIMEOUT, "ssl_shutdown_timeout": CLOSING_TIMEOUT}
@@ -227,7 +227,7 @@ class ConnectionAcceptor:
             await loop.connect_accepted_socket(
                 lambda: self.protocol(visit), visit.raw_socket, ssl=self.ssl_context, **timeouts
             )
-        except OSError:  # as of TLS, and of its timeout
+        except OSError:  # includes errors and timeouts of TLS
             visit.raw_socket.close()
 
     def _start_task(self, work: Any) -> None:
@@ -237,7 +237,7 @@ class ConnectionAcceptor:
 
 
 def network_of(address: tuple[Any, ...]) -> str:
-    """Return what counts as one address: a home or a server has 2**64 addresses of IPv6."""
+    """Return the network that limits count as one address: a home or a server has 2**64 addresses of IPv6."""
     found = ipaddress.ip_address(str(address[0]).partition("%")[0])
     if isinstance(found, ipaddress.IPv4Address):
         return str(found)
@@ -245,7 +245,7 @@ def network_of(address: tuple[Any, ...]) -> str:
 
 
 def _open_descriptors() -> int:
-    """Return how many descriptors this process has open; none where the system does not tell."""
+    """Return the number of open descriptors of this process; 0 if the system does not provide it."""
     with suppress(OSError):
         return len(os.listdir("/proc/self/fd"))  # noqa: PTH208 - up to ten times a second
     return 0

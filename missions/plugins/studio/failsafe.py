@@ -1,4 +1,4 @@
-"""What a base does while something goes wrong, for the page: stepped through by the product's own classes."""
+"""Reactions of a base to faults, for the page: simulated step by step with the product's own classes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -13,9 +13,9 @@ Json = dict[str, object]
 
 
 def answer_failsafe(command: ClientCommand) -> Json:
-    """Answer `answer_failsafe`. Raises BadMessage for a word that is no choice."""
-    wanted = command if isinstance(command, FailsafeQuery) else FailsafeQuery()
-    chosen = {name: getattr(wanted, name) or words[0] for name, words in CHOICES.items()}
+    """Answer `failsafe`. Raises BadMessage for an unknown choice."""
+    query = command if isinstance(command, FailsafeQuery) else FailsafeQuery()
+    chosen = {name: getattr(query, name) or words[0] for name, words in CHOICES.items()}
     for name, word in chosen.items():
         if word not in CHOICES[name]:
             hint = did_you_mean(word, CHOICES[name]) or f"one of: {', '.join(CHOICES[name])}"
@@ -27,4 +27,4 @@ def answer_failsafe(command: ClientCommand) -> Json:
 
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"failsafe": answer_failsafe}
-"""What does each command."""
+"""Handlers by command word."""

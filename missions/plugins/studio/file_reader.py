@@ -1,4 +1,4 @@
-"""What the studio reads of files, in processes of its own: a large record keeps no stop from its run."""
+"""Worker processes that read files for the studio, so that a large record delays no stop."""
 
 import asyncio
 import os
@@ -22,13 +22,13 @@ from missions.plugins.studio.studio_commands import StartRun
 from missions.plugins.tasks.task import TaskError
 
 MAX_WORKERS = 2
-"""Processes: while one reads a long record, another answers."""
+"""Number of processes: one answers while another reads a long record."""
 
 WORK_TIMEOUT = 60.0
-"""Seconds that a piece of work may take."""
+"""Seconds that one piece of work may take."""
 
 NICENESS = 5
-"""How far a reader stands back behind the runs."""
+"""Niceness of the processes: runs have priority."""
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], dict[str, object]]] = {
     **library.HANDLERS,
@@ -37,7 +37,7 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], dict[str, object]]] = {
     **run_launcher.HANDLERS,
     **failsafe.HANDLERS,
 }
-"""What does each command that no run answers."""
+"""Handlers, by command word, of the commands that no run answers."""
 
 ERROR_NAMES: Mapping[type[Exception], str] = {
     InvalidFileError: "bad_file",
@@ -47,32 +47,32 @@ ERROR_NAMES: Mapping[type[Exception], str] = {
     TaskError: "bad_task",
     OSError: "bad_file",
 }
-"""What the errors of others are called in answers."""
+"""Error names in answers, by exception class."""
 
 Given = TypeVar("Given")
 Found = TypeVar("Found")
 
 
 class FileReader:
-    """Does what commands ask for that only read files, or that change the queue of tasks."""
+    """Runs commands that read files or change the task queue, in worker processes."""
 
     def __init__(self) -> None:
         self._pool = _make_pool()
 
     async def do(self, command: ClientCommand) -> Mapping[str, object]:
-        """Return what is answered. Raises BadMessage with the name of what went wrong."""
+        """Return the answer of a command. Raises BadMessage with the name of the error."""
         return await self._work(run_command, command)
 
     async def check(self, command: StartRun) -> None:
-        """Raise BadMessage for a mission, robot or world that is none of those that there are."""
+        """Raise BadMessage if the library does not have the mission, robot or world."""
         await self._work(check_start, command)
 
     async def keep(self, tuning: Mapping[str, Any]) -> Mapping[str, object]:
-        """Write what was tuned in a run into its robot file; return what is answered. Raises BadMessage."""
+        """Write the tuned values of a run to its robot file; return the answer. Raises BadMessage."""
         return await self._work(keep_tuning, tuning)
 
     async def report(self, name: str) -> str:
-        """Return the report of a record, as a page. Raises BadMessage."""
+        """Return the report of a record as an HTML page. Raises BadMessage."""
         return await self._work(make_report, name)
 
     async def _work(self, work: Callable[[Given], Found], argument: Given) -> Found:
@@ -83,15 +83,15 @@ class FileReader:
         except BrokenProcessPool as error:
             if self._pool is pool:
                 self._pool = _make_pool()
-            raise BadMessage("fault", "what reads files has died; ask again") from error
+            raise BadMessage("fault", "the process that reads files died; try again") from error
         except TimeoutError as error:
-            if self._pool is pool:  # what hangs on would take the place of all that comes
+            if self._pool is pool:  # a hanging worker would block later work
                 self._pool = _make_pool()
                 await asyncio.to_thread(_end_pool, pool)
             raise BadMessage("fault", f"it took more than {WORK_TIMEOUT:g} s") from error
 
     def close(self) -> None:
-        """End the processes, whatever they do."""
+        """End the processes at once, even during work."""
         _end_pool(self._pool)
 
 
@@ -109,7 +109,7 @@ def _end_pool(pool: ProcessPoolExecutor) -> None:
 
 
 def _prepare_worker() -> None:
-    """Stand back behind the runs, and end with the studio, however that ends."""
+    """Lower the priority of a worker, and have it end with the studio, even after a crash."""
     os.nice(NICENESS)
 
     def end() -> None:
@@ -122,19 +122,19 @@ def _prepare_worker() -> None:
 
 
 def run_command(command: ClientCommand) -> dict[str, object]:
-    """Do a command, in a reader's process. Raises BadMessage."""
+    """Run a command in a worker. Raises BadMessage."""
     with _named_errors():
         return HANDLERS[command.word](command)
 
 
 def make_report(name: str) -> str:
-    """Return the report of a record, in a reader's process. Raises BadMessage."""
+    """Return the report of a record; runs in a worker. Raises BadMessage."""
     with _named_errors():
         return record_queries.render_report(name)
 
 
 def keep_tuning(tuning: Mapping[str, Any]) -> dict[str, object]:
-    """Write what was tuned into the robot file, in a reader's process. Raises BadMessage."""
+    """Write tuned values to a robot file; runs in a worker. Raises BadMessage."""
     values = {each["name"]: each["value"] for each in tuning["knobs"] if each["tuned"]}
     with _named_errors():
         changes = save_values(Path(tuning["file"]), values, "mission run MISSION --robot FILE")
@@ -143,7 +143,7 @@ def keep_tuning(tuning: Mapping[str, Any]) -> dict[str, object]:
 
 @contextmanager
 def _named_errors() -> Iterator[None]:
-    """Name the errors of others as answers do."""
+    """Raise BadMessage, with the error's name in answers, for other exceptions."""
     try:
         yield
     except tuple(ERROR_NAMES) as error:
@@ -153,5 +153,5 @@ def _named_errors() -> Iterator[None]:
 
 
 def check_start(command: StartRun) -> None:
-    """Check what a run is to be started with. Raises BadMessage."""
+    """Check the names in a request to start a run; runs in a worker. Raises BadMessage."""
     run_launcher.check_names(command)

@@ -1,7 +1,7 @@
-"""What there is to run, and on what, as the page shows it: the catalogue that `mission list` and `check` read.
+"""Missions, robots and worlds that the page can start: the catalogue of `mission list` and `mission check`.
 
-Over the studio, missions, robots and worlds are those of the library, the user's own by name, and the files in the
-folder in which it was started: no command leads elsewhere.
+The studio offers only files of the library, the user's own by name, and files in the folder where it was started. No
+command can name another file.
 """
 
 import hashlib
@@ -51,49 +51,49 @@ from missions.trees.value_text import value_text
 
 
 def load_with_behaviours(name: str) -> Plan:
-    """Return a mission, with the leaves in files beside it. Raises InvalidFileError or UnknownNameError."""
+    """Load a mission with the behaviours in files beside it. Raises InvalidFileError or UnknownNameError."""
     return load_mission(name, leaves=load_leaves(behaviour_files(name), required_files=()))
 
 
 def params_of(name: str) -> list[dict[str, object]]:
-    """Return the params of a mission as a form has them. Raises InvalidFileError or UnknownNameError."""
+    """Return the parameters of a mission as form fields. Raises InvalidFileError or UnknownNameError."""
     leaves = load_leaves(behaviour_files(name), required_files=())
     return [_param(each) for each in declared_params(find_mission(name), leaves, LOOKUPS).values()]
 
 
 def _param(param: Param) -> dict[str, object]:
-    """Return a param as a form has it."""
+    """Return a parameter as a form field."""
     kind = param.type
-    told: dict[str, object] = {
+    field: dict[str, object] = {
         "name": param.name,
         "kind": kind.kind,
         "default": None if not param.has_value else format_value(param.default),
         "help": param.help,
     }
     if kind.kind != kind.member_type:
-        told["of"] = kind.member_type
+        field["of"] = kind.member_type
     if kind.member_type in UNITS:
-        told["units"] = list(UNITS[kind.member_type])
+        field["units"] = list(UNITS[kind.member_type])
     if kind.choices:
-        told["choices"] = list(kind.choices)
+        field["choices"] = list(kind.choices)
     for side, bound in (("low", kind.low), ("high", kind.high)):
         if isfinite(bound):
-            told[side] = quantity_text(bound, kind.member_type) if kind.member_type in UNITS else f"{bound:g}"
-    return told
+            field[side] = quantity_text(bound, kind.member_type) if kind.member_type in UNITS else f"{bound:g}"
+    return field
 
 
 # A limit on the time of a piece of work, for a process whose main thread does nothing else.
 
 
 class TimeLimitError(BaseException):
-    """A piece of work takes too long. What handles all errors of the work must not handle this one."""
+    """Work exceeded its time limit. A BaseException, so that handlers of the work's own errors do not catch it."""
 
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeLimitError in what is done within, once so many seconds are over; without a limit beside other threads.
+    """Raise TimeLimitError in the body of the context after ``seconds``.
 
-    Only the main thread can be interrupted so, and it may have no other use for SIGALRM.
+    It uses SIGALRM, so it works in the main thread only, and has no limit in other threads.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -114,26 +114,26 @@ def time_limit(seconds: float) -> Iterator[None]:
 Json = dict[str, object]
 
 FORM_OPTIONS = ("world", "simulate", "speed", "seed")
-"""The options of `mission run` in the form that starts one."""
+"""Options of `mission run` in the form that starts a run."""
 
 MAX_ENTRIES = 4096
-"""Entries of lists that are cached."""
+"""Maximum number of cached list entries."""
 
 FILE_TIMEOUT = 5.0
-"""Seconds that one file of a list may take: a mission of 10,000 steps takes 4 of them."""
+"""Seconds allowed for one file of a list: a mission of 10,000 steps takes 4."""
 
 LIST_TIMEOUT = 30.0
-"""Seconds after which files of a list are left for the next time: the reader itself ends after twice as many."""
+"""Seconds after which remaining files are left for the next request; the reader is ended after twice as many."""
 
 DEPENDENCY_SUFFIXES = (*SUFFIXES, *SHEET_SUFFIXES, ".py")
-"""The suffixes of files on which a mission, a robot or a world may depend."""
+"""Suffixes of files on which a mission, a robot or a world may depend."""
 
 MAX_SHAPE_NODES = 200
-"""Nodes of a mission that a list draws."""
+"""Maximum number of nodes drawn for a mission in a list."""
 
 
 def files_by_name(kind: str) -> Mapping[str, Path]:
-    """Return the files of a kind (missions, robots, worlds) by their names: the user's own first, then the shipped."""
+    """Return the files of a kind (missions, robots, worlds) by name: the user's own first, then the shipped."""
     known = _shipped_files(kind)
     return {**_own_files(kind, known, []), **known}
 
@@ -141,13 +141,15 @@ def files_by_name(kind: str) -> Mapping[str, Path]:
 def _shipped_files(kind: str) -> Mapping[str, Path]:
     if kind != "missions":
         return shipped_files(kind)
-    return {name: path for name, path in shipped_missions().items() if find_mission(name) == path}  # none beside
+    return {
+        name: path for name, path in shipped_missions().items() if find_mission(name) == path
+    }  # without files beside it
 
 
 def _own_files(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mapping[str, Path]:
-    """Return the user's own files of a kind; one whose name is ``known`` of another file goes by its path.
+    """Return the user's own files of a kind by name; by path if a name is already in ``known`` for another file.
 
-    A folder that cannot be read, or a file of defaults with errors, is told in ``faults`` and hides no other files.
+    An unreadable folder or a faulty defaults file is reported in ``faults``; other files are still listed.
     """
     found: dict[str, Path] = {}
     try:
@@ -167,7 +169,7 @@ def _own_files(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mappi
 
 
 def check_name(kind: str, name: str) -> str:
-    """Return a name, if it is one of those that there are. Raises BadMessage."""
+    """Return a name if the library has it. Raises BadMessage."""
     if name in files_by_name(kind) or (
         kind == "missions" and name in {full.rpartition("/")[2] for full in files_by_name(kind)}
     ):
@@ -176,7 +178,7 @@ def check_name(kind: str, name: str) -> str:
 
 
 def answer_library(command: ClientCommand) -> Json:
-    """Answer `answer_library`."""
+    """Answer `library`."""
     known = {kind: _shipped_files(kind) for kind in ENTRY_MAKERS}
     faults: list[str] = []
     own = {kind: _own_files(kind, known[kind], faults) for kind in ENTRY_MAKERS}
@@ -195,7 +197,7 @@ def answer_library(command: ClientCommand) -> Json:
         entries += [_list_entry(kind, name, path, "", clock) for name, path in known[kind].items()]
         lists[kind] = entries
         if any(entry.get("unread") for entry in entries):
-            edition += "+"  # so that the list is asked for again: what was read by then is cached
+            edition += "+"  # so that the page requests the list again; finished files are cached by then
     more: Json = {
         "motions": [f"motions/{name}" for name in MOTIONS.values()],
         "people": _people_names(),
@@ -206,14 +208,14 @@ def answer_library(command: ClientCommand) -> Json:
 
 
 def _option_json(option: Option) -> Json:
-    """Return an option as the form has it; an infinite default is none."""
+    """Return an option as a form field; an infinite default becomes none."""
     default = None if option.default == inf else option.default
     bounds = {"low": option.low, "high": option.high}
     return {"help": option.help, "default": default, "among": list(option.among), **bounds}
 
 
 def answer_mission(command: ClientCommand) -> Json:
-    """Answer `answer_mission`."""
+    """Answer `mission`."""
     name = check_name("missions", command.name if isinstance(command, MissionQuery) else "")
     found = load_with_behaviours(name)
     return {
@@ -229,7 +231,7 @@ def answer_mission(command: ClientCommand) -> Json:
 
 
 def answer_world(command: ClientCommand) -> Json:
-    """Answer `answer_world`."""
+    """Answer `world`."""
     name = check_name("worlds", command.name if isinstance(command, WorldQuery) else "")
     config = load_world(find_file("worlds", name))
     built = build_world(config)
@@ -250,11 +252,11 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
     "mission": answer_mission,
     "world": answer_world,
 }
-"""What does each command."""
+"""Handlers by command word."""
 
 
 def _paths_below(place: Path) -> Iterator[Path]:
-    """Yield what is in a folder and in the folders of it; nothing for one that cannot be read."""
+    """Yield the paths in a folder and its subfolders; nothing if it cannot be read."""
     with suppress(OSError):
         for path in sorted(place.iterdir()):
             yield path
@@ -263,7 +265,7 @@ def _paths_below(place: Path) -> Iterator[Path]:
 
 
 def _edition(paths: Iterable[Path], before: str = "") -> str:
-    """Return a text that is another one once a file was added, changed or removed."""
+    """Return a text that changes when a file is added, changed or removed."""
     digest = hashlib.sha256(before.encode())
     for path in paths:
         with suppress(OSError):
@@ -273,30 +275,36 @@ def _edition(paths: Iterable[Path], before: str = "") -> str:
 
 
 def _try_behaviours(missions: Iterable[Path]) -> None:
-    """Import the behaviours beside missions once: one that hangs costs its time once, and not that of each mission."""
+    """Import the behaviours beside missions once, so that one that hangs costs its time limit once."""
     for beside in {path.parent: path for path in missions}.values():
         load_leaves(behaviour_files_beside(beside), required_files=())
 
 
 def _list_entry(kind: str, name: str, path: Path, edition: str, clock: Clock) -> Json:
-    """Return the entry of a file in a list, whatever that file is like, and with a time limit of its own.
+    """Return the list entry of a file, with a time limit of its own; an invalid file's entry shows its errors.
 
-    Files whose turn comes when ``LIST_TIMEOUT`` is over by the ``clock`` are left for the next time.
+    Files that would begin after ``LIST_TIMEOUT`` by ``clock`` are left for the next request.
     """
     key = (kind, name, path, edition)
     if key in _entries:
         return _entries[key]
     if clock.now() >= LIST_TIMEOUT:
-        return {"name": name, "summary": "", "parts": [], "trouble": "not read yet: others take long", "unread": True}
+        return {
+            "name": name,
+            "summary": "",
+            "parts": [],
+            "trouble": "not read yet; other files take long",
+            "unread": True,
+        }
     try:
         with time_limit(FILE_TIMEOUT):
             found = ENTRY_MAKERS[kind](name, path, edition)
     except TimeLimitError:
         trouble = f"it takes more than {FILE_TIMEOUT:g} s to read\n  try: mission check {path if edition else name}"
         found = {"name": name, "summary": "", "parts": [], "trouble": trouble}
-        if not edition:  # a file that ships is never that long: the computer was busy
+        if not edition:  # a shipped file is never that long: the computer was busy
             return {**found, "unread": True}
-    except Exception as error:  # it hides none of the others
+    except Exception as error:  # an error in one file must not hide the others
         trouble = f"it cannot be read: {type(error).__name__}: {error}"[:2000]
         found = {"name": name, "summary": "", "parts": [], "trouble": trouble}
     if "trouble" in found and edition:
@@ -308,25 +316,25 @@ def _list_entry(kind: str, name: str, path: Path, edition: str, clock: Clock) ->
 
 
 _entries: dict[tuple[str, str, Path, str], Json] = {}
-"""Entries by kind, name, file and the edition of all files on which they may depend: the newest ones."""
+"""Cache of entries by kind, name, file and the edition of the files on which they depend."""
 
 
 def _mission_entry(name: str, path: Path, edition: str) -> Json:
-    """Return a mission's entry in the list, with its errors if it has some.
+    """Return a mission's list entry, with its errors.
 
     ``edition`` is that of the files on which it depends; empty for a shipped mission.
     """
-    told = _base_entry("missions", name, path, edition)
+    entry = _base_entry("missions", name, path, edition)
     try:
         found = load_with_behaviours(name)
     except (InvalidFileError, UnknownNameError) as error:
-        return {**told, "summary": "", "parts": [], "trouble": str(error)[:2000]}
+        return {**entry, "summary": "", "parts": [], "trouble": str(error)[:2000]}
     parts, shape = sorted(found.tree.parts), list(_depths(drawing_of(found).root))[:MAX_SHAPE_NODES]
-    return {**told, "summary": found.summary, "parts": parts, "shape": shape}
+    return {**entry, "summary": found.summary, "parts": parts, "shape": shape}
 
 
 def _base_entry(kind: str, name: str, path: Path, edition: str) -> Json:
-    """Return how a file is called in a list; a file of the user's by its own heading, and with its edition."""
+    """Return the common part of a list entry; a file of the user also has a heading and an edition."""
     if not edition:
         return {"name": name}
     title = path.stem
@@ -338,7 +346,7 @@ def _base_entry(kind: str, name: str, path: Path, edition: str) -> Json:
 
 
 def _depths(box: TreeBox, depth: int = 0) -> Iterator[int]:
-    """Yield how deep each node stands, in the order of the file."""
+    """Yield the depth of each node, in the order of the file."""
     yield depth
     for child in box.children:
         yield from _depths(child, depth + 1)
@@ -353,11 +361,11 @@ def _world_entry(name: str, path: Path, edition: str) -> Json:
 
 
 def _summary_entry(kind: str, name: str, path: Path, edition: str, load: Callable[[Path], object]) -> Json:
-    told = _base_entry(kind, name, path, edition)
+    entry = _base_entry(kind, name, path, edition)
     try:
-        return {**told, "summary": str(getattr(load(path), "summary", ""))}
+        return {**entry, "summary": str(getattr(load(path), "summary", ""))}
     except InvalidFileError as error:
-        return {**told, "summary": "", "trouble": str(error)[:2000]}
+        return {**entry, "summary": "", "trouble": str(error)[:2000]}
 
 
 ENTRY_MAKERS: Mapping[str, Callable[[str, Path, str], Json]] = {
@@ -365,18 +373,18 @@ ENTRY_MAKERS: Mapping[str, Callable[[str, Path, str], Json]] = {
     "robots": _robot_entry,
     "worlds": _world_entry,
 }
-"""What makes an entry of each list: of a name, its file, and the edition of all files on which it may depend."""
+"""Functions that make the entry of each list, from a name, its file, and the edition of its dependencies."""
 
 
 def _people_names() -> list[str]:
-    """Return the names of those whom the robot knows."""
-    with suppress(Exception):  # of a folder that cannot be read: a form without names
+    """Return the names of the people that the robot knows."""
+    with suppress(Exception):  # an unreadable folder gives a form without names
         return [each.name for each in People(people_folder()).known_people()]
     return []
 
 
 def _last_checkup() -> Json | None:
-    """Return what `mission doctor` found last; None where it was not asked yet."""
+    """Return the last result of `mission doctor`; None if there is none."""
     try:
         return parse_object(read_regular_text(checkup_file()))
     except FileNotFoundError:

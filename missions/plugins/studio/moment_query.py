@@ -1,4 +1,4 @@
-"""What was so at a moment of a record: of the tree, of the robot and its parts, and of what it saw."""
+"""State at one moment of a record: tree, variables, robot, parts, and picture."""
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
@@ -22,20 +22,20 @@ from missions.trees.value_text import variable_text
 Json = dict[str, object]
 
 CHANGE_TOPICS = ("/nodes", "/feedback", "/variables", "/state/base")
-"""Topics of which each message counts."""
+"""Topics of which every message up to the moment counts."""
 
 LATEST_TOPICS = ("/percepts", "/state/head", "/state/arm", "/state/devices", "/scan")
-"""Topics of which the newest message counts alone."""
+"""Topics of which only the latest message counts."""
 
 PART_FIGURES: Mapping[str, Mapping[str, str]] = {
     "base": {**{name: name for name in ("x", "y", "heading", "speed", "turn")}, "battery": "battery_percent"},
     "head": {"pan": "pan", "tilt": "tilt"},
 }
-"""The figures of parts, and by which names they stand in messages."""
+"""Figures of parts, and the names of them in messages."""
 
 
 def answer_moment(command: ClientCommand) -> Json:
-    """Answer `answer_moment`."""
+    """Answer `moment`."""
     if not isinstance(command, MomentQuery):
         raise TypeError(command.word)
     opened, time = ChunkedRecord(path_of(command.name)), command.t
@@ -50,17 +50,17 @@ def answer_moment(command: ClientCommand) -> Json:
             newest[topic] = data
             if topic not in CHANGE_TOPICS:
                 continue
-            told = parse_message(data)
+            message = parse_message(data)
             if topic == "/state/base":
-                places = pose_in(told) or places
+                places = pose_in(message) or places
             elif topic == "/variables":
-                event = from_json(told, VariableSet)
+                event = from_json(message, VariableSet)
                 value = None if event.value is None else variable_text(event)
                 variables[f"{event.scope} {event.name}".lstrip()] = value
             elif topic == "/nodes":
-                changed[told["node"]] = [told["status"], told["reason"], told["t"]]
-            elif changed.get(told["node"], [""])[0] in ACTIVE:
-                changed[told["node"]][1] = told["reason"]
+                changed[message["node"]] = [message["status"], message["reason"], message["t"]]
+            elif changed.get(message["node"], [""])[0] in ACTIVE:
+                changed[message["node"]][1] = message["reason"]
         now: dict[str, Any] = {topic: parse_message(data) for topic, data in newest.items()}
         percept = now.get("/percepts")
         return {
@@ -77,35 +77,35 @@ def answer_moment(command: ClientCommand) -> Json:
 
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"moment": answer_moment}
-"""What does the command."""
+"""Handlers by command word."""
 
 
 def _parts(now: Mapping[str, Any]) -> list[Json]:
-    """Return how the parts were, as a state tells it."""
+    """Return the state of the parts in a message of the robot's state."""
     devices = now.get("/state/devices", {"devices": {}})["devices"]
     found: list[Json] = []
     for part in dict.fromkeys((*devices, *(part for part in PART_FIGURES if f"/state/{part}" in now))):
         health, state = devices.get(part, {}), now.get(f"/state/{part}", {})
-        values = {name: state.get(told) for name, told in PART_FIGURES.get(part, {}).items()}
+        values = {name: state.get(entry) for name, entry in PART_FIGURES.get(part, {}).items()}
         detail = health.get("detail", "")
-        told = {
+        entry = {
             "part": part,
             "level": "ERROR" if not health.get("online", True) else "WARN" if detail else "OK",
             "values": {name: value for name, value in values.items() if isinstance(value, int | float)},
         }
-        found.append({**told, "detail": detail, "hint": health.get("hint", "")})
+        found.append({**entry, "detail": detail, "hint": health.get("hint", "")})
     return found
 
 
 def _joints(now: Mapping[str, Any]) -> Json:
-    """Return how the joints were, as a state tells it."""
+    """Return the state of the joints in a message of the robot's state."""
     joints = now.get("/state/arm", {"joints": {}})["joints"]
-    found = {name: [each.get(told) for told in ("position", "load", "temperature")] for name, each in joints.items()}
+    found = {name: [each.get(field) for field in ("position", "load", "temperature")] for name, each in joints.items()}
     return {name: each for name, each in found.items() if all(isinstance(value, int | float) for value in each)}
 
 
 def _scan(told: Mapping[str, Any]) -> list[list[float]]:
-    """Return what the range finder saw, as points around where it stands on the robot."""
+    """Return the points of a range scan in the frame of the robot."""
     ranges, start = told["ranges"], told["start_angle"]
     step = (told["end_angle"] - start) / max(1, len(ranges) - 1)
     seen = [(ranges[at], start + at * step) for at in range(0, len(ranges), max(1, len(ranges) // MAX_SCAN_POINTS))]
@@ -113,7 +113,7 @@ def _scan(told: Mapping[str, Any]) -> list[list[float]]:
 
 
 def _picture(opened: ChunkedRecord, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:
-    """Return the newest picture up to a time, with what was found in it."""
+    """Return the latest picture up to a time in seconds, with its detections."""
     for first, last in spans:
         piece = opened.excerpt(first, last)
         frames = [(stamp, jpeg) for stamp, jpeg in piece.frames() if stamp <= time + STAMP_TOLERANCE]
@@ -129,7 +129,7 @@ def _picture(opened: ChunkedRecord, time: float, spans: Sequence[tuple[int, int]
 
 
 def _jpeg_size(jpeg: bytes) -> tuple[int, int]:
-    """Return the width and height of a JPEG; nothing for what is none."""
+    """Return the width and height of a JPEG; (0, 0) if the data is not a JPEG."""
     at = 2
     while at + 9 < len(jpeg) and jpeg[at] == 0xFF:
         kind, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4], "big")

@@ -1,4 +1,4 @@
-"""The option of `mission run` and `mission task serve` for a studio beside them."""
+"""Option ``--studio`` of `mission run` and `mission task serve`."""
 
 from typing import ClassVar
 
@@ -9,8 +9,8 @@ from missions.request import RunOptions
 
 @dataclass(frozen=True, kw_only=True)
 class StudioOptions(RunOptions):
-    """Whether a studio is served meanwhile."""
+    """Options of a studio beside a run."""
 
     needs_control: ClassVar[bool] = True
 
-    studio: bool = option("Serve the page of `mission studio` meanwhile.", default=False, newcomer=True)
+    studio: bool = option("Serve the page of `mission studio` during the run.", default=False, newcomer=True)

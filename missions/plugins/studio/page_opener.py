@@ -1,4 +1,4 @@
-"""Opening the page in this user's browser. Others see command lines, so the link is in a private file that leads on."""
+"""Opens the page in this user's browser, by a private file that redirects: command lines are visible to others."""
 
 import os
 import webbrowser
@@ -14,13 +14,13 @@ from missions.library.folders import runtime_folder
 from missions.plugins.studio.access import ONCE_TOKEN_LIFETIME, StudioAccess
 
 HINT_DELAY = 8.0
-"""Seconds after which a browser that has not come may be one that does not read the file."""
+"""Seconds without a browser after which a hint is printed: some browsers cannot read the file."""
 
 POLL_INTERVAL = 0.1
-"""Seconds from one look whether the browser has come to the next."""
+"""Seconds between two checks whether the browser has opened the page."""
 
 HINT = (
-    "the browser has not come: one that is a snap or a flatpak may not read {path}\n"
+    "the browser has not opened the page; a snap or flatpak browser cannot read {path}\n"
     "  try: open the first link above yourself"
 )
 
@@ -32,9 +32,9 @@ DOCUMENT = (
 
 
 class PageOpener:
-    """Opens the page by a token that lets in once; its file is removed once that is used, or too old.
+    """Opens the page with a one-time token; removes its file when the token is used or expired.
 
-    ``link`` makes the link of a token, ``report`` tells the user something.
+    ``link`` returns the link of a token; ``report`` shows a text to the user.
     """
 
     def __init__(self, access: StudioAccess, link: Callable[[str], str], report: Callable[[str], object]) -> None:
@@ -43,7 +43,7 @@ class PageOpener:
         self._waiting: Thread | None = None
 
     def open(self) -> None:
-        """Write the file, and start the browser; returns at once. Without a place for the file, tell the user."""
+        """Write the file and start the browser; returns at once. If the file cannot be written, report that."""
         try:
             path = _write_redirect(self._link(self._access.make_once_token()))
         except OSError as error:
@@ -51,7 +51,7 @@ class PageOpener:
             return
         self._waiting = Thread(target=self._wait, args=(path,), name="page opener", daemon=True)
         self._waiting.start()
-        # Another thread: a browser on a terminal is waited for until it ends.
+        # In a thread: starting a text-mode browser blocks until it ends.
         Thread(target=self._start, args=(path,), name="browser", daemon=True).start()
 
     def close(self) -> None:
@@ -64,7 +64,7 @@ class PageOpener:
         with suppress(webbrowser.Error, OSError):
             if webbrowser.open(path.as_uri()):
                 return
-        self._report("there is no browser here\n  try: open the first link above yourself")
+        self._report("no browser found\n  try: open the first link above yourself")
 
     def _wait(self, path: Path) -> None:
         hint_after, looks = int(HINT_DELAY / POLL_INTERVAL), int(ONCE_TOKEN_LIFETIME / POLL_INTERVAL)
@@ -81,7 +81,7 @@ class PageOpener:
 def page_opener(
     access: StudioAccess, link: Callable[[str], str], report: Callable[[str], object]
 ) -> Iterator[PageOpener]:
-    """Give one while this is entered; its file is gone then."""
+    """Provide a page opener inside the context; its file is removed at the end."""
     opener = PageOpener(access, link, report)
     try:
         yield opener
@@ -90,7 +90,7 @@ def page_opener(
 
 
 def _write_redirect(link: str) -> Path:
-    """Write the file that leads to a link, for this user alone; remove those of studios that were killed."""
+    """Write the file that redirects to a link, for this user alone; remove files left by killed studios."""
     folder = RunFolder(runtime_folder() / "open").prepare()
     for left in folder.glob("*.html"):
         with suppress(ValueError, OSError):

@@ -1,4 +1,4 @@
-"""Records of runs, looked at piece by piece: none is read whole, but small ones to compare them or report of them."""
+"""Queries about recorded runs, read in pieces. Only comparisons and reports read a whole record, of limited size."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
@@ -24,22 +24,22 @@ from missions.plugins.records.retention import list_records, studio_records_fold
 from missions.plugins.studio import studio_commands
 from missions.trees.drawing import ACTIVE, to_json
 
-if TYPE_CHECKING:  # it needs mcap
+if TYPE_CHECKING:  # needs the extra mcap
     from missions.plugins.records.recording.container import McapMessage
 
 Json = dict[str, object]
 
 PIECE_TIME_BUDGET = 0.25
-"""Seconds of work on one piece of a record; what comes behind it is in the next."""
+"""Seconds of work on one piece of a record; the rest follows in the next piece."""
 
 PIECE_TOPICS = frozenset({*EVENT_TOPICS.values(), "/feedback", "/state/base"})
-"""The topics that a piece of a record is told of."""
+"""Topics that a piece of a record contains."""
 
 MAX_TRAIL_POINTS = 2000
-"""Places of the base's way in one piece."""
+"""Maximum number of points of the base's path in one piece."""
 
 MAX_WHOLE_BYTES = 200_000_000
-"""Bytes of a record that is made a report of, or compared: that reads it whole."""
+"""Maximum size in bytes of a record for a report or a comparison, which read it whole."""
 
 
 def answer_records(command: ClientCommand) -> Json:
@@ -52,7 +52,7 @@ def answer_records(command: ClientCommand) -> Json:
 
 
 def answer_record(command: ClientCommand) -> Json:
-    """Answer `answer_record`."""
+    """Answer `record`."""
     if not isinstance(command, studio_commands.RecordQuery):
         raise TypeError(command.word)
     opened = ChunkedRecord(path_of(command.name))
@@ -60,26 +60,26 @@ def answer_record(command: ClientCommand) -> Json:
     clock, last, gathered = SystemClock(), first, _RecordPieces()
     for start, *_ in opened.chunks[first:]:
         if start > max(command.start, opened.chunks[first][0]) and clock.now() >= PIECE_TIME_BUDGET:
-            break  # never between chunks that begin at once: the next piece would begin with the first of them again
+            break  # never between chunks with equal start times: the next piece would repeat the first
         gathered.add(opened.excerpt(last, last + 1))
         last += 1
-    told = {**run_facts(opened.record), "until": opened.end_time, **gathered.as_json()}
+    answer = {**run_facts(opened.record), "until": opened.end_time, **gathered.as_json()}
     if first == 0:
-        told |= {**result_facts(opened.run_end()), "drawing": to_json(opened.record.drawing())}
+        answer |= {**result_facts(opened.run_end()), "drawing": to_json(opened.record.drawing())}
     if last < len(opened.chunks):
-        told["more"] = opened.chunks[last][0]
-    return told
+        answer["more"] = opened.chunks[last][0]
+    return answer
 
 
 def render_report(name: str) -> str:
-    """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
+    """Return the report of a record as an HTML page. Raises BadMessage if the record is too large."""
     return report_page(
         study_record(_open_whole(name, f"mission record report {quote(str(path_of(name)))}"), max_pictures=MAX_PICTURES)
     )
 
 
 def answer_compare(command: ClientCommand) -> Json:
-    """Answer `answer_compare`."""
+    """Answer `compare`."""
     if not isinstance(command, studio_commands.CompareRecords):
         raise TypeError(command.word)
     names = command.name, command.other
@@ -95,26 +95,28 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
     "record": answer_record,
     "compare": answer_compare,
 }
-"""What does each command."""
+"""Handlers by command word."""
 
 
 def messages(piece: RunRecord, topics: frozenset[str], time: float = inf) -> "Iterator[McapMessage]":
-    """Yield what was told on topics up to a time: nothing else of the piece is read."""
+    """Yield the messages of topics up to a time in seconds; no other part of the piece is read."""
     latest = start_time_ns(piece.header) + (time + STAMP_TOLERANCE) * 1e9
     return (message for message in piece.container.messages(topics) if message.time <= latest)
 
 
 def _open_whole(name: str, hint: str) -> RunRecord:
-    """Return a record that is read whole. Raises BadMessage for one that is too large for that."""
+    """Return a whole record. Raises BadMessage, with ``hint``, if it is too large."""
     path = path_of(name)
     if (size := path.stat().st_size) > MAX_WHOLE_BYTES:
-        told = f"{path}: {size / 1e6:.0f} MB are too much for this in the studio (at most {MAX_WHOLE_BYTES / 1e6:.0f})"
-        raise BadMessage("bad_record", told, hint)
+        error_text = (
+            f"{path}: {size / 1e6:.0f} MB are too much for this in the studio (limit {MAX_WHOLE_BYTES / 1e6:.0f})"
+        )
+        raise BadMessage("bad_record", error_text, hint)
     return open_record(path)
 
 
 def path_of(name: str) -> Path:
-    """Return the record of a name. Raises BadMessage for what is none of those that are listed."""
+    """Return the path of a record by name. Raises BadMessage for a name that is not listed."""
     found = next((path for path in list_records(studio_records_folder()) if path.name == name), None)
     if found is None:
         raise BadMessage("no_such_record", f"there is no record '{name[:80]}' in {studio_records_folder()}")
@@ -122,7 +124,7 @@ def path_of(name: str) -> Path:
 
 
 class _RecordPieces:
-    """What pieces tell together."""
+    """Content of several successive pieces of a record."""
 
     def __init__(self) -> None:
         self._lanes: dict[str, list[list[object]]] = {}
@@ -131,32 +133,34 @@ class _RecordPieces:
         self._trail: list[list[float]] = []
 
     def add(self, piece: RunRecord) -> None:
-        """Take in a piece, which comes behind the others."""
+        """Append the next piece."""
         with reject_malformed(piece.path):
             found = [(message.topic, parse_message(message.data)) for message in messages(piece, PIECE_TOPICS)]
-            for topic, told in sorted(found, key=lambda each: float(each[1]["t"])):
-                t = round(told["t"], 4)
+            for topic, content in sorted(found, key=lambda each: float(each[1]["t"])):
+                t = round(content["t"], 4)
                 if topic == "/nodes":
-                    self._lanes.setdefault(told["node"], []).append([t, told["status"], told["reason"]])
-                    self._failures += [t] if told["status"] == "failure" else []
+                    self._lanes.setdefault(content["node"], []).append([t, content["status"], content["reason"]])
+                    self._failures += [t] if content["status"] == "failure" else []
                 elif topic == "/feedback":
-                    lane = self._lanes.setdefault(told["node"], [])
+                    lane = self._lanes.setdefault(content["node"], [])
                     if not lane or lane[-1][1] in ACTIVE:
-                        lane.append([t, lane[-1][1] if lane else "running", told["reason"]])
+                        lane.append([t, lane[-1][1] if lane else "running", content["reason"]])
                 elif topic == "/state/base":
-                    self._trail += pose_in(told)
-                elif (event := piece.decode_event(topic, told)) is not None and not isinstance(event, UNLOGGED_EVENTS):
+                    self._trail += pose_in(content)
+                elif (event := piece.decode_event(topic, content)) is not None and not isinstance(
+                    event, UNLOGGED_EVENTS
+                ):
                     self._log.append(event.as_dict())
 
     def as_json(self) -> Json:
-        """Return it as an answer has it."""
+        """Return the content as the answer's fields."""
         places = [place for before, place in pairwise([[], *self._trail]) if place[1:] != before[1:]]
         step = max(1, len(places) // MAX_TRAIL_POINTS)
         return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}
 
 
 def pose_in(told: Mapping[str, Any]) -> list[list[float]]:
-    """Return when the base was where, if a message tells that."""
+    """Return the base's time and pose in a message, as a list of one point; empty if it has none."""
     found = [told[name] for name in ("t", "x", "y", "heading")]
     known = told["quality"] == "good" and all(
         isinstance(each, int | float) and abs(each) < MAX_SECONDS for each in found

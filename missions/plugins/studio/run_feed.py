@@ -1,4 +1,4 @@
-"""One connection to a run for all clients of the studio who watch it: the run tells each thing once."""
+"""Connections to runs; and the feed of a run, which all watching clients of the studio share."""
 
 import asyncio
 import itertools
@@ -22,22 +22,22 @@ from missions.control.sockets import MAX_MESSAGE_BYTES, REPLY_TIMEOUT
 # The studio's connection to a run's control socket: commands go in, and each message is passed on as it comes.
 
 OnLine = Callable[[bytes], Awaitable[None]]
-"""Gets each line of a run; while it waits, the run keeps the rest, and makes one of it."""
+"""Callback for each line of a run. While it waits, the run drops all but the newest state."""
 
 
 async def ignore_line(line: bytes) -> None:
-    """Do nothing with a line."""
+    """Ignore a line."""
     del line
 
 
 def ignore_end() -> None:
-    """Do nothing about an end."""
+    """Ignore the end of a connection."""
 
 
 class AsyncRunLink:
-    """A connection to a run. Made by ``open``; ``about`` is the run's first message. ``closed`` once it has gone.
+    """Connection to the control socket of a run, made by ``open``. ``about`` is the run's first message.
 
-    ``on_closed`` is called then, unless it was by ``close``, after the last line.
+    ``on_closed`` is called after the last line, when the connection ends, unless ``close`` ended it.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class AsyncRunLink:
         self.identity: ProcessIdentity | None = None
         self.closed = asyncio.Event()
         self.stopping = asyncio.Lock()
-        self._numbers = itertools.count(-1, -1)  # below all that clients give
+        self._numbers = itertools.count(-1, -1)  # negative: numbers of clients are not
         self._pending: dict[int, asyncio.Future[Mapping[str, Any]]] = {}
         self._task: asyncio.Task[None] | None = None
 
@@ -62,7 +62,7 @@ class AsyncRunLink:
     async def open(
         cls, where: sockets.Address, on_line: OnLine = ignore_line, on_closed: Callable[[], None] = ignore_end
     ) -> Self:
-        """Connect to the run at ``where``. Raises OSError; TimeoutError where it does not answer."""
+        """Connect to the run at ``where``. Raises OSError; TimeoutError if it does not answer."""
         plain = await asyncio.to_thread(sockets.connect, where)
         plain.setblocking(False)
         reader, writer = await asyncio.open_unix_connection(sock=plain, limit=MAX_MESSAGE_BYTES)
@@ -80,9 +80,9 @@ class AsyncRunLink:
     async def open_another(
         self, on_line: OnLine = ignore_line, on_closed: Callable[[], None] = ignore_end
     ) -> "AsyncRunLink":
-        """Return another connection to the same run, also at an address that it has since. Raises OSError, ValueError.
+        """Return another connection to the same run, which may have moved. Raises OSError, ValueError.
 
-        A run of the same name, in another container, is refused.
+        A run of the same name in another container is refused.
         """
         run = str(self.about.get("run", ""))
         error: OSError = ConnectionRefusedError(f"run {run} has no control socket")
@@ -99,17 +99,17 @@ class AsyncRunLink:
 
     @property
     def run_identity(self) -> tuple[object, ...]:
-        """What tells this run from others of its name."""
+        """Key that tells this run from others of the same name."""
         members = "run", "pid", "began", "mission", "robot", "simulated"
         return self.identity, *(self.about.get(name) for name in members)
 
     def is_connected_to(self, found: FoundProcess) -> bool:
-        """Return whether this is a connection to what a search has found, also from outside of its container."""
+        """Return whether this connection is to a run that a search has found, also from outside its container."""
         is_known = self.identity is not None and self.identity in (found.identity, found.local_identity)
         return is_known or self.where in found.addresses
 
     def send(self, command: Mapping[str, object]) -> None:
-        """Send a command; its answer comes as a line."""
+        """Send a command; its answer arrives as a line."""
         self._writer.write(json.dumps(command).encode() + b"\n")
 
     async def request(self, command: Mapping[str, object], timeout: float = REPLY_TIMEOUT) -> Mapping[str, Any]:
@@ -126,11 +126,11 @@ class AsyncRunLink:
 
     @property
     def unread(self) -> int:
-        """How many bytes wait for the run to read them."""
+        """Number of bytes sent that the run has not read."""
         return self._writer.transport.get_write_buffer_size()
 
     async def stop(self, by: str, press: str) -> Mapping[str, object]:
-        """Stop the run; end it by a signal if it does not answer. Return its result, with `trouble` if in doubt."""
+        """Stop the run; terminate it if it does not answer. Return its result, with `trouble` if the stop is uncertain."""
         for _ in range(STOP_TRIES):
             try:
                 answer = await self.request({"do": "stop", "by": by, "press": press})
@@ -139,7 +139,7 @@ class AsyncRunLink:
                     self.terminate()
                 except OSError as error:
                     return {"trouble": f"it does not answer, and SIGTERM could not be sent: {error}"}
-                return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}
+                return {"trouble": "it does not answer; SIGTERM was sent to end it"}
             except ConnectionError as error:
                 return {"trouble": str(error)}
             result: Mapping[str, object] = answer.get("result") or {"trouble": str(answer.get("message", ""))}
@@ -149,20 +149,20 @@ class AsyncRunLink:
         return {**result, "trouble": f"perhaps not stopped: {missing}"}
 
     def has_ended(self) -> bool:
-        """Return whether the process at the other end has ended, as far as that is known."""
+        """Return whether the run's process is known to have ended."""
         try:
             return self.identity is not None and not self.identity.is_alive()
         except OSError:
             return False
 
     def terminate(self) -> None:
-        """Send the run the signal that its watchdog hears, whatever hangs. Raises OSError where that cannot be."""
+        """Send the run's watchdog SIGTERM, which it handles even if the run hangs. Raises OSError."""
         if self.identity is None:
-            raise OSError("its process is not seen from here")
+            raise OSError("its process is not visible from here")
         self.identity.terminate()
 
     async def close(self) -> None:
-        """Hang up: what was driven by this connection stands."""
+        """Close the connection; the run then stops the parts that it drove."""
         self._writer.close()
         if self._task is not None and self._task is not asyncio.current_task():
             self._task.cancel()
@@ -185,9 +185,7 @@ class AsyncRunLink:
             pass
         finally:
             self._writer.close()
-            self.on_line = (
-                ignore_line  # a callback that keeps this link would keep it, and its owner, until a collection
-            )
+            self.on_line = ignore_line  # breaks the reference cycle with the owner's callback
             self.closed.set()
             for future in self._pending.values():
                 if not future.done():
@@ -196,17 +194,17 @@ class AsyncRunLink:
 
 
 PICTURE_PATTERN = re.compile(rb'\{"say":"picture","run":"[^"]*","t":(-?[\d.e+-]+)')
-"""How a picture begins, which has its time in it: the rest is passed on as it is."""
+"""Beginning of a picture message, with its time; the rest is forwarded unparsed."""
 
 Connect = Callable[[OnLine, Callable[[], None]], Awaitable[AsyncRunLink]]
-"""Connects to a run; takes a callback for its lines, and one for its end. Raises OSError, ValueError."""
+"""Connects to a run, given callbacks for its lines and for its end. Raises OSError, ValueError."""
 
 SCENE_TIMEOUT = 10.0
-"""Seconds that a run has to tell all that is so."""
+"""Seconds within which a run must send its complete state."""
 
 
 class FeedClient(ClientQueue):
-    """A client of the studio who is ``feed`` a run, until it is over for this one."""
+    """Queue of lines for one client that is watching a run; ends with the run or with ``end``."""
 
     def __init__(self, feed: "RunFeed") -> None:
         super().__init__(feed.run, feed.encode_state)
@@ -215,16 +213,16 @@ class FeedClient(ClientQueue):
         self._has_more = asyncio.Event()
 
     def flush(self) -> None:
-        """Have it sent when the client takes it."""
+        """Wake the sender of queued lines."""
         self._has_more.set()
 
     def end(self) -> None:
-        """Nothing more comes."""
+        """End the queue."""
         self.is_over = True
         self._has_more.set()
 
     async def lines(self) -> AsyncIterator[bytes]:
-        """Yield what is to be sent, as it comes, to the end."""
+        """Yield the lines to send, as they arrive, until the end."""
         while not self._has_ended():
             await self._has_more.wait()
             self._has_more.clear()
@@ -236,7 +234,7 @@ class FeedClient(ClientQueue):
 
 
 class RunFeed:
-    """What clients of the studio watch of a ``run``, over one connection, which is there while somebody watches."""
+    """Feed of a ``run`` to all clients that watch it, over one connection that is open while there are any."""
 
     def __init__(self, run: str, connect: Connect, clock: Clock | None = None) -> None:
         self.run, self._connect, self._clock = run, connect, clock or SystemClock()
@@ -244,18 +242,18 @@ class RunFeed:
         self._clients: list[FeedClient] = []
         self._request_lock = asyncio.Lock()
         self._requested = WATCH_NOTHING
-        self._next_scene: tuple[FeedClient, WatchCommand] | None = None  # for whom the next scene is
+        self._next_scene: tuple[FeedClient, WatchCommand] | None = None  # the client that gets the next complete state
         self._line: tuple[object, bytes] = (None, b"")
         self._picture: tuple[float, bytes] | None = None
         self._is_over = False
         self._tasks: set[asyncio.Task[None]] = set()
 
     def encode_state(self, state: Mapping[str, object]) -> bytes:
-        """Return a state as a line: as it came, where it is told as it came."""
+        """Return a state as a line; unchanged if it is forwarded as it arrived."""
         return self._line[1] if self._line[0] is state else encode_json(state)
 
     async def watch(self, client: FeedClient, command: WatchCommand) -> None:
-        """Let a client watch so from now on, beginning with a scene. Raises BadMessage."""
+        """Begin to send a client the topics it requests, first a complete state. Raises BadMessage."""
         async with self._request_lock:
             self._next_scene = client, command
             try:
@@ -265,30 +263,30 @@ class RunFeed:
                 await self._request(
                     self._link, [*(each.watch for each in self._clients if each is not client), command]
                 )
-            except (OSError, ValueError) as error:  # a TimeoutError is an OSError, and a ConnectionError
+            except (OSError, ValueError) as error:  # OSError includes TimeoutError and ConnectionError
                 raise BadMessage("no_answer", f"run {self.run} does not answer: {error}") from error
             finally:
                 self._next_scene = None
 
     def leave(self, client: FeedClient) -> None:
-        """A client watches no more, or has gone; returns at once."""
+        """Remove a client; returns at once."""
         client.end()
         if client in self._clients:
             self._clients.remove(client)
             if self._picture is not None:
-                self._acknowledge(self._picture[0])  # it may have been the one that was to do so
+                self._acknowledge(self._picture[0])  # the client that left may have been the one to acknowledge
             task = asyncio.ensure_future(self._reduce_request())
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 
     async def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         if self._link is not None:
             link, self._link, self._picture = self._link, None, None
             await link.close()
 
     def on_seen(self, client: FeedClient, stamp: float) -> None:
-        """A client has shown a picture: the run may send another one, and this client get the newest."""
+        """Handle a client's acknowledgement of a picture: the run may send another one."""
         client.on_picture_shown(stamp)
         self._acknowledge(stamp)
         if self._picture is not None:
@@ -304,7 +302,7 @@ class RunFeed:
                     await self._request(self._link, watches)
 
     async def _request(self, link: AsyncRunLink, watches: Sequence[WatchCommand]) -> None:
-        """Ask the run for what all together watch. A scene comes first, which is for the next one, if there is one."""
+        """Request from the run the topics of all clients together. Its complete state goes to the waiting client."""
         self._requested = merge_watches(watches)
         members = {name: getattr(self._requested, name) for name in ("state", "events", "pictures")}
         await link.request({"do": "watch", **members}, SCENE_TIMEOUT)
@@ -314,14 +312,14 @@ class RunFeed:
             self._link.send({"do": "seen", "t": stamp})
 
     def _offer_picture(self, client: FeedClient, stamp: float, line: bytes) -> bool:
-        """Give a client a picture, if it is to get one; say whether it does."""
+        """Queue a picture for a client if it is due; return whether it was queued."""
         wants = client.is_picture_due(self._clock.now())
         if wants:
             client.add_picture(line, stamp, self._clock.now())
         return wants
 
     async def _on_line(self, line: bytes) -> None:
-        """Pass on each line of the run to the clients that it concerns."""
+        """Forward a line of the run to the clients that requested its topic."""
         line = self._rename_run(line)
         if found := PICTURE_PATTERN.match(line):
             self._picture = float(found[1]), line
@@ -333,9 +331,9 @@ class RunFeed:
             for each in self._clients:
                 each.add_state(state)
         elif line.startswith(b'{"say":"events"'):
-            told = parse_object(line)
+            message = parse_object(line)
             for each in self._clients:
-                each.add_events(told["events"], told.get("lost", 0))
+                each.add_events(message["events"], message.get("lost", 0))
         elif line.startswith(b'{"say":"scene"') and self._next_scene is not None:
             hearer, command = self._next_scene
             if hearer not in self._clients and not hearer.is_over:
@@ -345,7 +343,7 @@ class RunFeed:
             self._end(line)
 
     def _rename_run(self, line: bytes) -> bytes:
-        """Return a line with the studio's name of the run, which is not its own where two runs have the same."""
+        """Return a line with the studio's name of the run, which differs if two runs have the same name."""
         own = "" if self._link is None else str(self._link.about.get("run", self.run))
         if own in ("", self.run):
             return line
@@ -357,11 +355,11 @@ class RunFeed:
             each.send_first(line)
 
     def _on_closed(self) -> None:
-        """The run has gone: one that could not say so itself is over all the same."""
+        """Handle the end of the connection: send clients an end if the run has not sent one."""
         if not self._is_over:
             self._end(
                 encode_message(
-                    RunOverMessage(run=self.run, result="", reason="the run has gone without a word", seconds=0.0)
+                    RunOverMessage(run=self.run, result="", reason="the run ended without a message", seconds=0.0)
                 )
             )
         self._link = self._picture = None
@@ -370,7 +368,7 @@ class RunFeed:
 
 
 def merge_watches(watches: Sequence[WatchCommand]) -> WatchCommand:
-    """Return what comes of several watches."""
+    """Return one request that covers all requests."""
     return WatchCommand(
         state=any(each.state for each in watches),
         events=any(each.events for each in watches),

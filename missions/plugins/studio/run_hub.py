@@ -1,4 +1,4 @@
-"""The runs of this machine, as the studio knows them: found by their control sockets, and stopped through them."""
+"""The runs of this machine that the studio finds by their control sockets, and the stop of them."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Container, Mapping, Sequence
@@ -18,35 +18,35 @@ from missions.plugins.studio.connections import SpareDescriptors
 from missions.plugins.studio.run_feed import AsyncRunLink, OnLine, RunFeed
 
 SEARCH_INTERVAL = 0.25
-"""Seconds from one look for new runs to the next."""
+"""Seconds between two searches for new runs."""
 
 COMMAND_END_TIMEOUT = 0.7
 """Seconds for which the answer to a stop waits for commands to end."""
 
 MAX_STOP_THREADS = 32
-"""Runs without a connection, and commands, that are stopped at the same time."""
+"""Maximum number of runs and commands without a connection that are stopped at the same time."""
 
 RETRY_INTERVAL = 2.0
-"""Seconds after which a run that was not reached is tried again."""
+"""Seconds before a run that could not be reached is tried again."""
 
 UNKNOWN_RUN = "unknown"
-"""What stands for a run where it is not known whether there is one."""
+"""Name in place of a run if it is unknown whether there is one."""
 
 MAX_PENDING_PRESSES = 3
-"""Presses that wait for one run, and are told it each by itself; all further ones are one more stop."""
+"""Maximum number of STOP presses that wait for one run and are sent one by one; all further ones share a stop."""
 
 
 class RunHub:
-    """Keeps a connection to each run while it is entered, so that a stop has nothing to wait for.
+    """Connections to all runs of this machine, kept open so that a stop need not connect first. A context manager.
 
-    ``changed`` is called whenever a run has come, has gone, is stopped or released; it must return at once.
+    ``on_change`` is called when a run has come, gone, been stopped or been released; it must return at once.
     """
 
     def __init__(self, on_change: Callable[[], None], *, clock: Clock | None = None) -> None:
         self._on_change, self._clock = on_change, clock or SystemClock()
         self._links: dict[str, AsyncRunLink] = {}
         self._feeds: dict[str, RunFeed] = {}
-        # By key, since two containers may have runs of one name: the run, why it is not reached, when that was tried.
+        # By key, since two containers may have runs of one name: run, error, time of the last attempt.
         self._unreached: dict[object, tuple[str, str, float]] = {}
         self._doubts: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -59,7 +59,7 @@ class RunHub:
         self._spare = SpareDescriptors(0)
         self._pool = ThreadPoolExecutor(
             MAX_STOP_THREADS, "stop"
-        )  # of its own: runs that hang keep no other work waiting
+        )  # of its own, so that hanging runs block no other work
 
     async def __aenter__(self) -> Self:
         self._spare = SpareDescriptors()
@@ -76,19 +76,19 @@ class RunHub:
         self._pool.shutdown(wait=False)
 
     def runs(self) -> list[Mapping[str, object]]:
-        """Return what there is, as `runs` tells it: the newest first."""
+        """Return the runs as the message `runs` lists them, the newest first."""
         found = [{**link.about, "run": run} for run, link in self._links.items()]
         found.sort(key=lambda about: float(about.get("began", 0.0)), reverse=True)
-        told: dict[str, Mapping[str, object]] = {
+        runs: dict[str, Mapping[str, object]] = {
             str(each["run"]): {name: value for name, value in each.items() if name != "say"} for each in found
         }
-        for run, why, _ in self._unreached.values():
-            name = unique_name(run, told)
-            told[name] = {"run": name, "trouble": why}
-        return [*told.values(), *({"run": UNKNOWN_RUN, "trouble": why} for why in self._doubts)]
+        for run, error, _ in self._unreached.values():
+            name = unique_name(run, runs)
+            runs[name] = {"run": name, "trouble": error}
+        return [*runs.values(), *({"run": UNKNOWN_RUN, "trouble": error} for error in self._doubts)]
 
     async def search(self) -> None:
-        """Look for runs that have come. Those who ask while another look goes on share the next one."""
+        """Search for new runs. Calls during a search share the next one."""
         if self._next_refresh is None:
             self._next_refresh = asyncio.ensure_future(self._run_search())
         await asyncio.shield(self._next_refresh)
@@ -107,11 +107,11 @@ class RunHub:
                 self._on_change()
 
     async def _open(self, found: FoundProcess) -> tuple[str, float]:
-        """Connect to a run; return why that was not possible, empty where it was, and when it was tried."""
+        """Connect to a run; return the error text, empty on success, and the time of the attempt."""
         _, why, tried = self._unreached.get(found.key, ("", "", -inf))
         if self._clock.now() - tried < RETRY_INTERVAL:
             return why, tried
-        why, is_gone, now = "it has no socket", True, self._clock.now()
+        why, is_gone, now = "no control socket", True, self._clock.now()
         for where in found.addresses:
             try:
                 link = await AsyncRunLink.open(where)
@@ -125,14 +125,14 @@ class RunHub:
                 self._start_task(self._wait_closed(run, link))
                 return "", now
         if is_gone and not await asyncio.to_thread(may_be_alive, found):
-            return "", now  # it was killed, or has ended meanwhile
+            return "", now  # the run was killed or has ended
         return why, now
 
     async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
-        """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there.
+        """Stop a run, or all for an empty name; return the latched stops by run. Raises BadMessage for an unknown run.
 
-        Who stops all ends the commands that hold a robot and have no control socket, too: teleop, and those of heads.
-        A run that is not reached gets SIGTERM. What could not be looked at is told as the trouble of `UNKNOWN_RUN`.
+        Stopping all also ends the commands that hold a robot and have no control socket, such as teleop. An unreachable
+        run gets SIGTERM. If a search failed, the result has its trouble under ``UNKNOWN_RUN``.
         """
         if run in self._links:
             return await self._stop_connected({run: self._links[run]}, by, press)
@@ -141,26 +141,28 @@ class RunHub:
             stopping = asyncio.ensure_future(self._stop_connected({} if run else links, by, press))
             unstamped = "" if run else await self._stamp_shared()
             found = await self._search_shared()
-            # A connection that was made since is not among those that are asked.
+            # Connections opened since then are not included.
             others = [each for each in found.processes if not _is_linked(each, links)]
             others = [each for each in others if not run or _has_name(each, run)]
             if run and not others:
                 await self.search()
                 self.about_run(run)
-            asked = await self._stop_unconnected(others, by)
-            told = await stopping
-            if lost := {name: links[name] for name in told if "trouble" in told[name] and links[name].closed.is_set()}:
-                told |= await self._stop_disconnected(lost, by)
-            for each, result in asked:
-                told[unique_name(run or each.run, told)] = result
+            unconnected = await self._stop_unconnected(others, by)
+            results = await stopping
+            if lost := {
+                name: links[name] for name in results if "trouble" in results[name] and links[name].closed.is_set()
+            }:
+                results |= await self._stop_disconnected(lost, by)
+            for each, result in unconnected:
+                results[unique_name(run or each.run, results)] = result
         if found.warnings and not run:
-            told[UNKNOWN_RUN] = {"trouble": "\n".join(each.message for each in found.warnings)}
-        elif unstamped and not told:
-            told[UNKNOWN_RUN] = {"trouble": unstamped}
-        return told
+            results[UNKNOWN_RUN] = {"trouble": "\n".join(each.message for each in found.warnings)}
+        elif unstamped and not results:
+            results[UNKNOWN_RUN] = {"trouble": unstamped}
+        return results
 
     async def _stamp_shared(self) -> str:
-        """Note the time of a stop, as ``stamp_stop``. Those who ask in the same moment share it, and then a search."""
+        """Store the time of a stop like ``stamp_stop``. Concurrent calls share one stamp and the search after it."""
         if self._next_stamp is None:
             self._next_stamp = asyncio.ensure_future(self._stamp_next())
         return await asyncio.shield(self._next_stamp)
@@ -170,7 +172,7 @@ class RunHub:
         return await asyncio.to_thread(stamp_stop)
 
     async def _search_shared(self) -> SearchResult:
-        """Return what is there now. Those who ask in the same moment share a search."""
+        """Return the runs found now. Calls at the same time share one search."""
         if self._next_search is None:
             self._next_search = asyncio.ensure_future(self._search_next())
         return await asyncio.shield(self._next_search)
@@ -180,28 +182,28 @@ class RunHub:
         return await asyncio.to_thread(search_runs)
 
     async def _stop_disconnected(self, lost: Mapping[str, AsyncRunLink], by: str) -> dict[str, Mapping[str, object]]:
-        """Ask runs again whose connection has ended while they were stopped; those that have ended are at rest."""
+        """Stop runs again whose connection broke during their stop; ended runs count as at rest."""
         found = await self._search_shared()
-        asked = await self._stop_unconnected([each for each in found.processes if _is_linked(each, lost)], by)
-        told = dict[str, Mapping[str, object]]()
+        retried = await self._stop_unconnected([each for each in found.processes if _is_linked(each, lost)], by)
+        merged = dict[str, Mapping[str, object]]()
         for run, link in lost.items():
-            results = [result for each, result in asked if _is_linked(each, {run: link})]
+            results = [result for each, result in retried if _is_linked(each, {run: link})]
             if results:
-                told[run] = next((each for each in results if "trouble" in each), results[0])
+                merged[run] = next((each for each in results if "trouble" in each), results[0])
             elif not found.warnings and link.has_ended():
-                told[run] = {"ended": f"{run}: has ended"}
-        return told
+                merged[run] = {"ended": f"{run}: has ended"}
+        return merged
 
     async def _stop_connected(
         self, links: Mapping[str, AsyncRunLink], by: str, press: str
     ) -> dict[str, Mapping[str, object]]:
-        told = await asyncio.gather(*(self._stop(link, by, press) for link in links.values()))
-        return dict(zip(links, told, strict=True))
+        results = await asyncio.gather(*(self._stop(link, by, press) for link in links.values()))
+        return dict(zip(links, results, strict=True))
 
     async def _stop(self, link: AsyncRunLink, by: str, press: str) -> Mapping[str, object]:
-        """Stop one run. Who asks while a stop is on its way shares the next one: so that many do not clog the link.
+        """Stop one run. Calls during a stop share the next one, so that many calls do not fill the connection.
 
-        Another press is another stop all the same: else it would go with the release of the one that it shares.
+        Each press of STOP is sent by itself: a shared stop could be released together with an earlier one.
         """
         if link not in self._next_stops:
             presses = [press]
@@ -214,17 +216,17 @@ class RunHub:
     async def _stop_next(self, link: AsyncRunLink, by: str, presses: list[str]) -> Mapping[str, object]:
         async with link.stopping:
             del self._next_stops[link]
-            told: Mapping[str, object] = {}
+            result: Mapping[str, object] = {}
             for press in dict.fromkeys(presses):
-                told = await link.stop(by, press)
-                if "trouble" in told:
+                result = await link.stop(by, press)
+                if "trouble" in result:
                     break
-            return told
+            return result
 
     async def _stop_unconnected(
         self, others: Sequence[FoundProcess], by: str
     ) -> list[tuple[FoundProcess, Mapping[str, object]]]:
-        """Stop the runs and commands without a connection, each once for all callers; return the result of each."""
+        """Stop the runs and commands without a connection, each once for all callers; return each result."""
         asking = {}
         for each in others:
             if (key := each.key) not in self._stopping:
@@ -240,14 +242,14 @@ class RunHub:
         del self._stopping[key]
 
     def about_run(self, run: str) -> Mapping[str, object]:
-        """Return what is known of a run. Raises BadMessage for one that is not there."""
+        """Return the status of a run. Raises BadMessage if there is no such run."""
         if run not in self._links:
             known = ", ".join(self._links) or "none"
             raise BadMessage("no_such_run", f"there is no run '{run}' (there is: {known})")
         return self._links[run].about
 
     async def ask(self, run: str, command: Mapping[str, object]) -> Mapping[str, Any]:
-        """Return the result of a command that a run answers. Raises BadMessage for one not there, or silent."""
+        """Return a run's result of a command. Raises BadMessage if the run does not exist or does not answer."""
         self.about_run(run)
         try:
             answer = await self._links[run].request(command)
@@ -256,12 +258,12 @@ class RunHub:
         return answer.get("result") or {}
 
     def feed_of(self, run: str) -> RunFeed:
-        """Return what is watched of a run. Raises BadMessage for one that is not there."""
+        """Return the feed of a run. Raises BadMessage if there is no such run."""
         self.about_run(run)
         return self._feeds.setdefault(run, RunFeed(run, self._links[run].open_another))
 
     async def connect(self, run: str, on_line: OnLine) -> AsyncRunLink:
-        """Return another connection to a run. Raises OSError, ValueError; BadMessage for one that is not there."""
+        """Return a new connection to a run. Raises OSError, ValueError; BadMessage if there is no such run."""
         self.about_run(run)
         return await self._links[run].open_another(on_line)
 
@@ -269,13 +271,13 @@ class RunHub:
         while True:
             try:
                 await self.search()
-            except Exception as error:  # whatever it is, it is told, and the next look may do better
-                self._doubts = [f"the studio cannot look for runs: {type(error).__name__}: {error}"]
+            except Exception as error:  # report any error; the next search may succeed
+                self._doubts = [f"the studio cannot search for runs: {type(error).__name__}: {error}"]
                 self._on_change()
             await asyncio.sleep(SEARCH_INTERVAL)
 
     async def _on_line(self, link: AsyncRunLink, line: bytes) -> None:
-        """A run tells of itself: it was stopped, or released."""
+        """Handle a message of a run about its stop or release."""
         if line.startswith(b'{"say":"run"'):
             link.about = parse_object(line)
             self._on_change()
@@ -294,13 +296,13 @@ class RunHub:
 
 
 def unique_name(run: str, taken: Container[str]) -> str:
-    """Return the name of a run, with "@" and a number where another run has the name: two containers may share it."""
+    """Return a unique name of a run: with "@" and a number if it is taken, for example by another container."""
     names = (f"{run}{more}" for more in chain([""], (f"@{number}" for number in count(2))))
     return next(name for name in names if name not in taken)
 
 
 def _has_name(found: FoundProcess, run: str) -> bool:
-    """Return whether a run has this name, without the number of ``unique_name``."""
+    """Return whether a run has this name, ignoring the number added by ``unique_name``."""
     return found.run == run.partition("@")[0]
 
 
@@ -310,7 +312,7 @@ def _is_linked(found: FoundProcess, links: Mapping[str, AsyncRunLink]) -> bool:
 
 
 def _stop_result(found: FoundProcess, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
-    """Return the result of a stop without a connection; nothing if the process had ended before."""
+    """Return the result of a stop without a connection; empty if the process had already ended."""
     if not task.done():
         why = f"it has not {'ended' if found.is_command else 'answered'} yet"
         return {"trouble": f"{found.description}: {why}\n  try: {found.end_hint()}"}

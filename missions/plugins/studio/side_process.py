@@ -1,4 +1,4 @@
-"""A studio beside a run, or beside the server of tasks: ``--studio``."""
+"""``--studio``: a studio in a process of its own beside a run or the task server."""
 
 import os
 import subprocess
@@ -10,14 +10,14 @@ from missions.cli.session import RunSession
 from missions.plugins.studio.options import StudioOptions
 
 END_TIMEOUT = 5.0
-"""Seconds that the studio has to end; then it is killed, which stops no run."""
+"""Seconds for the studio to end before it is killed; that stops no run."""
 
 
 @contextmanager
 def serving_studio() -> Iterator[None]:
-    """Serve a studio, in a process of its own, while this is entered; it ends with this process, however that ends.
+    """Serve a studio in a process of its own inside the context; it ends with this process, even after a crash.
 
-    It says its links on stderr. One that cannot be served says why, and the command goes on without.
+    It prints its links on stderr. If it cannot start, it prints the reason, and the caller goes on without a studio.
     """
     reading, writing = os.pipe()
     command = [sys.executable, "-m", "missions", "studio", "--leash", str(reading)]
@@ -37,6 +37,6 @@ def serving_studio() -> Iterator[None]:
 
 
 def studio_beside(options: StudioOptions, session: RunSession) -> AbstractContextManager[None]:
-    """Serve a studio while a run goes on."""
+    """Return the context that serves a studio during a run; it does nothing without ``--studio``."""
     del options, session
     return serving_studio()

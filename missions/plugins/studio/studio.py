@@ -1,4 +1,4 @@
-"""What all clients of a studio share: the runs, the page, who is there, and who does what they ask for."""
+"""State shared by all clients of the studio: runs, page, clients, and handlers of commands."""
 
 import asyncio
 import base64
@@ -60,72 +60,72 @@ from missions.plugins.tasks.task import TaskError
 # Letting the robot know somebody from what the camera of a run sees: by `mission person add`, and by its rules.
 
 PERSON_PICTURE_COUNT = 6
-"""Pictures that are taken."""
+"""Number of pictures that are taken of a person."""
 
 PERSON_PICTURE_INTERVAL = 0.8
-"""Seconds from one to the next: time to turn one's head a little."""
+"""Seconds between two pictures: time to turn the head a little."""
 
 PERSON_TIMEOUT = 30.0
-"""Seconds that the pictures may take, and as many that `mission person add` may."""
+"""Time limit in seconds for taking the pictures, and again for `mission person add`."""
 
 
 async def add_person(
     command: AddPerson, sent_pictures: Sequence[bytes], feed: RunFeed | None = None, robot: str = ""
 ) -> Mapping[str, object]:
-    """Answer `add_person`: with the people of the ``robot``, where it is one of the library, else the user's."""
+    """Answer `add_person`; with the people of the library's ``robot`` if it has one, otherwise the user's."""
     try:
-        proper_name(command.name)  # what cannot be one is said before anybody poses
+        proper_name(command.name)  # an invalid name is reported before any picture is taken
     except PeopleError as error:
         raise BadMessage("no_person", str(error), error.hint) from error
     pictures = sent_pictures if feed is None else await _take_pictures(feed)
     if not pictures:
-        raise BadMessage("no_person", "nobody was added: no picture was handed over", "show_person")
+        raise BadMessage("no_person", "no picture was sent", "show_person")
     with TemporaryDirectory(prefix="person-") as folder:
         files = [Path(folder, f"{number}.jpg") for number in range(1, len(pictures) + 1)]
         for file, picture in zip(files, pictures, strict=True):
             file.write_bytes(picture)
         words = ["--robot", robot] if robot in shipped_files("robots") else []
-        said = await asyncio.to_thread(_run_person_add, *words, "--", command.name, *map(str, files))
-    return {"message": said}
+        output = await asyncio.to_thread(_run_person_add, *words, "--", command.name, *map(str, files))
+    return {"message": output}
 
 
 def decode_picture(command: ShowPerson) -> bytes:
-    """Return the picture that somebody hands over. Raises BadMessage; what is in it `mission person add` finds out."""
+    """Decode a picture sent by a client. Raises BadMessage; `mission person add` checks the content."""
     try:
         return base64.b64decode(command.jpeg, validate=True)
     except ValueError as error:
-        raise BadMessage("bad_field", f"'jpeg' is no base64: {error}") from error
+        raise BadMessage("bad_field", f"'jpeg' is not base64: {error}") from error
 
 
 async def _take_pictures(watching: RunFeed) -> list[bytes]:
-    """Take pictures of who stands before the camera of a run. Raises BadMessage where it shows none."""
+    """Take pictures with the camera of a run. Raises BadMessage if the run has no camera."""
     hearer, taken, last = FeedClient(watching), list[bytes](), -PERSON_PICTURE_INTERVAL
     try:
         async with asyncio.timeout(PERSON_TIMEOUT):
             await watching.watch(hearer, WatchCommand(state=False, pictures=1 / PERSON_PICTURE_INTERVAL))
             async for line in hearer.lines():
-                told = json.loads(line)
-                if told["say"] != "picture":
+                message = json.loads(line)
+                if message["say"] != "picture":
                     continue
-                watching.on_seen(hearer, told["t"])
-                if told["t"] - last < PERSON_PICTURE_INTERVAL:
+                watching.on_seen(hearer, message["t"])
+                if message["t"] - last < PERSON_PICTURE_INTERVAL:
                     continue
-                last = told["t"]
-                taken.append(base64.b64decode(told["jpeg"]))
+                last = message["t"]
+                taken.append(base64.b64decode(message["jpeg"]))
                 if len(taken) == PERSON_PICTURE_COUNT:
                     return taken
     except TimeoutError:
         pass
     finally:
         watching.leave(hearer)
-    why = f"the camera of run {watching.run} has shown {len(taken)} pictures, and it takes {PERSON_PICTURE_COUNT}"
+    error = f"the camera of run {watching.run} has shown {len(taken)} pictures, and it takes {PERSON_PICTURE_COUNT}"
     raise BadMessage(
-        "no_person", f"nobody was added: {why}", "a mission that uses the camera, such as by_hand/drive_and_look"
+        "no_person", f"not added: {error}", "a mission that uses the camera, such as by_hand/drive_and_look"
     )
 
 
 def _run_person_add(*words: str) -> str:
-    """Run `mission person add`, and return what it says. Raises BadMessage with its own words where it refuses."""
+    """Run `mission person add` and return its output. Raises BadMessage with its message if it fails."""
     done = subprocess.run(  # noqa: S603 - ourselves
         [sys.executable, "-m", "missions", "person", "add", *words],
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PERSON_TIMEOUT, check=False,
@@ -143,9 +143,9 @@ Json = Mapping[str, object]
 
 
 class FleetConnection:
-    """Somebody at the fleet of ``fleet.yaml``, from the first time that anybody asks until it is closed.
+    """Connection to the fleet of ``fleet.yaml``, opened at the first request and kept until closed.
 
-    Without that file there is no fleet: a studio joins none unasked.
+    Without that file there is no fleet: a studio joins none by itself.
     """
 
     def __init__(self) -> None:
@@ -155,7 +155,7 @@ class FleetConnection:
         self._has_discovered = False
 
     async def run_command(self, command: ClientCommand, by: str) -> Json:
-        """Do what is asked of the fleet. Raises BadMessage("no_fleet")."""
+        """Run a command of the fleet. Raises BadMessage("no_fleet")."""
         match command:
             case FleetQuery():
                 return await self._run_in_thread(self._list)
@@ -166,7 +166,7 @@ class FleetConnection:
                 return await self._run_in_thread(
                     lambda operator: _answers_json(operator.release(names, by, resume=command.resume))
                 )
-        raise BadMessage("unknown_command", f"a fleet does not know '{command.word}'")
+        raise BadMessage("unknown_command", f"unknown fleet command '{command.word}'")
 
     async def _run_in_thread(self, work: Callable[[Operator], T]) -> T:
         try:
@@ -175,25 +175,25 @@ class FleetConnection:
             raise BadMessage("no_fleet", str(error)[:2000], str(getattr(error, "hint", ""))[:500]) from error
 
     def _open_operator(self) -> Operator:
-        """Return who is at the fleet. Opening a session may take its time: nobody waits for another's."""
+        """Return the fleet's operator, opened once, in a thread: opening a session may take some time."""
         with self._lock:
             if self._operator is not None:
                 return self._operator
             closings = self._close_count
         if not (config_folder() / FLEET_FILE).is_file():
             hint = f"echo 'fleet: home' > {config_folder() / FLEET_FILE}"
-            raise TaskError(f"there is no {FLEET_FILE}, which says in which fleet this computer is", hint=hint)
+            raise TaskError(f"there is no {FLEET_FILE} with the fleet of this computer", hint=hint)
         with ExitStack() as opened:
             operator = opened.enter_context(connect_operator(load_fleet()))
             with self._lock:
                 if self._close_count != closings:
                     raise TaskError("the studio has left the fleet")
-                if self._operator is None:  # else another was quicker, and this session is closed again
+                if self._operator is None:  # otherwise another call opened one first, and this session is closed
                     self._operator, self._exit_stack = operator, opened.pop_all()
                 return self._operator
 
     def _list(self, operator: Operator) -> Json:
-        """Say who is there; waits for that, the first time, while others may stop the fleet."""
+        """Return the robots of the fleet. The first call waits for discovery, without delaying a stop of others."""
         met, self._has_discovered = self._has_discovered, True
         if not met:
             operator.discover()
@@ -218,8 +218,8 @@ def _fleet_json(operator: Operator) -> Json:
 
 
 def _robot_json(member: RosterEntry) -> Json:
-    told = {} if member.state is None else asdict(member.state)
-    return {"name": member.address.name, "number": member.address.number, "connection": member.connection, **told} | (
+    state = {} if member.state is None else asdict(member.state)
+    return {"name": member.address.name, "number": member.address.number, "connection": member.connection, **state} | (
         {"number": member.address.number}
     )
 
@@ -233,30 +233,30 @@ def _answers_json(answers: Mapping[Address, FleetAnswer]) -> Json:
 
 
 PAGE_FOLDER = Path(__file__).with_name("page")
-"""The folder of the page: what is in it is served, and nothing else."""
+"""Folder of the page: its files are served, and no others."""
 
 
 MAX_KEPT_PRESSES = 256
-"""Presses of STOP that are remembered: each is written into the log once, by however many ways it comes."""
+"""Number of STOP presses that are remembered: each is logged once, even if it arrives on several connections."""
 
 
 class StudioClient(Protocol):
-    """Who is connected, and what the others see of that."""
+    """A connected client."""
 
     name: str
 
     def send_runs(self, runs: RunsMessage) -> None:
-        """Send what runs there are, as soon as that is possible; returns at once. Only the newest counts."""
+        """Send the list of runs as soon as possible, only the newest; returns at once."""
         ...
 
     def disconnect(self) -> None:
-        """Hear nothing of this client any more, and let go of what it drives; returns at once."""
+        """Ignore further commands of this client and release the parts that it drives; returns at once."""
         ...
 
 
 @cache
 def page_edition() -> str:
-    """Return what tells this page from those of other releases."""
+    """Return the version that tells this page from those of other releases."""
     digest = hashlib.sha256()
     for path in sorted(PAGE_FOLDER.glob("*")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
@@ -264,9 +264,9 @@ def page_edition() -> str:
 
 
 class Studio:
-    """One studio. Its ``hub`` knows the runs, ``audit`` who did what, ``access`` who may; the ``reader`` reads.
+    """One studio: its ``hub`` holds the runs, ``audit`` the log, ``access`` the tokens, ``reader`` the workers.
 
-    ``fleet`` is at the fleet of this computer.
+    ``fleet`` is the connection to this computer's fleet.
     """
 
     def __init__(self, audit: AuditLog, launcher: RunLauncher, reader: FileReader, access: StudioAccess) -> None:
@@ -277,25 +277,25 @@ class Studio:
         self._clients: set[StudioClient] = set()
         self._person_pictures: WeakKeyDictionary[StudioClient, deque[bytes]] = (
             WeakKeyDictionary()
-        )  # pictures of somebody
+        )  # sent pictures of a person
         self._name_count = 0
         self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)
         self.versions = {page_edition(), str(PROTOCOL_VERSION)}
 
     def next_client_name(self, role: Role) -> str:
-        """Return what a new client is called."""
+        """Return a name for a new client."""
         self._name_count += 1
         return f"{role} {self._name_count}"
 
     def welcome(self, role: Role, name: str) -> WelcomeMessage:
-        """Return what a client hears first."""
+        """Return the first message to a client."""
         return WelcomeMessage(
             version=PROTOCOL_VERSION, page=page_edition(), role=role, name=name, release=version("missiontree")
         )
 
     @contextmanager
     def register(self, client: StudioClient) -> Iterator[None]:
-        """Tell a client of the runs while this is entered."""
+        """Send a client the list of runs, and its changes, inside the context."""
         self._clients.add(client)
         try:
             yield
@@ -304,27 +304,27 @@ class Studio:
 
     @property
     def client_count(self) -> int:
-        """How many clients are connected."""
+        """Number of connected clients."""
         return len(self._clients)
 
     async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
-        """Stop a run, or all for no name: those too that are being started. Raises BadMessage for one not there."""
+        """Stop a run, or all for an empty name, including runs that are starting. Raises BadMessage for an unknown run."""
         if not run:
             self._launcher.stop()
         return await self.hub.stop(run, by, press)
 
     def log_command(self, client: StudioClient, role: Role, command: ClientCommand, outcome: str) -> None:
-        """Write into the log who has commanded what, and what came of it."""
+        """Write a command of a client and its outcome into the audit log."""
         if command.word in UNLOGGED_COMMANDS or (isinstance(command, StopCommand) and command.press in self._presses):
             return
         if isinstance(command, StopCommand) and command.press:
             self._presses.append(command.press)
-        told = encode_tagged(command, COMMAND_KEY, CODEC_RULES).items()
-        about = {name: value for name, value in told if name not in ("id", "by", "press") and value != ""}
+        fields = encode_tagged(command, COMMAND_KEY, CODEC_RULES).items()
+        about = {name: value for name, value in fields if name not in ("id", "by", "press") and value != ""}
         self.audit.write(client.name, role, about, outcome)
 
     async def run_command(self, command: ClientCommand, client: StudioClient) -> Mapping[str, object]:
-        """Do a command that no run answers. Raises BadMessage with the name of what went wrong."""
+        """Run a command that no run answers. Raises BadMessage with the name of the error."""
         if isinstance(command, RevokeLinks):
             return self._revoke(client)
         if isinstance(command, StartRun):
@@ -351,26 +351,26 @@ class Studio:
         return await self._reader.do(command)
 
     def _revoke(self, by: StudioClient) -> Mapping[str, object]:
-        """Make both tokens anew, and shut all out but who asks. Raises BadMessage where the kept ones stay."""
+        """Replace both tokens and disconnect all other clients. Raises BadMessage if the new ones cannot be stored."""
         try:
             self.access.renew()
         except OSError as error:
-            why = f"the former tokens are still kept for the next time: {error}"
-            raise BadMessage("bad_file", why, "delete their file before the studio is started again") from error
+            why = f"the old tokens are still stored for the next studio: {error}"
+            raise BadMessage("bad_file", why, "delete the token file before the next start of the studio") from error
         finally:
             for client in self._clients - {by}:
                 client.disconnect()
         return {"operator": self.access.operator, "viewer": self.access.viewer}
 
     async def report(self, name: str) -> str:
-        """Return the report of a record, as a page. Raises BadMessage for one that cannot be read."""
+        """Return the report of a record as an HTML page. Raises BadMessage if it cannot be read."""
         return await self._reader.report(name)
 
     async def last_output(self, run: str) -> str:
-        """Return the last that a run said which was started here and has ended; nothing of another one."""
+        """Return the last output of an ended run that was started here; an empty text for any other run."""
         return await self._launcher.last_output(run)
 
     def _send_runs(self) -> None:
-        told = RunsMessage(runs=self.hub.runs())
+        runs = RunsMessage(runs=self.hub.runs())
         for client in self._clients:
-            client.send_runs(told)
+            client.send_runs(runs)

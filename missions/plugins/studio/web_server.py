@@ -1,4 +1,4 @@
-"""The process of the studio: its port, the time that a browser has to ask, its certificate, and its end."""
+"""Web server of the studio: its socket, request time limits, TLS certificate, routes, and end."""
 
 import asyncio
 import signal
@@ -37,23 +37,25 @@ from missions.plugins.studio.studio import PAGE_FOLDER, Studio, page_edition
 # The routes of the studio, behind its gate: the page, the websocket, and records, as files and as reports.
 
 MAX_CLIENTS = 96
-"""Websockets at once; a page has three."""
+"""Maximum number of websockets; a page has three."""
 
 CLOSE_TRY_LATER = 1013
-"""The code by which a websocket is closed for which there is no room."""
+"""Websocket close code if there is no room for a client."""
 
 VERSION_MARK = 'name="version" content=""'
-"""Where in the page its version is put in."""
+"""Text in the page that is replaced with the version."""
 
 REPORT_POLICY = "sandbox allow-scripts; frame-ancestors 'none'"
-"""What a report may do: it runs its own script, which its own policy names, as a page of nobody's. The studio, its
-cookie and its websocket are those of another site to it, whatever the record has in it."""
+"""Content security policy of a report: its own inline script in an opaque origin.
+
+To a report, the studio's cookie and websocket belong to another site, whatever the record contains.
+"""
 
 MakeStudio = Callable[[], Studio]
 
 
 def application(make: MakeStudio, access: StudioAccess, *, hosts: Collection[str]) -> ASGIApp:
-    """Return the studio as an ASGI application. ``make`` is called once its loop runs."""
+    """Return the studio as an ASGI application; ``make`` is called when its event loop runs."""
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -89,12 +91,12 @@ async def serve_websocket(socket: WebSocket) -> None:
 
 
 async def serve_page(request: Request) -> Response:
-    """Serve the page itself, with its version put in."""
+    """Serve the page with its version inserted."""
     del request
     try:
         text = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
     except OSError as error:
-        raise HTTPException(503, "the page is not installed: install MissionTree anew") from error
+        raise HTTPException(503, "the page is missing: reinstall MissionTree") from error
     return HTMLResponse(
         text.replace(VERSION_MARK, f'name="version" content="{page_edition()}"'), headers=_revalidate_header()
     )
@@ -112,7 +114,7 @@ async def serve_asset(request: Request) -> Response:
 
 
 async def serve_record(request: Request) -> Response:
-    """Serve a record, as a file to be kept."""
+    """Serve a record as a download."""
     found = _record(request)
     _log_download(request, "download", "ok")
     return FileResponse(found, media_type="application/octet-stream", filename=found.name)
@@ -131,7 +133,7 @@ async def serve_report(request: Request) -> Response:
 
 
 def _record(request: Request) -> Path:
-    """Return the record that is asked for: its pictures may be taken away, and an operator alone gets it."""
+    """Return the path of the requested record. Operators only: records contain pictures."""
     if request.scope["role"] != "operator":
         raise HTTPException(403)
     try:
@@ -146,37 +148,37 @@ def _record(request: Request) -> Path:
 
 
 def _log_download(request: Request, word: str, outcome: str) -> None:
-    """Write into the log which record has left the studio."""
+    """Write the download of a record into the audit log."""
     role, name = request.scope["role"], request.path_params["name"]
     request.app.state.studio.audit.write(role, role, {"do": word, "name": name}, outcome)
 
 
 def _revalidate_header() -> dict[str, str]:
-    """Return the header by which a browser asks each time whether there is another page."""
+    """Return the header with which a browser checks for a new page each time."""
     return {"Cache-Control": "no-cache"}
 
 
 REQUEST_TIMEOUT = 5.0
-"""Seconds that a browser has to ask, however slowly it goes on."""
+"""Seconds within which a request must be complete."""
 
 MAX_PENDING_ACCEPTS = 1024
-"""Connections that wait to be accepted: who finds no room there comes a second later, or is too late."""
+"""Maximum number of connections that wait to be accepted; beyond that, the client retries after about 1 s."""
 
 PING_INTERVAL = 5.0
-"""Seconds from one question whether a client is there to the next, and that it has to answer."""
+"""Seconds between two websocket pings, and the time limit for the answer."""
 
 SEND_BUFFER_BYTES = 1 << 17
-"""Bytes that the kernel keeps for a client: what waits there is old when it is read."""
+"""Bytes in the kernel's send buffer of a client: data that waits there gets old."""
 
 MAX_HEADER_BYTES = 16 * 1024
-"""Bytes of the headers of a request, at most."""
+"""Maximum size of the headers of a request in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class StudioAddress:
-    """Where the studio is served. ``names`` are those by which it may be asked for, ``certificate`` and ``key`` PEM.
+    """Address and settings of the studio's server. ``names`` are its host names; ``certificate`` and ``key`` PEM files.
 
-    It ends with the pipe ``leash``, if there is one.
+    If there is a pipe ``leash``, the server ends when that closes.
     """
 
     host: str = "127.0.0.1"
@@ -190,32 +192,31 @@ class StudioAddress:
 
     @property
     def scheme(self) -> str:
-        """How browsers reach it."""
+        """URL scheme: http or https."""
         return "http" if self.certificate is None else "https"
 
     def link(self, token: str, port: int | None = None) -> str:
-        """Return the link that signs in who opens it."""
-        host = local_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - who asks, for that
+        """Return the link that signs in with ``token``."""
+        host = local_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - compared, not bound
         named = f"[{host}]" if ":" in host else host
         return f"{self.scheme}://{named}:{port or self.port}/?token={token}"
 
 
 class TimedProtocol(H11Protocol):
-    """A connection that is hung up on when it does not ask in time."""
+    """HTTP connection that is closed if a request does not arrive in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin."""
         super().connection_made(transport)
         self.app_state["visit"].transport = transport
         self._start_timeout()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget it: of a flood, thousands would be kept until their time is over."""
+        """Cancel the timer at once: during a flood, it would hold thousands of closed connections."""
         self._timeout.cancel()
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
-        """Wait for the next request, for no longer than for the first."""
+        """Restart the timer for the next request."""
         self.scope = None  # type: ignore[assignment]
         self._timeout.cancel()
         super().on_response_complete()
@@ -230,10 +231,9 @@ class TimedProtocol(H11Protocol):
 
 
 class StudioServer(uvicorn.Server):
-    """uvicorn's server, which a signal ends in good order, and no more. It accepts by ``ConnectionAcceptor``."""
+    """uvicorn server that accepts with ``ConnectionAcceptor`` and that SIGINT and SIGTERM shut down."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to accept."""
         await self.lifespan.startup()
         if self.lifespan.should_exit:
             sys.exit(STARTUP_FAILURE)
@@ -249,7 +249,7 @@ class StudioServer(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """End at a signal."""
+        """Shut down at a signal."""
         loop, numbers = asyncio.get_running_loop(), (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         for number in numbers:
             loop.add_signal_handler(number, self.end)
@@ -260,20 +260,22 @@ class StudioServer(uvicorn.Server):
                 loop.remove_signal_handler(number)
 
     def end(self) -> None:
-        """End soon."""
+        """Shut down soon."""
         self.should_exit = True
 
 
 def open_listener(address: StudioAddress) -> socket.socket:
-    """Return the socket that it is served at. Raises OSError."""
+    """Return the listening socket of an address. Raises OSError."""
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
     found = socket.socket(family)
     try:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else an answer behind a message waits for 40 ms
+        found.setsockopt(
+            socket.IPPROTO_TCP, socket.TCP_NODELAY, 1
+        )  # Nagle's algorithm would delay an answer after a message by 40 ms
         found.bind((address.host, address.port))
-        found.listen(MAX_PENDING_ACCEPTS)  # at once: two sockets that do not listen yet may have the same port
+        found.listen(MAX_PENDING_ACCEPTS)  # at once: two sockets that do not listen yet can bind the same port
     except BaseException:
         found.close()
         raise
@@ -281,7 +283,7 @@ def open_listener(address: StudioAddress) -> socket.socket:
 
 
 def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
-    """Return how uvicorn is to serve. Raises ssl.SSLError or OSError for a certificate that is none."""
+    """Return the configuration of uvicorn. Raises ssl.SSLError or OSError for an invalid certificate."""
     app = application(make, address.access, hosts=address.names)
     secure: dict[str, Any] = {}
     if address.certificate is not None:
@@ -299,7 +301,7 @@ def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
         ws_ping_timeout=PING_INTERVAL,
         ws_per_message_deflate=False,
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
-        proxy_headers=False,  # whoever says where a request comes from may lie
+        proxy_headers=False,  # a client can forge the forwarding headers
         server_header=False,
         access_log=False,  # the links have tokens in them
         log_config=None,
@@ -311,7 +313,7 @@ def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
 
 
 def serve(address: StudioAddress, sockets: Sequence[socket.socket], on_started: Any) -> list[int]:
-    """Serve until a signal ends it; call ``begun`` once it does. Return the runs that were started and go on."""
+    """Serve until a signal; call ``on_started`` when ready. Return the process ids of started runs that go on."""
     launcher = RunLauncher(record=address.record)
     reader = FileReader()
     server = StudioServer(
@@ -338,10 +340,10 @@ def serve(address: StudioAddress, sockets: Sequence[socket.socket], on_started: 
 
 
 def local_address() -> str:
-    """Return the address by which others reach this computer; that of the loopback where there is no network."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+    """Return this computer's address in the network; the loopback address without a network."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            asked.connect(("192.0.2.1", 9))  # nothing is sent: the kernel says by which way it would be
+            probe.connect(("192.0.2.1", 9))  # UDP connect sends nothing; it only selects the local address
         except OSError:
             return "127.0.0.1"
-        return str(asked.getsockname()[0])
+        return str(probe.getsockname()[0])

@@ -26,7 +26,7 @@ class Served:
     def __init__(self, process: Process, trusting: SSLContext | None = None) -> None:
         self.process, self.trusting = process, trusting
         self.state, self.runtime = Path(os.environ["XDG_STATE_HOME"]), os.environ["XDG_RUNTIME_DIR"]
-        line = process.wait_for_line(lambda line: line.startswith("to look"), seconds=PATIENCE)
+        line = process.wait_for_line(lambda line: line.startswith("to view"), seconds=PATIENCE)
         self.viewer = line.rpartition("token=")[2]
         self.operator = process.lines[0].rpartition("token=")[2]
         found = re.search(r":(\d+)/", line)

@@ -44,7 +44,7 @@ def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Brows
         process.wait_for_line(lambda line: "found" in line)
         with studio() as served:
             page = Page(browser, served, view="#run")
-            page.wait_for("The robot knows nobody yet")
+            page.wait_for("The robot knows no people yet")
             for name, said in (("1", "'1' cannot be a name"), ("Ana", "Ana: 6 pictures kept")):
                 page.tab.evaluate("document.querySelector('.people input').value = ''")
                 page.tab.find("textbox", "Name").focus()
@@ -68,7 +68,7 @@ def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
     flags = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
     with Browser(chromium(), *flags, f"--use-file-for-fake-video-capture={film}") as browser, studio() as served:
         page = Page(browser, served, view="#run")
-        page.wait_for("The robot knows nobody yet")
+        page.wait_for("The robot knows no people yet")
         page.tab.find("textbox", "Name").focus()
         page.tab.type("Ana")
         page.press("Add with this browser's camera")
@@ -79,7 +79,7 @@ def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
         # A page that is no secure context is given no camera, and says so.
         page.tab.evaluate("Object.defineProperty(navigator, 'mediaDevices', {value: undefined})")
         page.press("Add with this browser's camera")
-        page.wait_for("only to pages by https")
+        page.wait_for("only over https")
     log = (state_folder() / "studio.log").read_text(encoding="utf-8")
     assert "add_person" in log
     assert "jpeg" not in log

@@ -172,7 +172,7 @@ def test_a_list_that_takes_too_long_goes_on_where_it_was_left(here: Path, monkey
         cut = edition()
         cut_short = entries()
         assert {cut_short[f"{name}.yaml"]["trouble"] for name in ("first", "third")} == {
-            "not read yet: others take long"
+            "not read yet; other files take long"
         }
     assert edition() != cut
     assert not any("unread" in each for each in entries().values())

@@ -125,7 +125,7 @@ def test_without_a_browser_the_user_is_told(monkeypatch: pytest.MonkeyPatch, err
     with page_opener(StudioAccess(), link_of, told.append) as opener:
         opener.open()
         wait_until(lambda: told)
-    assert "no browser here" in told[0]
+    assert "no browser found" in told[0]
 
 
 def test_a_browser_that_is_waited_for_holds_up_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 
-SLOW = "Driving is refused: the link is too slow."
+SLOW = "Driving is refused: the connection is too slow."
 
 
 def holds_still(page: Page, base: LoneBase, seconds: float) -> bool:
@@ -37,14 +37,14 @@ def test_the_page_says_why_driving_is_refused_and_drives_again_once_the_link_is_
         through = SimpleNamespace(host=f"127.0.0.1:{network.port}", operator=served.operator)
         page = Page(browser, cast("Served", through), view="#drive")
         page.press("Take the wheels")
-        page.wait_for("You drive.", "Round trip: ", "up to 500 ms to drive")
+        page.wait_for("You drive.", "Round trip: ", "driving needs at most 500 ms")
         with page.held(STICK, up=60):
             wait_until(moving(base))
             network.up = network.down = 1.0
             pressed = base.seen().heard_at
             assert seconds_to_rest(base, pressed) <= MAX_STATE_AGE + BRAKING
             page.wait_for("Driving is refused: ")
-        page.wait_for(SLOW, "You have the wheels.", "slow link: STOP takes 2.")
+        page.wait_for(SLOW, "You have the wheels.", "slow connection: round trip 2.")
         assert holds_still(page, base, 1.0)
         network.up = network.down = 0.0
         wait_until(lambda: not page.says("Driving is refused"))
@@ -64,4 +64,4 @@ def test_a_page_that_gets_no_states_any_more_says_so_and_drives_no_longer(
             wait_until(moving(base))
             network.down = 4.0
             assert seconds_to_rest(base, base.seen().heard_at) <= MAX_STATE_AGE + BRAKING
-            page.wait_for("Driving is refused: no new state comes from the robot.")
+            page.wait_for("Driving is refused: no new state from the robot.")

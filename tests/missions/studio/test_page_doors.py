@@ -92,7 +92,7 @@ def test_without_its_proof_the_page_says_what_to_open(browser: Browser, served: 
     tab = Page(browser, served).tab
     tab.evaluate("localStorage.removeItem('proof')")
     tab.ask("Page.reload")
-    wait_until(lambda: "open the link that mission studio has printed" in told(tab))
+    wait_until(lambda: "open the link that mission studio printed" in told(tab))
     tab.go(f"http://{served.host}/?token={served.operator}")
     wait_until(lambda: signed_in(tab))
 
@@ -151,7 +151,7 @@ def test_stop_works_while_pages_of_others_try_tokens(browser: Browser, served: S
     tab.go(f"http://{served.host}/?token={served.viewer}")
     page = Page(browser, served)
     page.stop.click()
-    page.wait_for("Nothing runs: there was nothing to stop.")
+    page.wait_for("No runs; nothing to stop.")
 
 
 @pytest.mark.parametrize("what", ["say nothing", "ask with a wrong token"])
@@ -160,10 +160,10 @@ def test_the_page_comes_in_and_its_stop_works_while_many_do_this(browser: Browse
         before = Page(browser, served)
         with attack(served, ATTACKS[what]):
             before.stop.click()
-            before.wait_for("Nothing runs: there was nothing to stop.")
+            before.wait_for("No runs; nothing to stop.")
             page = Page(browser, served, view="#tasks")
             page.stop.click()
-            page.wait_for("Nothing runs: there was nothing to stop.")
+            page.wait_for("No runs; nothing to stop.")
 
 
 def test_a_link_on_another_page_signs_in_at_once(browser: Browser, served: Served, beside: Neighbour) -> None:

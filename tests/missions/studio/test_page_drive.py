@@ -199,7 +199,7 @@ def test_a_pad_whose_buttons_the_browser_does_not_know_stops_by_each_of_them_and
 @pytest.mark.real_time
 def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#drive")
-    page.wait_for("Nothing runs that could be driven.")
+    page.wait_for("There is no run to drive.")
     wait_until(lambda: page.enabled("Drive without a mission"))
     page.tab.evaluate("document.querySelector('.actions .main').click()")
     page.wait_for("You drive.")
@@ -225,7 +225,7 @@ def test_who_drives_moves_the_robot_also_while_simulated_time_is_paused(
         page.wait_for("You drive. The mission is paused.")
         with page.held(STICK, up=60):
             wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Plan").name))
-        page.press("Go on")
+        page.press("Resume")
         wait_until(lambda: not page.says("The mission is paused."))
 
 
@@ -240,7 +240,7 @@ def test_a_stop_in_simulated_time_lets_the_base_brake_and_is_gone_on_from_where_
         page.wait_for("speed 0 m/s", "Stopped from this page")
         page.go("Drive")
         page.release()
-        page.press("Go on")  # beside what says that it is released
+        page.press("Resume")  # beside what says that it is released
         page.go("Robot")
         wait_until(lambda: re.search(r"speed 0\.[1-9]", page.tab.text()))
 
@@ -260,10 +260,10 @@ def test_a_viewer_stops_on_every_view_and_only_an_operator_releases(
             assert not page.enabled("release")
         page = Page(browser, served, view="#live")
         page.wait_for("stopped by viewer")
-        assert not page.enabled("Go on")
+        assert not page.enabled("Resume")
         page.release()
         assert not base.seen().moving
-        page.press("Go on")
+        page.press("Resume")
         wait_until(moving(base))
         page.press("End the mission")
         page.press("Press again to end it")

@@ -14,7 +14,7 @@ def test_a_stop_of_a_fleet_without_robots_is_not_told_as_one(browser: Browser) -
     (config_folder() / "fleet.yaml").write_text(file, encoding="utf-8")
     with router(port), studio() as served:
         page = Page(browser, served, view="#fleet")
-        page.wait_for("Nobody is in fleet trial")
+        page.wait_for("No robots in fleet trial")
         page.press("Stop the fleet")
         page.wait_for("No robots in this fleet; none has confirmed.")
         assert "robots have confirmed" not in page.tab.text()

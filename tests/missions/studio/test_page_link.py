@@ -63,12 +63,12 @@ def test_who_makes_new_links_stays_in_and_sees_them_and_stop_has_its_connection_
     with studio() as served:
         page = overheard(browser, served, "#run")
         page.tab.evaluate(SLOW_ENTRY)
-        page.press("Who may")
+        page.press("Permissions")
         page.press("New links")
-        page.press("Shut all others out?")
+        page.press("Sign out everyone else?")
         wait_until(lambda: page.tab.evaluate("window.refusals > 0"))
         page.tab.evaluate("window.enter()")
-        page.wait_for("For operators:", "To look and stop only:")
+        page.wait_for("For operators:", "For viewers, who watch and stop:")
         assert served.operator not in page.tab.text()
         main = sent(page, "revoke")[0]["socket"]
 
@@ -78,7 +78,7 @@ def test_who_makes_new_links_stays_in_and_sees_them_and_stop_has_its_connection_
 
         wait_until(lambda: len(own()) == 2)  # they were let in: only then they say hello again and again
         page.stop.click()
-        page.wait_for("there was nothing to stop")
+        page.wait_for("nothing to stop")
         assert [each["socket"] for each in sent(page, "stop")][:3] == [*own(), main]  # again, if it was slow
         page.tab.ask("Page.reload")
         wait_until(lambda: page.tab.evaluate("!window.refusals") and "operator" in page.link)
@@ -127,7 +127,7 @@ def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: B
     page = overheard(browser, served, "#run")
     wait_until(lambda: sent(page, "library"))
     page.stop.click()
-    page.wait_for("there was nothing to stop")
+    page.wait_for("nothing to stop")
     over = sent(page, "stop")[0]["socket"]
     told: list[dict[str, Any]] = page.tab.evaluate("window.sent")
     assert {each["do"] for each in told if each["socket"] == over} == {"hello", "stop"}
@@ -210,7 +210,7 @@ def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(brows
     page = Page(browser, served, view="#run")
     runs.symlink_to(runs)  # a folder that nobody can read
     try:
-        page.wait_for("STOP perhaps does not reach all that runs", "Too many levels of symbolic links")
+        page.wait_for("STOP may not reach every run", "Too many levels of symbolic links")
         page.stop.click()
         page.wait_for("PERHAPS NOT STOPPED", "Too many levels of symbolic links", "Use the robot's own switch")
         colour = "getComputedStyle(document.querySelector('.latched')).backgroundColor"
@@ -218,7 +218,7 @@ def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(brows
     finally:
         runs.unlink()
     page.stop.click()
-    page.wait_for("there was nothing to stop")
+    page.wait_for("nothing to stop")
     assert "PERHAPS" not in page.tab.text()
 
 

@@ -58,7 +58,7 @@ def test_own_missions_stand_first_under_their_names_and_the_list_follows_the_fil
 ) -> None:
     tab = (page := Page(browser, beside)).tab
     wait_until(lambda: tab.evaluate(NAMES)[:4] == [None, "broken", "my dance", None])
-    page.wait_for("Yours", "Shipped with MissionTree", "my dance.yaml")
+    page.wait_for("Your missions", "Shipped with MissionTree", "my dance.yaml")
     tab.evaluate("window.first = document.querySelector('.missions a[href*=dance]'); window.first.focus()")
     new = folder / "a new one.yaml"
     new.write_text(SAYS.format("newest"), encoding="utf-8")

@@ -142,7 +142,7 @@ def test_the_preview_follows_what_is_typed(browser: Browser, served: Served) -> 
     page = Page(browser, served, view="#run/greet")
     wait_until(lambda: page.enabled("Run simulated"))
     if not page.tab.evaluate("!!document.querySelector('.preview:not(.folded) .title')"):
-        page.press("Its tree")
+        page.press("Tree")
     page.tab.find("textbox", "Greeting").focus()
     page.tab.evaluate("document.activeElement.select()")
     page.tab.type("Ahoy!")

@@ -142,14 +142,14 @@ def test_two_records_are_compared_and_one_slider_moves_both(
     write(kept(records_folder() / "monday.mcap"), one)
     write(kept(records_folder() / "tuesday.mcap"), other, head=replace(WHERE, seed=4711))
     tab = (page := Page(browser, served, view="#records/monday.mcap/tuesday.mcap")).tab
-    page.wait_for("They first decide differently at drive, line 2.", "did not get there", "5.0 s: failure", "4711")
+    page.wait_for("First different decision: drive, line 2.", "did not reach it", "5.0 s: failure", "4711")
     wait_until(lambda: len(tab.all("slider")) == 1)
     slider = tab.find("slider", "Time")
     clocks = "[...document.querySelectorAll('.record .clock')].map((each) => each.textContent.split(' of ')[0])"
     slider.focus()
     tab.press("Home")
     wait_until(lambda: tab.evaluate(clocks) == ["0.0 s", "0.0 s"])
-    page.press("Go there")
+    page.press("Show it")
     wait_until(lambda: tab.evaluate(clocks) == ["5.0 s", "5.0 s"])
     wait_until(lambda: tab.evaluate("document.querySelectorAll('.record .node.failure').length") == 2)
     with served.client(served.viewer) as viewer:
@@ -170,7 +170,7 @@ def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.M
 def test_a_task_is_added_and_cancelled(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run/greet")
     tab = page.tab
-    page.press("Later, or again and again")
+    page.press("Schedule")
     at = tab.find("textbox", "At")
     at.focus()
     tab.type("18:00")
@@ -184,10 +184,10 @@ def test_a_task_is_added_and_cancelled(browser: Browser, served: Served) -> None
 
 def test_a_task_that_needs_approval_is_approved(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run/greet")
-    wait_until(lambda: page.enabled("Later, or again and again"))
+    wait_until(lambda: page.enabled("Schedule"))
     if not page.tab.all("switch"):  # else it is unfolded, as somebody has left it
-        page.press("Later, or again and again")
-    page.click("switch", "Begin it only once somebody has approved it")
+        page.press("Schedule")
+    page.click("switch", "Needs approval before it begins")
     page.press("Add to the queue")
     page.go("Tasks")
     page.wait_for("greet", "needs approval")
@@ -225,11 +225,11 @@ def test_a_checkup_that_cannot_be_read_is_not_taken_for_none() -> None:
 def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run")
     page.press("Add with the robot's camera")
-    page.wait_for("What are they called?")
+    page.wait_for("Enter a name first.")
     page.tab.find("textbox", "Name").focus()
     page.tab.type("Ana")
     page.press("Add with the robot's camera")
-    page.wait_for("Nothing runs: a camera is seen by way of a run")
+    page.wait_for("The robot's camera needs a run")
 
 
 def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
@@ -270,13 +270,13 @@ def test_a_page_of_another_version_asks_to_be_reloaded_and_can_stop(browser: Bro
     wait_until(lambda: "reload it" in page.link)
     assert page.enabled("Reload")
     page.stop.click()
-    page.wait_for("there was nothing to stop")
+    page.wait_for("nothing to stop")
 
 
 def test_a_page_that_has_lost_its_link_says_so_and_that_stop_does_not_reach(browser: Browser) -> None:
     with studio() as lost:
         page = Page(browser, lost)
-    wait_until(lambda: "link lost" in page.link)
+    wait_until(lambda: "connection lost" in page.link)
     page.wait_for("STOP does not reach the robot")
     page.stop.click()
     page.wait_for("NOT STOPPED")

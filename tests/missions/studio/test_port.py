@@ -27,7 +27,7 @@ def test_a_second_studio_takes_the_next_free_port_and_says_so(monkeypatch: pytes
 def test_a_port_that_was_asked_for_is_refused_with_who_has_it(capsys: pytest.CaptureFixture[str]) -> None:
     first = Process("studio", "--port", "0")
     try:
-        line = first.wait_for_line(lambda line: line.startswith("to look"))
+        line = first.wait_for_line(lambda line: line.startswith("to view"))
         port = int(line.rpartition("/?")[0].rpartition(":")[2])
         refused = command(capsys, "studio", "--port", str(port))
     finally:
@@ -56,4 +56,4 @@ def test_a_studio_with_too_few_descriptors_is_refused_and_does_not_listen_in_vai
     few = f"ulimit -n {studio.MIN_DESCRIPTORS - 1}; exec {sys.executable} -m missions studio --port 0"
     refused = subprocess.run(["sh", "-c", few], capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert (refused.returncode, refused.stdout) == (2, "")
-    assert "open files are limited to 127, and the studio needs 128\n  try: ulimit -n 1024" in refused.stderr
+    assert "open files are limited to 127; the studio needs at least 128\n  try: ulimit -n 1024" in refused.stderr

@@ -495,7 +495,7 @@ def test_a_studio_that_cannot_look_says_so_to_all(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(run_hub, "search_runs", refuse)
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
-    why = "the studio cannot look for runs: RuntimeError: no threads are left, False"
+    why = "the studio cannot search for runs: RuntimeError: no threads are left, False"
     assert changes[0] == [{"run": UNKNOWN_RUN, "trouble": why}]
 
 

@@ -187,9 +187,9 @@ def test_a_run_that_is_being_started_does_not_begin_after_a_stop(tmp_path: Path)
         while not launcher.running:
             await asyncio.sleep(0.01)
         await studio.stop("", "viewer 1")
-        with pytest.raises(BadMessage, match="stopped before it had begun"):
+        with pytest.raises(BadMessage, match="stopped before it began"):
             await start
-        with pytest.raises(BadMessage, match="stopped before it had begun"):
+        with pytest.raises(BadMessage, match="stopped before it began"):
             await launcher.start(StartRun(mission="greet"), asked_before)
         while launcher.running:
             await asyncio.sleep(0.01)

@@ -171,11 +171,11 @@ def test_who_looks_at_the_robot_in_the_page_trims_its_head_and_keeps_that(
     with running(file):
         page = Page(browser, served, view="#robot")
         page.wait_for("mine", "Base", "elbow", "Trims and limits")
-        assert not page.enabled("Write into the robot file")
+        assert not page.enabled("Write to the robot file")
         typed = "const e = document.querySelector('[aria-label=\"head pan trim in °\"]'); e.value = '4'; "
         page.tab.evaluate(typed + "e.dispatchEvent(new Event('change'))")
-        page.press("Write into the robot file")
-        page.wait_for("Written into", "head: pan: trim: 4 deg")
+        page.press("Write to the robot file")
+        page.wait_for("Wrote to", "head: pan: trim: 4 deg")
     assert "pan: {trim: 4 deg, servo: 0" in file.read_text(encoding="utf-8")
 
 

@@ -182,4 +182,4 @@ async def test_who_watches_a_run_that_dies_hears_that_it_is_over(
     run.watchers[0].close()
     await looker.task
     assert looker.heard[-1]["say"] == "over"
-    assert looker.heard[-1]["reason"] == "the run has gone without a word"
+    assert looker.heard[-1]["reason"] == "the run ended without a message"
