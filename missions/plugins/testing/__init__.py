@@ -1,1 +1,1 @@
-"""Mission tests: what a mission is to do, written beside it, played in simulated time and held against what it did."""
+"""Mission tests: cases in test files beside missions, run in simulated time and compared with their expectations."""

@@ -1,4 +1,4 @@
-"""What a run has shown: a listener that keeps its events, and turns them into happenings that tests speak of."""
+"""Listener that records the events of a run, and converts them to the events that tests name."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
@@ -25,20 +25,20 @@ from missions.plugins.testing.event_specs import ObservedEvent
 from missions.trees.drawing import ACTIVE
 
 STANDSTILL_SPEED = 0.005
-"""Metres or radians a second below which a base stands still."""
+"""Speed below which a base is at rest, in m/s and rad/s."""
 
 END_VERBS = {"success": "succeeds", "failure": "fails"}
 FIXED_ENDS = {"succeed": ("success",), "fail": ("failure",)}
-"""How leaves end that say so by their word; the checker does not hold that against the nodes behind them."""
+"""Leaves that always end the same way; coverage does not count the nodes behind them as reachable."""
 
 NOTICE_VERBS = {"offline": "disconnects", "online": "reconnects", "fault": "complains"}
 
 
 @dataclass(frozen=True, slots=True)
 class NodeRecord:
-    """What became of one node: where it stands, each status that it had and how often, and why it failed.
+    """Results of one node: position in the file, statuses, counts of starts and ends, and failure reasons.
 
-    ``ends`` are the ways in which it can end.
+    ``ends`` are its possible ends.
     """
 
     file: str
@@ -53,13 +53,13 @@ class NodeRecord:
 
 @dataclass(slots=True)
 class CaseHistory:
-    """Listens to a run. ``listeners`` are called with each happening, at once.
+    """Records a run. ``listeners`` are called with each event, at once.
 
-    ``claim_conflict`` names what two leaves drove at a time, ``is_moving`` says whether the base moved at the last tick, ``pose``
-    where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``said`` is what the
-    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen (an empty
-    text where the words were taken away), and ``notified`` what it told whoever had given the task, in order.
-    ``result`` and ``returns`` are the mission's, once it has ended.
+    ``claim_conflict`` names a part that two leaves drove at the same time, ``is_moving`` says whether the base moved at
+    the last tick, ``pose`` is its final pose in the world frame, and ``joints`` the final arm angles (radians).
+    ``said`` are the robot's utterances, ``heard_by`` those that each person heard, ``showed`` and ``moods`` the
+    contents of its screen (an empty text if cleared), and ``notified`` its notices, in order. ``result`` and
+    ``returns`` are the mission's, after its end.
     """
 
     events: list[Event] = field(default_factory=list)
@@ -85,12 +85,12 @@ class CaseHistory:
     _reasons: dict[str, dict[str, None]] = field(default_factory=lambda: defaultdict(dict))
 
     def attach(self, root: Node, velocity: Callable[[], Velocity] | None = None) -> None:
-        """Look at this tree at every tick, and at how fast the base truly moves, where there is one."""
+        """Observe a tree at every tick, and the base's true ``velocity``, if it has a base."""
         self._leaves = [node for node in root.iterate() if isinstance(node, Leaf) and node.claims]
         self._velocity = velocity
 
     def __call__(self, event: Event) -> None:
-        """Take in one event."""
+        """Record one event."""
         self.events.append(event)
         match event:
             case NodeChanged():
@@ -115,15 +115,15 @@ class CaseHistory:
                 pass
 
     def starts(self, name: str) -> int:
-        """Return how often the nodes with this word or name began."""
+        """Return how often the nodes with this word or name started."""
         return self._count(name, "starts")
 
     def outcomes(self, name: str) -> dict[str, int]:
-        """Return how often the nodes with this word or name began, and how they ended."""
+        """Return the counts of starts and ends of the nodes with this word or name."""
         return {verb: count for verb in ("starts", "succeeds", "fails", "halts") if (count := self._count(name, verb))}
 
     def nodes(self, root: Node, tree: Step) -> tuple[NodeRecord, ...]:
-        """Return what became of every node of the tree, in the order of the file; ``tree`` is its plan."""
+        """Return the record of every node of the tree, in the file's order; ``tree`` is its plan."""
         return tuple(
             NodeRecord(
                 step.source.name,
@@ -135,7 +135,7 @@ class CaseHistory:
                 tuple(self._reasons.get(key, {})),
                 FIXED_ENDS.get(step.kind) or tuple(sorted(possible_ends(step))),
             )
-            for key, step in _steps_by_key(tree, root.key)  # by the plan: below a mock no node was built
+            for key, step in _steps_by_key(tree, root.key)  # from the plan: below a mock no nodes were built
         )
 
     def _on_node_changed(self, event: NodeChanged) -> None:
@@ -147,7 +147,7 @@ class CaseHistory:
             self._running.add(event.node)
         else:
             self._running.discard(event.node)
-        if event.kind in MODIFIERS:  # which go by the name of what they stand around
+        if event.kind in MODIFIERS:  # modifiers have the name of their node
             return
         names = (event.kind, event.name)
         if not ran and event.status != "idle":
@@ -162,7 +162,7 @@ class CaseHistory:
         if event.what == "offline":
             self._offline_parts.add(event.part)
         elif event.what == "online":
-            if event.part not in self._offline_parts:  # it has just been switched on
+            if event.part not in self._offline_parts:  # the first connection is not an event
                 return
             self._offline_parts.discard(event.part)
         self._add_event(ObservedEvent(event.t, (event.part,), NOTICE_VERBS[event.what], event.detail))
@@ -188,11 +188,11 @@ class CaseHistory:
 
     def _add_event(self, happening: ObservedEvent) -> None:
         self.observed_events.insert(self._insert_index(happening), happening)
-        for hear in list(self.listeners):  # which may be heard no more after that
+        for hear in list(self.listeners):  # a listener may remove itself
             hear(happening)
 
     def _insert_index(self, happening: ObservedEvent) -> int:
-        """Return where among the happenings it belongs: a node tells of its start only after all that it does then."""
+        """Return the index at which to insert an event: a node reports its start after the events of its first tick."""
         place = len(self.observed_events)
         if happening.verb == "starts":
             inside = f"{happening.key}."
@@ -213,7 +213,7 @@ def _is_moving(velocity: Velocity) -> bool:
 
 
 def _steps_by_key(step: Step, key: str) -> Iterator[tuple[str, Step]]:
-    """Yield each step, those above first, with the key that the builder gives its node."""
+    """Yield each step, parents first, with the key that the builder gives its node."""
     yield key, step
     for place, child in enumerate(step.children, start=1):
         yield from _steps_by_key(child, f"{key}.{place}")

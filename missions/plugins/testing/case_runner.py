@@ -1,4 +1,4 @@
-"""One case on stage: a mission on twins, with mocks and mishaps, from its beginning until the robot is at rest."""
+"""Runs one case: a mission on twins, with mocks and faults, from its start until the robot is at rest."""
 
 import math
 from collections.abc import Callable
@@ -19,24 +19,24 @@ from missions.request import RunRequest
 from missions.runner import Runner
 
 REST_TIME = 1.0
-"""Seconds after its end by which a robot must be at rest."""
+"""Seconds after the mission's end within which the robot must come to rest."""
 
 REST_CHECK_TIME = 0.1
-"""Seconds over which nothing may move then."""
+"""Seconds for which nothing may move then."""
 
 MAX_SWAY = 0.01
-"""Metres, and radians, by which a body that stands in physics may sway meanwhile."""
+"""Distance in metres, and angle in radians, by which a body in physics may sway during that time."""
 
 Posture = tuple[Pose2D, HeadPose | None, dict[str, float]]
 
 IN_PROCESS_LIMITS = WatchdogLimits(slow=math.inf, stall=math.inf, fail=10.0, lost=math.inf)
-"""For a run in a process that has more to do: a behaviour that hangs is waited for, instead of ending the process."""
+"""Limits for a run in a shared process: a hanging behaviour is waited for instead of ending the process."""
 
 
 class CaseRunner:
-    """Runs one case, once. ``history`` is what has happened so far, ``violations`` what must never be, whatever is expected.
+    """Runs one case, once. ``history`` records its events, ``violations`` the errors that no case may have.
 
-    The watchdog keeps to ``limits``; its own ones end the process when a behaviour hangs for good.
+    The watchdog uses ``limits``; its default ones end the process if a behaviour hangs for good.
     """
 
     def __init__(self, case: Case, limits: WatchdogLimits | None = None) -> None:
@@ -48,7 +48,7 @@ class CaseRunner:
     def run(self) -> Runner:
         """Run the case to its end, and let the robot come to rest.
 
-        Raises InvalidFileError or UnknownNameError when its files are not what they were when it was read.
+        Raises InvalidFileError or UnknownNameError if its files have changed since they were read.
         """
         case, history = self._case, self.history
         order = RunRequest(
@@ -74,7 +74,7 @@ class CaseRunner:
         except DriverError:  # a robot that is not complete: told as the end of the run
             history.result = _result_from_events(history.events)
         if runner.stream.failed_listeners:  # whoever raises is told no more, and so knows only half of it
-            raise RuntimeError(f"not all events were heard: {', '.join(runner.stream.failed_listeners)}")
+            raise RuntimeError(f"some events were lost: {', '.join(runner.stream.failed_listeners)}")
         history.returns = _mission_returns(runner)
         history.heard_by = _heard_by_person(twins)
         self._come_to_rest(twins)
@@ -86,7 +86,7 @@ class CaseRunner:
         runner.executive.stop(late)
 
     def _come_to_rest(self, twins: Twins) -> None:
-        """Let the robot come to rest, and see whether it does."""
+        """Advance time until the robot is at rest; add a violation if it is not."""
         timeline, history = twins.timeline, self.history
         timeline.run_until(timeline.clock.now() + REST_TIME)
         history.pose = twins.pose() if "base" in twins.parts else None
@@ -107,13 +107,13 @@ def _velocity_getter(twins: Twins) -> Callable[[], Velocity] | None:
 
 
 def _posture(twins: Twins) -> Posture:
-    """Return where base, head and joints truly are now."""
+    """Return the true pose of base, head and joints now."""
     head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
     return twins.pose(), head, _joint_angles(twins)
 
 
 def _is_still(before: Posture, after: Posture, max_sway: float) -> bool:
-    """Whether nothing moved farther than ``sway``, in metres and radians."""
+    """Return whether nothing moved farther than ``sway``, in metres and radians."""
     if not max_sway:
         return before == after
     (there, looked, were), (here, looks, are) = before, after
@@ -129,10 +129,11 @@ def _joint_angles(twins: Twins) -> dict[str, float]:
 
 
 def _heard_by_person(twins: Twins) -> dict[str, list[str]]:
-    """Return what each person heard the robot say, in order."""
+    """Return the utterances of the robot that each person heard, in order."""
     world = twins.world
     return {
-        each.name: [heard.text for heard in world.utterances if each.name in heard.listeners] for each in world.people
+        each.name: [utterance.text for utterance in world.utterances if each.name in utterance.listeners]
+        for each in world.people
     }
 
 
@@ -144,7 +145,7 @@ def _result_from_events(events: list[Event]) -> Result | None:
 
 
 def _mission_returns(runner: Runner) -> dict[str, object]:
-    """Return the results of the mission, as far as they are known."""
+    """Return the known results of the mission."""
     found: dict[str, object] = {}
     for name, value in runner.plan.returns.items():
         try:

@@ -1,4 +1,4 @@
-"""Plays one case of a test file in simulated time, and says whether all was as it expects."""
+"""Runs one case of a test file in simulated time, and compares the run with its expectations."""
 
 import math
 import traceback
@@ -22,11 +22,11 @@ from missions.plugins.testing.suite import Case
 # Whether a run was as a test file expects: what was seen instead, at the place of each expectation.
 
 Miss = tuple[Mark, str]
-"""Where the file expects what did not come true, and what was seen instead."""
+"""An unmet expectation: its position in the file, and the observed value."""
 
 
 def check_expectations(expectations: Sequence[Expectation], history: CaseHistory) -> list[Miss]:
-    """Return what did not come true, in the file's order."""
+    """Return the unmet expectations, in the file's order."""
     misses = [miss for each in expectations for miss in CHECKS[each.key](each, history)]
     return sorted(misses, key=lambda miss: miss[0])
 
@@ -62,9 +62,9 @@ def _check_said(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
 
 
 def _check_sequence(did: str, texts: Sequence[str], wanted: Expectation) -> Iterator[Miss]:
-    """Hold texts, of each of which a part is expected, against what there was, in order; none against nothing.
+    """Compare expected partial texts with observed texts, in order; no expected text requires none observed.
 
-    An empty text is part of nothing but itself.
+    An empty text matches only an empty text.
     """
     if texts and not wanted.items:
         yield wanted.mark, f"it {did} {_quote_list(texts)}"
@@ -84,17 +84,17 @@ def _check_never_said(wanted: Expectation, history: CaseHistory) -> Iterator[Mis
 
 
 def _check_heard_by(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Hold each one's texts, in order, against what they heard; who is to hear nothing must not hear anything."""
+    """Compare each person's expected texts, in order, with the heard ones; an empty list requires none."""
     for item in wanted.items:
-        who, texts = item.value
-        heard = history.heard_by.get(who, [])
-        left = iter(heard)
-        if (heard and not texts) or not all(any(text in each for each in left) for text in texts):
-            yield item.mark, f"{who} heard {_quote_list(heard)}"
+        person, texts = item.value
+        utterances = history.heard_by.get(person, [])
+        left = iter(utterances)
+        if (utterances and not texts) or not all(any(text in each for each in left) for text in texts):
+            yield item.mark, f"{person} heard {_quote_list(utterances)}"
 
 
 def _check_showed(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Hold words against those on the screen; an empty text is for words that were taken away, and only for that."""
+    """Compare expected texts with the screen's; an empty text matches only a cleared screen."""
     words = history.showed if wanted.items else [text for text in history.showed if text]
     yield from _check_sequence("showed", words, wanted)
 
@@ -153,7 +153,7 @@ def _check_order(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
 
 
 def _check_faults(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Each text is part of a notice, and each notice contains one of the texts."""
+    """Require that each text is part of a notice, and that each notice contains one of the texts."""
     verbs = ("disconnects", "complains")
     notices = [f"{each.names[0]} {each.verb}: {each.text}" for each in history.observed_events if each.verb in verbs]
     for item in wanted.items:
@@ -161,11 +161,11 @@ def _check_faults(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
             yield item.mark, f"the notices were {_quote_list(notices)}"
     strange = [notice for notice in notices if not any(item.value in notice for item in wanted.items)]
     if strange:
-        yield wanted.mark, f"it was not to be told that {_quote_list(strange)}"
+        yield wanted.mark, f"unexpected notices: {_quote_list(strange)}"
 
 
 def _check_reflexes(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Each text is part of what a reflex was told with."""
+    """Require that each text is part of a reflex's message."""
     fired = [f"{each.names[0]} {each.text}".strip() for each in history.observed_events if each.verb == "fires"]
     if fired and not wanted.items:
         yield wanted.mark, f"these reflexes fired: {_quote_list(fired)}"
@@ -176,8 +176,8 @@ def _check_reflexes(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]
 
 def _check_base(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
     commands = (event for event in history.events if isinstance(event, CommandSent) and event.to == "base")
-    told = [event.values for event in commands if event.source not in OVERRIDE_SOURCES]
-    stopped = bool(told) and told[-1].get("linear") == told[-1].get("angular") == 0.0
+    velocities = [event.values for event in commands if event.source not in OVERRIDE_SOURCES]
+    stopped = bool(velocities) and velocities[-1].get("linear") == velocities[-1].get("angular") == 0.0
     for item in wanted.items:
         if history.is_moving and not stopped:
             yield item.mark, "the base was still moving when the mission ended"
@@ -197,7 +197,7 @@ def _check_joints(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
         joint, angle, either = item.value
         found = history.joints.get(joint)
         if found is None:
-            yield item.mark, "the arm was not there"
+            yield item.mark, "the arm was offline"
         elif abs(found - angle) > either:
             yield item.mark, f"'{joint}' was at {math.degrees(found):.1f} deg"
 
@@ -237,7 +237,7 @@ CHECKS: Mapping[str, Callable[[Expectation, CaseHistory], Iterator[Miss]]] = {
     "joints": _check_joints,
     "returns": _check_returns,
 }
-"""How each key of ``expect`` is held against what happened."""
+"""Check of each key of ``expect``."""
 
 
 def _result_and_reason(history: CaseHistory) -> tuple[str, str]:
@@ -275,18 +275,18 @@ def _pose_text(pose: Pose2D) -> str:
 
 
 MAX_LAST_EVENTS = 10
-"""As many of the last events are told of a case that fails."""
+"""Number of last events reported for a failed case."""
 
 CONTINUATION = "\n" + " " * 12
-"""What goes between the lines of an event that has several, such as a traceback."""
+"""Prefix of the continuation lines of a multi-line event, such as a traceback."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaseVerdict:
-    """What became of a case: plain data. It has passed when there are no ``misses`` and there is no ``error``.
+    """Result of a case: plain data. It has passed if there are no ``misses`` and no ``error``.
 
-    ``misses`` say what did not come true, ``error`` holds the traceback of what was no mission's doing. ``seconds`` and
-    ``ticks`` are the run's, in simulated time; ``wall_seconds`` is how long it really took. ``nodes`` are for coverage.
+    ``misses`` are the unmet expectations, ``error`` the traceback of an error outside the mission. ``seconds`` and
+    ``ticks`` are in simulated time, ``wall_seconds`` in real time. ``nodes`` are for coverage.
     """
 
     case: Case
@@ -302,12 +302,12 @@ class CaseVerdict:
 
     @property
     def passed(self) -> bool:
-        """Whether all came true."""
+        """Whether all expectations are met."""
         return not self.misses and not self.error
 
 
 def play(case: Case, *, limits: WatchdogLimits | None = None) -> CaseVerdict:
-    """Run a case to its end and judge it. Whatever goes wrong in it is part of the verdict."""
+    """Run a case to its end and return its verdict, which includes any error."""
     clock, stage = SystemClock(), CaseRunner(case, limits)
     try:
         runner = stage.run()
@@ -332,7 +332,7 @@ def _make_verdict(case: Case, stage: CaseRunner) -> CaseVerdict:
 
 
 def _last_events(history: CaseHistory) -> tuple[str, ...]:
-    """Return the last events in words: what behaviours and parts did, what was said and logged, and the end."""
+    """Return texts of the last events: behaviours, parts, utterances, logs, and the end."""
     lines = [(each.time, str(each)) for each in history.observed_events if not _is_noise(each)]
     for event in history.events:
         if isinstance(event, Logged) and event.level != "voice":
@@ -344,6 +344,6 @@ def _last_events(history: CaseHistory) -> tuple[str, ...]:
 
 
 def _is_noise(happening: ObservedEvent) -> bool:
-    """Whether it says little: of composites without a name, and of every little turn of the base."""
+    """Return whether an event has little information: unnamed composites, and small turns of the base."""
     kind, name = happening.names[0], happening.names[-1]
     return happening.verb in BASE_VERBS or (kind in BRANCHES and kind != MISSION and name == kind)

@@ -1,4 +1,4 @@
-"""The events of a run, in the words that test files use: ``track_face starts``, ``says "Hello"``, ``base stops``."""
+"""Events of a run as test files write them: ``track_face starts``, ``says "Hello"``, ``base stops``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ VERBS = (*NODE_VERBS, *PART_VERBS, *BASE_VERBS, *REFLEX_VERBS)
 SAYS = ("say", "says")
 
 NodeError = Callable[[str], str]
-"""Says what is wrong with the name of a node, nothing where the mission has one by that word or name."""
+"""Returns the error for a node name, empty if the mission has such a node."""
 
 
 @dataclass(frozen=True, slots=True)
 class ObservedEvent:
-    """Something that happened ``time`` seconds after the start: somebody, by any of ``names``, does something.
+    """An event ``time`` seconds after the start: an action of a node, part or other source with any of ``names``.
 
-    ``text`` is what was said, why a node has failed, what a part complains of, or more of a reflex. ``key`` is the
-    node's place in the tree; a node's key with a dot behind it for what it has done itself.
+    ``text`` is an utterance, a failure reason, a part's fault, or a reflex's detail. ``key`` is the node's key in the
+    tree, with a dot appended for events that the node's behaviour caused itself.
     """
 
     time: float
@@ -40,14 +40,14 @@ class ObservedEvent:
 
 @dataclass(frozen=True, slots=True)
 class EventSpec:
-    """An event that a test file names. ``text`` is contained in what is said."""
+    """An event named in a test file. It matches texts that contain ``text``."""
 
     name: str
     verb: str
     text: str = ""
 
     def matches(self, event: ObservedEvent) -> bool:
-        """Whether this is what happened."""
+        """Return whether an observed event matches."""
         return self.verb == event.verb and self.name in event.names and self.text in event.text
 
     def __str__(self) -> str:
@@ -55,7 +55,7 @@ class EventSpec:
 
 
 def read_event(phrase: Phrase, node_error: NodeError) -> EventSpec:
-    """Read a moment; words that come after it are left."""
+    """Read an event; the following words are not consumed."""
     if phrase.word in SAYS and phrase.following_word not in NODE_VERBS:  # else it is a behaviour of that name
         phrase.take()
         return EventSpec("robot", "says", phrase.take_quoted("'says'"))

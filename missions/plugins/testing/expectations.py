@@ -1,4 +1,4 @@
-"""What a test file expects of a run, read into plain values that know where in the file they stand."""
+"""Expectations of a test file, parsed into plain values with their positions in the file."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -18,12 +18,12 @@ from missions.plugins.testing.event_specs import NodeError, read_event
 from missions.plugins.testing.phrases import Phrase
 
 MAY_BE_EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
-"""The keys whose list may be empty, which means that there must be none."""
+"""Keys whose list may be empty, which expects that there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedItem:
-    """One thing that is expected, and where the file says so. ``value`` is what the key's reader makes of it."""
+    """One expected item with its position in the file. ``value`` is the result of the key's reader."""
 
     mark: Mark
     value: Any
@@ -31,7 +31,7 @@ class ExpectedItem:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """All items under one key of ``expect``, in the file's order; ``mark`` is where they begin."""
+    """All items under one key of ``expect``, in the file's order; ``mark`` is the position of the key's value."""
 
     key: str
     mark: Mark
@@ -40,10 +40,7 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class PoseTarget:
-    """Where a base is to be, in metres and radians: within ``max_distance`` of (x, y), and of ``heading`` where there is one.
-
-    In the frame of the world, as its file has it.
-    """
+    """Target pose of a base in the world frame, in metres and radians, with a tolerance of distance and heading."""
 
     x: float
     y: float
@@ -54,7 +51,7 @@ class PoseTarget:
 
 @dataclass(frozen=True, slots=True)
 class CaseNames:
-    """What a case has, for the names in an expectation: nodes, results, the robot's joints, the world's people."""
+    """Names that a case has for expectations: nodes, results, the robot's joints, the world's people."""
 
     node_error: NodeError
     returns: Sequence[str]
@@ -66,7 +63,7 @@ ReadItems = Callable[[Fields, Node, CaseNames], Iterator[ExpectedItem]]
 
 
 def read_expectations(case: Fields, keys: ExpectKeys | None, names: CaseNames) -> tuple[Expectation, ...]:
-    """Return what the section ``expect`` of a case means, where its keys are right by themselves."""
+    """Return the section ``expect`` of a case, for the keys that are valid by themselves."""
     expect, found = case.node_of("expect"), []
     if keys is None or not isinstance(expect, Mapping):
         return ()
@@ -82,26 +79,26 @@ def read_expectations(case: Fields, keys: ExpectKeys | None, names: CaseNames) -
         items = plain if read is None else read(case, node, names)
         found.append(Expectation(key.word, node.mark, tuple(items)))
         if not found[-1].items and key.word not in MAY_BE_EMPTY and len(case.diagnostics) == before:
-            case.add_error(node.mark, f"'{key.word}' names nothing")
+            case.add_error(node.mark, f"'{key.word}' has no names")
     if not expect.entries:
-        case.add_error(expect.mark, "nothing is expected", "write expect: {result: success}")
+        case.add_error(expect.mark, "no expectation", "write expect: {result: success}")
     return tuple(found)
 
 
 def _read_texts(node: Node) -> Iterator[ExpectedItem]:
-    """Yield the texts in a list, or a single one."""
+    """Yield the texts of a list, or a single text."""
     for item in _scalars(node):
         yield ExpectedItem(item.mark, item.text)
 
 
 def _read_heard_by(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield who hears what: ``{Anna: [a text], Ben: []}``. An item is a name and texts; none is for nothing."""
-    for name, heard in _entries(node):
+    """Read ``{Anna: [a text], Ben: []}``: yield a name and the texts that this person hears; empty for nothing."""
+    for name, texts in _entries(node):
         if names.people and name.text not in names.people:
             fields.add_error(
-                name.mark, f"nobody is called {quoted_value(name.text)}", suggest_from(name.text, names.people)
+                name.mark, f"no person is named {quoted_value(name.text)}", suggest_from(name.text, names.people)
             )
-        yield ExpectedItem(name.mark, (name.text, tuple(text.text for text in _scalars(heard))))
+        yield ExpectedItem(name.mark, (name.text, tuple(text.text for text in _scalars(texts))))
 
 
 def _read_nodes(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
@@ -111,7 +108,7 @@ def _read_nodes(fields: Fields, node: Node, names: CaseNames) -> Iterator[Expect
 
 
 def _read_counts(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield names, or names with how often: ``{gesture: 2}``. An item is a name and a count, None for any."""
+    """Read ``{gesture: 2}`` or a list of names: yield a name and a count, None for any count."""
     counted = [(name, value_of(count)) for name, count in _entries(node)]
     for name, count in counted or [(item, None) for item in _scalars(node)]:
         _check_node(fields, name, names)
@@ -127,7 +124,7 @@ def _read_order(fields: Fields, node: Node, names: CaseNames) -> Iterator[Expect
 
 
 def _read_reflexes(fields: Fields, node: Node, _: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield reflexes, each with more of it or without: ``bumper``, ``bumper left``."""
+    """Yield reflexes, with or without a detail: ``bumper``, ``bumper left``."""
     for item in _scalars(node):
         name = item.text.split()[0]
         if name not in REFLEXES:
@@ -137,16 +134,16 @@ def _read_reflexes(fields: Fields, node: Node, _: CaseNames) -> Iterator[Expecte
 
 def _read_pose(fields: Fields, node: Node, _: CaseNames) -> Iterator[ExpectedItem]:
     pose = Fields(fields.source, node, fields.diagnostics, subject="'pose'")
-    told = read_keys(pose, PoseKeys)
+    keys = read_keys(pose, PoseKeys)
     turned = pose.node_of("heading")
     heading, askew = (
         (None, HEADING_TOLERANCE) if turned is None else _read_angle(pose, "heading", turned, HEADING_TOLERANCE)
     )
-    yield ExpectedItem(node.mark, PoseTarget(*told.near, told.within, heading, askew))
+    yield ExpectedItem(node.mark, PoseTarget(*keys.near, keys.within, heading, askew))
 
 
 def _read_joints(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield joints and their angles. An item is a name, an angle and how far it may be off (radians)."""
+    """Yield joints as (name, angle, tolerance), in radians."""
     for name, angle in _entries(node):
         if name.text in names.joints:
             yield ExpectedItem(name.mark, (name.text, *_read_angle(fields, name.text, angle, JOINT_TOLERANCE)))
@@ -156,7 +153,7 @@ def _read_joints(fields: Fields, node: Node, names: CaseNames) -> Iterator[Expec
 
 
 def _read_angle(fields: Fields, key: str, node: Node, default_tolerance: float) -> tuple[float, float]:
-    """Read ``90 deg``, or ``90 deg +- 5 deg``; how far it may be off is ``otherwise`` where nothing is said."""
+    """Read ``90 deg`` or ``90 deg +- 5 deg``; the default tolerance is ``otherwise``."""
     text = node.text if isinstance(node, Scalar) else ""
     middle, sign, either = (part.strip() for part in re.split(r"(\+-|±|$)", text, maxsplit=1))
     try:
@@ -167,10 +164,10 @@ def _read_angle(fields: Fields, key: str, node: Node, default_tolerance: float) 
 
 
 def _read_returns(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield results and their values. An item is a name and a value."""
+    """Yield results as (name, value)."""
     for name, value in _entries(node):
         if name.text not in names.returns:
-            hint = suggest_from(name.text, names.returns) or "it returns nothing"
+            hint = suggest_from(name.text, names.returns) or "it has no results"
             fields.add_error(name.mark, f"the mission returns no {quoted_value(name.text)}", hint)
         elif not isinstance(value, Scalar):
             fields.add_error(value.mark, f"'{name.text}' needs one value")
@@ -185,7 +182,7 @@ def _check_node(fields: Fields, name: Scalar, names: CaseNames) -> None:
 
 
 def _scalars(node: Node) -> list[Scalar]:
-    """Return the texts in a list, or a single one."""
+    """Return the texts of a list, or a single text."""
     return [item for item in (node.items if isinstance(node, Listing) else [node]) if isinstance(item, Scalar)]
 
 
@@ -205,4 +202,4 @@ READERS: dict[str, ReadItems] = {
     "joints": _read_joints,
     "returns": _read_returns,
 }
-"""How the keys are read whose values mean something of the case; the others are what they say."""
+"""Readers of the keys whose values depend on the case; other values are used as they are."""

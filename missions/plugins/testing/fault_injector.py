@@ -1,4 +1,4 @@
-"""Makes what a test file gives go wrong: at its time, and right again, by the hand that twins have for tests."""
+"""Injects the faults of a test file into twins at their time, and ends them."""
 
 import math
 from collections.abc import Iterable
@@ -19,22 +19,22 @@ from missions.plugins.testing.fault_specs import DRIVE_STATES, RUN, FaultSpec
 from missions.runner import Runner
 
 SLIP_SHARE = 0.9
-"""The share of their way that wheels slip."""
+"""Share of their path that slipping wheels lose."""
 
 BACKUP_DISTANCE = 0.025
-"""Metres that a base with a backup limit backs: an inch, as users report of a Create 3."""
+"""Metres that a base with a backup limit backs up: an inch, as users report of a Create 3."""
 
 HAND_VELOCITY = Velocity(0.15, 0.4)
-"""How a base is driven by hand, again and again after so many seconds."""
+"""Velocity at which a person drives the base, and the interval in seconds of the commands."""
 
 HAND_COMMAND_INTERVAL = 0.1
 
 STOPPED_BY = "a mishap"
-"""Who stops a run that is stopped."""
+"""Name of the source of a simulated stop."""
 
 
 def _switch_drive(base: BaseTwin, fault: FaultSpec, now: float, *, on: bool) -> None:
-    """Begin or end a fault of the drive or the odometry of a base."""
+    """Begin or end a fault of a base's drive or odometry."""
     body = base.body
     match fault.state:
         case "blocked":
@@ -56,23 +56,23 @@ def _switch_drive(base: BaseTwin, fault: FaultSpec, now: float, *, on: bool) -> 
 
 
 class FaultInjector:
-    """All that goes wrong with the twins of one run. Raises TypeError for one that is not in simulated time.
+    """Faults of the twins of one run. Raises TypeError for a run that is not in simulated time.
 
-    Time passes while the run is paused or stopped: else it would never end.
+    Fault times go on while the run is paused or stopped, so that such a fault can end.
     """
 
     def __init__(self, runner: Runner, history: CaseHistory) -> None:
         if runner.twins is None:
-            raise TypeError("only a run in simulated time has twins")
+            raise TypeError("only runs in simulated time have twins")
         self._runner, self._twins = runner, runner.twins
         self._history = history
         self._pressed: list[FaultSpec] = []  # what the base is made to feel now
         self._hand_count = 0  # by so many hands
         self.started_faults: list[FaultSpec] = []
-        """What has gone wrong so far, each with when it began."""
+        """Faults that have started, each with its actual start time."""
 
     def schedule(self, faults: Iterable[FaultSpec]) -> None:
-        """See to it that each happens when it is due; what is so from the beginning is so at once."""
+        """Schedule the faults; those that begin at 0 start at once."""
         for mishap in faults:
             if mishap.trigger is not None:
                 self._wait_for_trigger(mishap)
@@ -82,7 +82,7 @@ class FaultInjector:
                 self.start(mishap)
 
     def _wait_for_trigger(self, fault: FaultSpec) -> None:
-        """Let it happen when its moment comes for the first time: after that tick, not within it."""
+        """Start a fault when its trigger first occurs: after that tick, not within it."""
 
         def hear(happening: ObservedEvent) -> None:
             if fault.trigger is not None and fault.trigger.matches(happening):
@@ -92,7 +92,7 @@ class FaultInjector:
         self._history.listeners.append(hear)
 
     def start(self, fault: FaultSpec) -> None:
-        """Let it happen now, whatever it says of its time."""
+        """Start a fault now, whatever its start time."""
         self.started_faults.append(replace(fault, start=self._now()))
         if fault.part == RUN:
             self._suspend_run(fault)
@@ -105,7 +105,7 @@ class FaultInjector:
         return self._twins.timeline.clock.now()
 
     def _switch(self, fault: FaultSpec, *, on: bool) -> None:
-        """Begin or end it. The checker has made sure that the part is there."""
+        """Begin or end a fault. The checker has verified that the part exists."""
         twins = self._twins
         twin = twins.parts.get(fault.part)
         plug: SimulatedPlug | None = None if twin is None else twin.plug
@@ -148,14 +148,14 @@ class FaultInjector:
                 base.press(_sides(felt, "bumped"), cliff=_sides(felt, "cliff"), buttons=buttons)
 
     def _drive_by_hand(self, base: BaseTwin) -> None:
-        """Drive it as a person does who holds a key, for as long as somebody does."""
+        """Drive the base as a person who holds a key, while any such fault lasts."""
         if self._hand_count:
             with suppress(DriverError):  # unplugged, or latched: the person tries again
                 base.drive(HAND_VELOCITY, source=Source.TELEOP)
             self._twins.timeline.call_at(self._now() + HAND_COMMAND_INTERVAL, partial(self._drive_by_hand, base))
 
     def _suspend_run(self, fault: FaultSpec) -> None:
-        """Let no tick come for a while: the loop is late, or somebody has paused or stopped the run."""
+        """Suspend ticks for a time: the loop is delayed, or the run is paused or stopped."""
         runner, timeline = self._runner, self._twins.timeline
         executive, latch, until = runner.executive, runner.latch, self._now() + fault.seconds
         executive.idle = executive.run.wait

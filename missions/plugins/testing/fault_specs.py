@@ -1,4 +1,4 @@
-"""What goes wrong with the robot during a test, as its file writes it: ``camera frozen from 5 s to 8 s``."""
+"""Faults of the robot during a test, as in a test file: ``camera frozen from 5 s to 8 s``."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ UNPLUGGED = ("unplugged",)
 DRIVE_STATES = (
     "blocked", "slipping", "reversed", "uncounted", "drifting", "late", "e_stopped", "back_limited",
 )  # fmt: skip
-"""Faults of the drive and the odometry of a base."""
+"""Faults of a base's drive and odometry."""
 
 FAULT_STATES: dict[str, tuple[str, ...]] = {
     "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven", *DRIVE_STATES),
@@ -26,17 +26,17 @@ FAULT_STATES: dict[str, tuple[str, ...]] = {
     "voice": ("unplugged", "hanging"),
     "run": ("stalled", "paused", "stopped"),
 }
-"""What can happen to parts, and to the run itself; to a kind that is not here, only that it is ``UNPLUGGED``."""
+"""Fault states by kind of part, and of the run itself; other kinds can only be ``UNPLUGGED``."""
 
 RUN = "run"
-"""What stands for the tick loop, which is no part of the robot."""
+"""Name for faults of the tick loop, in place of a part."""
 
 SIDES = ("left", "centre", "right")
 PERMANENT_STATES = ("battery", "overloaded", "turned")
-"""States that do not end by themselves."""
+"""States that never end by themselves."""
 
 TEMPORARY_STATES = ("stalled", "paused", "stopped")
-"""States in which nothing of the mission goes on, and which must end for that."""
+"""States that suspend the mission, and so must have an end."""
 
 JOINT_STATES = {
     "overloaded": "elbow",
@@ -47,11 +47,13 @@ JOINT_STATES = {
     "silent": "elbow",
     "pushed": "elbow to 30 deg",
 }
-"""States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain; who pushes
-it holds it there by force."""
+"""Fault states of one arm joint, and their notations.
+
+A stiff joint resists a turn by hand; a push holds the joint there by force.
+"""
 
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})
-"""A robot without further parts of a kind."""
+"""For a robot without additional parts of a kind."""
 
 AMOUNT_STATES = {"drifting": ("at", "turn rate"), "late": ("by", "duration")}
 """States with an amount: the word before it, and its dimension."""
@@ -61,11 +63,10 @@ TIME_WORDS = ("from", "at", "for", "when")
 
 @dataclass(frozen=True, slots=True)
 class FaultSpec:
-    """A ``part`` of the robot is in a ``state`` for ``seconds`` from ``start`` on, or from the first ``trigger`` on.
+    """Fault: a ``part`` is in a ``state`` for ``seconds`` from ``start`` on, or from the first ``trigger`` on.
 
-    ``detail`` is where it bumps or feels a cliff, the name of a joint, or the number of a button; ``amount`` what is
-    left of a battery (0..1), the angle (radians) that somebody turns a joint to, the drift of a gyro (rad/s), or the
-    delay of odometry (s).
+    ``detail`` is the side of a bumper or cliff sensor, a joint name, or a button number; ``amount`` a battery level
+    (0..1), the angle (radians) to which a person turns a joint, a gyro drift (rad/s), or an odometry delay (s).
     """
 
     part: str
@@ -78,14 +79,14 @@ class FaultSpec:
 
     @property
     def is_joint_fault(self) -> bool:
-        """Whether ``detail`` is the name of a joint."""
+        """Whether ``detail`` is a joint name."""
         return self.state in JOINT_STATES and bool(self.detail)
 
 
 def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] = NO_OTHERS) -> FaultSpec:
     """Read ``PART STATE [from T [to T] | at T [for T] | [for] T | when MOMENT [for T]]``.
 
-    ``others`` are the kinds of further parts of this robot, by names of their own.
+    ``others`` maps the names of additional parts of this robot to their kinds.
     """
     part = phrase.take_if(*KINDS, RUN, *others)
     if not part:
@@ -100,15 +101,15 @@ def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] 
     detail, amount = _read_joint(phrase, state) if of_joint else _read_detail(phrase, state)
     start, seconds, moment = _read_time(phrase, node_error)
     if state in PERMANENT_STATES and seconds < math.inf:
-        phrase.add_fault(f"'{state}' does not end by itself", "leave out when it ends")
+        phrase.add_fault(f"'{state}' does not end by itself", "remove its end")
     if state in TEMPORARY_STATES and seconds == math.inf:
-        phrase.add_fault(f"'{part} {state}' has to end", f"such as '{part} {state} at 3 s for 2 s'")
+        phrase.add_fault(f"'{part} {state}' needs an end", f"such as '{part} {state} at 3 s for 2 s'")
     phrase.expect_end()
     return FaultSpec(part, state, detail, amount, start, seconds, moment)
 
 
 def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
-    """Read what belongs to a state: where, which one, or how much."""
+    """Read the detail and the amount of a state."""
     if state in ("bumped", "cliff"):
         return phrase.take_if(*SIDES) or "centre", 0.0
     if state == "button":
@@ -127,7 +128,7 @@ def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
 
 
 def _read_joint(phrase: Phrase, state: str) -> tuple[str, float]:
-    """Read which joint, and to which angle it is turned."""
+    """Read a joint name, and the angle to which it is turned."""
     if phrase.word in ("", "to", *TIME_WORDS):
         phrase.add_fault(f"which joint is {state} is missing here", f"such as 'arm {state} {JOINT_STATES[state]}'")
     joint = phrase.take()
@@ -150,7 +151,7 @@ def _read_button(phrase: Phrase) -> str:
 
 
 def _read_time(phrase: Phrase, node_error: NodeError) -> tuple[float, float, EventSpec | None]:
-    """Read when it happens, and for how long: from the beginning, and for good, where nothing is said."""
+    """Read start, duration and trigger; by default from the beginning, without end."""
     start, moment = 0.0, None
     if phrase.take_if("from"):
         start = phrase.take_quantity("'from'", "duration")

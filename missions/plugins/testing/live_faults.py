@@ -1,4 +1,4 @@
-"""Things that go wrong on request with a run in simulated time, in the words of test files."""
+"""Fault injection into a run in simulated time, in the words of test files."""
 
 import shlex
 from collections.abc import Callable, Iterator, Mapping
@@ -29,11 +29,11 @@ STATE_EXAMPLES = {
     "drifting": "drifting at 2 deg/s", "late": "late by 0.5 s",
     "turned": "turned {joint} to 30 deg", "pushed": "pushed {joint} to 30 deg",
 }  # fmt: skip
-"""Examples of the states that say more than their word."""
+"""Examples of the states that need a detail."""
 
 
 def read_live_fault(words: str, runner: Runner) -> FaultSpec:
-    """Return what is to go wrong with a run. Raises ValueError, with what may have been meant."""
+    """Return the fault to inject into a run. Raises ValueError, with a suggestion."""
     faults: list[Diagnostic] = []
     phrase = Phrase(SourceText("", words), Scalar(Mark(1, 1, len(words)), words, words), faults)
     mishap = read_fault(phrase, lambda _: "", runner.config.extra_parts)
@@ -47,7 +47,7 @@ def read_live_fault(words: str, runner: Runner) -> FaultSpec:
 
 
 def examples(runner: Runner) -> Iterator[str]:
-    """Yield the words of each thing that can go wrong with the parts that a run uses; none but in simulated time."""
+    """Yield an example of each possible fault of the parts that a run uses; none outside simulated time."""
     for part in () if runner.twins is None else (*runner.twins.parts, RUN):
         section = runner.config.sections.get(part)
         joints = tuple(getattr(section.keys, "limits", ())) if section is not None else ()
@@ -63,14 +63,14 @@ def examples(runner: Runner) -> Iterator[str]:
 
 
 def simulated_command(request: RunRequest) -> str:
-    """Return the command that runs the same mission on the same robot in simulated time, for faults to happen in."""
+    """Return the command that runs the same mission on the same robot in simulated time, where faults work."""
     robot = [] if request.robot is None else ["--robot", request.robot]
     params = (word for name, value in request.params.items() for word in ("--param", f"{name}={value}"))
     return shlex.join(["mission", "run", request.mission, *robot, *params, "--simulate", "fast", "--speed", "1"])
 
 
 class LiveFaults:
-    """Injects faults into the simulated devices of a ``runner``, in the words of test files. Any thread may ask.
+    """Injects faults into the simulated devices of a ``runner``, in the words of test files. Thread-safe.
 
     ``in_world`` calls a function on the thread of the simulated world.
     """
@@ -85,7 +85,7 @@ class LiveFaults:
         return found if self._runner.twins else {**found, "command": simulated_command(self._runner.request)}
 
     def inject(self, words: str) -> None:
-        """Inject a fault. Raises BadMessage for words that mean nothing, and for faults that this run cannot have."""
+        """Inject a fault. Raises BadMessage for invalid words, and for faults that this run does not support."""
         twins, mission = self._runner.twins, self._runner.plan.mission
         if twins is None:
             what = f"'{words}' is unsupported: '{mission}' does not run in simulated time"

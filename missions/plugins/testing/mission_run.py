@@ -1,4 +1,4 @@
-"""Running a mission from a Python test, in simulated time, and looking at what it did."""
+"""Runs a mission from a Python test in simulated time, and returns its events."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,15 +16,15 @@ from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS, CaseRunner
 from missions.plugins.testing.suite import read_suite
 
 GivenItem = str | Mapping[str, object]
-"""A mishap or a mock, as a test file has it: ``"arm unplugged at 3 s"``, ``{"gesture": "fails twice"}``."""
+"""A fault or a mock as in a test file: ``"arm unplugged at 3 s"``, ``{"gesture": "fails twice"}``."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionRun:
-    """A mission that was run: how it ended, after how many simulated ``seconds``, and all that happened.
+    """A finished run of a mission: its result, its duration in simulated ``seconds``, and its events.
 
-    ``said`` is what the robot said, ``pose`` where its base truly was in the end (in the frame of the world; None
-    without one), ``returns`` the mission's results, ``nodes`` what became of each node.
+    ``said`` are the robot's utterances, ``pose`` the true final pose of its base (in the world frame; None without a
+    base), ``returns`` the mission's results, ``nodes`` the record of each node.
     """
 
     result: str
@@ -38,11 +38,11 @@ class MissionRun:
     history: CaseHistory
 
     def starts(self, name: str) -> int:
-        """Return how often the nodes with this word or name began."""
+        """Return how often the nodes with this word or name started."""
         return self.history.starts(name)
 
     def ends(self, name: str) -> list[str]:
-        """Return how the nodes with this word or name ended, in order: success or failure."""
+        """Return the ends of the nodes with this word or name, in order: success or failure."""
         words = {"succeeds": "success", "fails": "failure"}
         found = [each for each in self.history.observed_events if name in each.names]
         return [words[each.verb] for each in found if each.verb in words]
@@ -61,10 +61,10 @@ def run_mission(
     given: Iterable[GivenItem] = (),
     behaviours: Iterable[str | Path] = (),
 ) -> MissionRun:
-    """Run a mission on twins, as fast as the machine allows, and return what it did.
+    """Run a mission on twins as fast as the machine allows, and return the finished run.
 
-    All is written as in a test file, relative to the working directory. A run that is not over after ``timeout`` of
-    simulated time is interrupted. Raises InvalidFileError with everything that is wrong with what was asked for.
+    Values are written as in a test file, relative to the working directory. A run is interrupted after ``timeout`` of
+    simulated time. Raises InvalidFileError with all errors in the arguments.
     """
     case: dict[str, object] = {
         "case": "run_mission",
@@ -76,9 +76,9 @@ def run_mission(
         "given": list(given),
     }
     case |= {key: str(value) for key, value in (("robot", robot), ("world", world)) if value is not None}
-    told = {"tests": str(mission), "behaviours": [str(file) for file in behaviours], "cases": [case]}
+    suite = {"tests": str(mission), "behaviours": [str(file) for file in behaviours], "cases": [case]}
     # JSON is YAML: so Python and files go one way, and have the same mistakes explained.
-    source = SourceText(f"run_mission('{mission}')", json.dumps(told, indent=1, ensure_ascii=False))
+    source = SourceText(f"run_mission('{mission}')", json.dumps(suite, indent=1, ensure_ascii=False))
     fields = Fields(source, compose(source), [], subject="run_mission")
     (read,) = read_suite(fields, Path(), with_expectations=False)
     stage = CaseRunner(read, IN_PROCESS_LIMITS)
@@ -99,5 +99,5 @@ def run_mission(
 
 
 def _text(value: object) -> str:
-    """Return a param as it would stand in a file."""
+    """Return a param as a file would write it."""
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,4 +1,4 @@
-"""Mocks: stand-ins for leaves, missions and composites that follow a script, whatever the robot and the world do."""
+"""Mocks: stand-ins for leaves, missions and composites that follow a script, independent of robot and world."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -22,7 +22,7 @@ from perception.api import Box, Face
 # before; the last turn is taken again and again.
 
 DEFAULT_REASON = "told to fail"
-"""The reason of a mock that fails without one."""
+"""Default failure reason of a mock."""
 
 VERBS = ("succeeds", "fails", "runs")
 EXAMPLE = "such as 'fails twice, then succeeds'"
@@ -30,10 +30,10 @@ EXAMPLE = "such as 'fails twice, then succeeds'"
 
 @dataclass(frozen=True, slots=True)
 class MockTurn:
-    """From a start to its end: runs for ``seconds`` and ``ticks``, then ends.
+    """One start of a mock: it runs for ``seconds`` and ``ticks``, then returns ``end``.
 
-    ``end`` is success or failure, or running for one that does not end by itself (and then both are infinite).
-    ``times`` says how many starts in a row it is for.
+    ``end`` is success or failure, or running if the mock never ends (then both are infinite). ``times`` is the number
+    of consecutive starts that it covers.
     """
 
     end: str
@@ -47,9 +47,9 @@ Script = tuple[MockTurn, ...]
 
 
 def read_script(phrase: Phrase) -> Script:
-    """Read a script; whatever is wrong is noted, and the turns before it returned."""
+    """Read a script; an error is reported, and the turns before it are returned."""
     turns: list[MockTurn] = []
-    waited: MockTurn | None = None  # "runs for 2 s", which is the beginning of the turn that follows
+    waited: MockTurn | None = None  # "runs for 2 s": the beginning of the next turn
     while True:
         turn = _read_turn(phrase, waited)
         waited = turn if turn.end == "running" and turn.seconds + turn.ticks < math.inf else None
@@ -61,9 +61,7 @@ def read_script(phrase: Phrase) -> Script:
         if not phrase.take_if("then"):
             phrase.reject("what follows a comma", ("then",))
     if waited is not None:
-        phrase.add_fault(
-            "what comes after it has run is missing", "write 'runs for 2 s, then succeeds', or 'runs' alone"
-        )
+        phrase.add_fault("the end after 'runs for' is missing", "write 'runs for 2 s, then succeeds', or 'runs' alone")
     if phrase.word == "then":
         phrase.add_fault("a comma is missing before 'then'", EXAMPLE)
     phrase.expect_end()
@@ -89,7 +87,7 @@ def _read_turn(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
 
 def _read_running(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
     if waited is not None:
-        phrase.add_fault("it runs already", "write how that ends: 'succeeds' or 'fails'")
+        phrase.add_fault("it is already running", "write how that ends: 'succeeds' or 'fails'")
     if phrase.take_if("for"):
         return _read_duration(phrase, MockTurn("running"))
     return MockTurn("running", times=_read_times(phrase), seconds=math.inf, ticks=math.inf)
@@ -105,7 +103,7 @@ def _read_duration(phrase: Phrase, turn: MockTurn) -> MockTurn:
 
 
 def _read_times(phrase: Phrase) -> int:
-    """Read how often, which is once where nothing is said."""
+    """Read a repeat count; once by default."""
     if phrase.following_word == "times":
         times = phrase.take_count("how often")
         phrase.take()
@@ -114,18 +112,18 @@ def _read_times(phrase: Phrase) -> int:
 
 
 WILDCARDS = frozenset("*?")
-"""The signs of a pattern."""
+"""Wildcard characters of a pattern."""
 
 FACE_FIELDS = tuple(field.name for field in fields(Face) if field.name not in {"box", "stamp"})
-"""What a test file can say of a face that a mock keeps; the rest is made up."""
+"""Fields of a mocked face that a test file can set; the others have default values."""
 
 
 @dataclass(frozen=True, slots=True)
 class MockSpec:
-    """What a test file says of a mock: what it stands for (see ``matches_step``), and what it does.
+    """A mock in a test file: its target (see ``matches_step``) and its script.
 
-    ``result`` is what ``as`` keeps, or what a mission returns: quantities in SI units, by name, or a phrase. None where
-    the file says nothing.
+    ``result`` is the value stored by ``as`` or returned by a mission: quantities in SI units by name, or a phrase. None
+    if the file has none.
     """
 
     target: str
@@ -134,18 +132,18 @@ class MockSpec:
 
 
 class TurnSequence:
-    """The turns of one script, taken one after another by all mocks that follow it; a halt rewinds nothing."""
+    """Turns of one script, shared by all mocks that follow it; a halt does not rewind it."""
 
     def __init__(self, script: Script) -> None:
         self._left = [turn for turn in script for _ in range(turn.times)]
 
     def take(self) -> MockTurn:
-        """Take the next turn; the last one again and again."""
+        """Return the next turn; at the end, the last one repeatedly."""
         return self._left.pop(0) if len(self._left) > 1 else self._left[0]
 
 
 class Mock(Leaf):
-    """Stands for another leaf: claims what it claims, is given what it is given, and follows a script."""
+    """Replaces another leaf: makes the same claims, takes the same arguments, and follows a script."""
 
     _turns: TurnSequence
     _turn: MockTurn
@@ -154,17 +152,16 @@ class Mock(Leaf):
     _ticks = 0
 
     def set_script(self, turns: TurnSequence, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
-        """Set what it does, and what gives the result of a success; ``keeps_failed`` where that of a failure too."""
+        """Set the script, and the function that makes the result on success; with ``keeps_failed``, also on failure."""
         self._turns, self._outcome, self._keeps_failed = turns, outcome, keeps_failed
 
     def initialise(self) -> None:
-        """Take the next turn."""
         self._turn, self._ticks = self._turns.take(), 0
 
     def update(self) -> Status:
-        """Run until the turn is over, then end as it says."""
+        """Run until the turn is over, then return its end status."""
         turn = self._turn
-        # A duration that is a whole number of ticks is over with the last of them, in spite of rounding.
+        # A duration of a whole number of ticks ends with the last of them, despite rounding.
         if self._ticks < turn.ticks or self.elapsed < turn.seconds - 1e-6:
             self._ticks += 1
             return RUNNING
@@ -178,10 +175,10 @@ class Mock(Leaf):
 
 
 def matches_step(target: str, step: Step) -> bool:
-    """Say whether a mock for ``target`` stands for this step.
+    """Return whether a mock for ``target`` replaces this step.
 
-    A leaf goes by its word or its name, a sub-mission by its own name or the one beside it, a composite by the name
-    beside it; ``*`` and ``?`` in the target stand for any letters, in leaves and sub-missions.
+    A leaf matches by its word or name, a sub-mission by its own name or the name given to the step, a composite by the
+    name given to it; ``*`` and ``?`` are wildcards, for leaves and sub-missions.
     """
     if step.kind in MODIFIERS:
         return False
@@ -192,16 +189,16 @@ def matches_step(target: str, step: Step) -> bool:
 
 
 class MockSubstitution:
-    """Puts mocks in the place of leaves, missions and composites while a tree is built; the first that fits is taken.
+    """Replaces leaves, missions and composites with mocks while a tree is built; the first match wins.
 
-    All that one of them fits share its script: ``gesture: fails twice`` is for the first two gestures.
+    All steps that match one mock share its script: ``gesture: fails twice`` covers the first two gestures.
     """
 
     def __init__(self, specs: Iterable[MockSpec]) -> None:
         self._mocks = [(spec, TurnSequence(spec.script)) for spec in specs]
 
     def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
-        """Return what is to stand in the place of ``leaf``, or of a step that is none: a mock, or itself."""
+        """Return the mock for a step, or ``leaf`` itself, None for a step that is not a leaf."""
         for spec, turns in self._mocks:
             if matches_step(spec.target, step):
                 return _mock_step(step, turns, spec.result) if leaf is None else _mock_leaf(leaf, turns, spec.result)
@@ -209,20 +206,20 @@ class MockSubstitution:
 
 
 def _mock_leaf(leaf: Leaf, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
-    """Return a mock in the place of ``leaf``."""
-    # A class of its own, since what a leaf claims belongs to its class.
+    """Return a mock in place of ``leaf``."""
+    # A class of its own, since the claims of a leaf are class attributes.
     own = {"tag": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "output_doc": leaf.output_doc,
            "arguments": leaf.arguments}  # fmt: skip
-    made: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
-    mock: Mock = made(leaf.name)
+    mock_class: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
+    mock: Mock = mock_class(leaf.name)
     mock.set_script(turns, lambda: _make_result(mock, leaf, result))
     return mock
 
 
 def _mock_step(step: Step, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
-    """Return a mock in the place of a mission or a composite, with all that is below it."""
-    made: Any = type("MockTree", (Mock,), {"tag": step.kind, "drives": step.claims})
-    mock: Mock = made(step.name)
+    """Return a mock in place of a mission or a composite, and of all nodes below it."""
+    mock_class: Any = type("MockTree", (Mock,), {"tag": step.kind, "drives": step.claims})
+    mock: Mock = mock_class(step.name)
     returned = result if isinstance(result, Mapping) else {}
 
     def outcome() -> object:
@@ -246,7 +243,7 @@ def _make_result(mock: Mock, leaf: Leaf, result: Mapping[str, object] | str | No
 
 
 def _make_face(mock: Mock, known: Mapping[str, object]) -> Face:
-    """Return a face seen now, of which this is known; the rest is made up."""
+    """Return a face seen now with the given fields; the others have default values."""
     made_up = {**dict.fromkeys(FACE_FIELDS, 0.0), "id": 1, "distance": 1.5, "name": ""}
     values: dict[str, Any] = {**made_up, **known}
     return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

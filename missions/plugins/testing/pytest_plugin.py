@@ -1,6 +1,6 @@
-"""The pytest plugin: mission tests are collected beside all others, and Python tests get the fixtures that they need.
+"""Pytest plugin: collects mission tests, and offers fixtures for Python tests.
 
-It is loaded wherever MissionTree is installed, so it does nothing, and imports nothing, before it is asked to.
+Pytest loads it wherever MissionTree is installed, so it imports nothing before it is used.
 """
 
 import re
@@ -23,7 +23,7 @@ _BEGINS = re.compile(r"^(tests|cases)[ \t]*:", re.MULTILINE)
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> "MissionFile | None":
-    """Collect the test files of missions, but not what other tools call so."""
+    """Collect mission test files; ignore files of other tools with the same suffix."""
     if not file_path.name.endswith(TESTS):
         return None
     if _BEGINS.search(file_path.read_text(encoding="utf-8", errors="replace")) is None:
@@ -33,10 +33,10 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> "MissionFi
 
 
 class MissionFile(pytest.File):
-    """A test file."""
+    """Test file of a mission."""
 
     def collect(self) -> Iterator["MissionCase"]:
-        """Read its cases; what is wrong with the file is an error of the collection."""
+        """Read the cases; an error in the file is a collection error."""
         from config.diagnostics import InvalidFileError  # noqa: PLC0415 - see the head of this module
         from missions.plugins.testing.suite import load_suite  # noqa: PLC0415
 
@@ -49,14 +49,14 @@ class MissionFile(pytest.File):
 
 
 class MissionCase(pytest.Item):
-    """One case of a test file, played in this process."""
+    """One case of a test file, run in this process."""
 
     def __init__(self, *, case: "Case", **others: Any) -> None:
         super().__init__(**others)
         self.case = case
 
     def runtest(self) -> None:
-        """Play it. Raises MissionFailed when something did not come true."""
+        """Run the case. Raises MissionFailed if an expectation is not met."""
         from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS  # noqa: PLC0415
         from missions.plugins.testing.case_verdict import play  # noqa: PLC0415
 
@@ -65,7 +65,7 @@ class MissionCase(pytest.Item):
             raise MissionFailed(verdict)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Say what did not come true, and what happened last, instead of a traceback of ours."""
+        """Return the unmet expectations and the last events instead of a traceback."""
         from missions.plugins.testing.report import failure_text  # noqa: PLC0415
 
         if isinstance(excinfo.value, MissionFailed):
@@ -73,12 +73,12 @@ class MissionCase(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return where it stands: file, line (from 0) and title."""
+        """Return file, line (from 0) and title."""
         return self.path, self.case.mark.line - 1, self.case.title
 
 
 class MissionFailed(Exception):
-    """A case of which something did not come true; ``verdict`` says what."""
+    """Failure of a case; ``verdict`` has the unmet expectations."""
 
     def __init__(self, verdict: "CaseVerdict") -> None:
         super().__init__(str(verdict.case))
@@ -87,7 +87,7 @@ class MissionFailed(Exception):
 
 @pytest.fixture
 def clock() -> "ManualClock":
-    """A clock that stands still until the test advances it."""
+    """Clock that stands still until the test advances it."""
     from drivers.clock import ManualClock  # noqa: PLC0415
 
     return ManualClock()
@@ -95,7 +95,7 @@ def clock() -> "ManualClock":
 
 @pytest.fixture
 def robot(clock: "ManualClock") -> "LeafTestBench":
-    """A robot that only writes down what it is told: ``robot.put`` and ``robot.tick`` a leaf.
+    """Robot that records its commands: ``robot.put`` prepares and ``robot.tick`` ticks a leaf.
 
     Then ``robot.base.commands == [drive(0.2, 0.0), STOP]`` (see missions.plugins.testing.recorders).
     """
@@ -106,7 +106,7 @@ def robot(clock: "ManualClock") -> "LeafTestBench":
 
 @pytest.fixture
 def world() -> "Callable[[str], SimulatedWorld]":
-    """Return simulated worlds: ``world("living_room")``, by name or file."""
+    """Function that loads simulated worlds by name or file: ``world("living_room")``."""
     from config.library import find_file  # noqa: PLC0415
     from config.world import load_world  # noqa: PLC0415
     from missions.library.worlds import build_world  # noqa: PLC0415
@@ -116,9 +116,9 @@ def world() -> "Callable[[str], SimulatedWorld]":
 
 @pytest.fixture
 def run_mission() -> "Callable[..., MissionRun]":
-    """Run missions in simulated time: ``run_mission("greet", world="empty", given=["arm unplugged at 3 s"])``.
+    """Function that runs missions in simulated time: ``run_mission("greet", given=["arm unplugged at 3 s"])``.
 
-    See missions.plugins.testing.mission_run, whose ``run_mission`` this is.
+    It is ``missions.plugins.testing.mission_run.run_mission``.
     """
     from missions.plugins.testing.mission_run import run_mission as run  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Verdicts as people read them, and as other programs do."""
+"""Reports of verdicts: text, coverage, coverage page, JSON and JUnit XML."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,12 +17,12 @@ from missions.plugins.testing.suite import display_path
 # What tests have tried of a mission: which nodes were ticked, how each ended, and why it failed.
 
 Place = tuple[str, int, str, str]
-"""A node by its file, its line, its word and its name: the same sub-mission counts once, from wherever it is run."""
+"""Key of a node: file, line, word and name. A sub-mission counts once, whichever missions run it."""
 
 
 @dataclass(slots=True)
 class NodeCoverage:
-    """What is known of one node. ``ends`` are the ways in which it can end, ``statuses`` those that it had."""
+    """Coverage of one node. ``ends`` are its possible ends, ``statuses`` those observed."""
 
     line: int
     kind: str
@@ -33,23 +33,23 @@ class NodeCoverage:
 
     @property
     def was_ticked(self) -> bool:
-        """True where it was ever ticked: a branch of a selector or a switch was taken."""
+        """Whether the node was ever ticked, for example as the chosen branch of a selector or switch."""
         return bool(self.statuses - {"idle"})
 
     @property
     def missing_ends(self) -> list[str]:
-        """The ways in which it can end, and never did."""
+        """Possible ends that were never observed."""
         return sorted(self.ends - set(map(plain_status, self.statuses)))
 
     @property
     def level(self) -> str:
-        """``all``, ``part`` or ``nothing``: how much of it was tried."""
+        """Level of coverage: ``all``, ``part`` or ``nothing``."""
         if not self.was_ticked:
             return "nothing"
         return "part" if self.missing_ends else "all"
 
     def describe_gaps(self) -> str:
-        """Return what was never tried, in a few words; nothing where all was."""
+        """Return a short text of the missing coverage; empty if it is complete."""
         if not self.was_ticked:
             return "never reached"
         words = {"success": "succeeded", "failure": "failed"}
@@ -58,24 +58,24 @@ class NodeCoverage:
 
 @dataclass(slots=True)
 class FileCoverage:
-    """What is known of the nodes of one mission file, in the order of its lines."""
+    """Coverage of the nodes of one mission file, in the order of its lines."""
 
     file: str
     nodes: list[NodeCoverage]
 
     @property
     def ticked_count(self) -> int:
-        """How many of its nodes were ticked."""
+        """Number of nodes that were ticked."""
         return sum(node.was_ticked for node in self.nodes)
 
     @property
     def endings(self) -> tuple[int, int]:
-        """How many ways of ending were seen, and how many there are."""
+        """Numbers of observed and of possible ends."""
         possible = sum(len(node.ends) for node in self.nodes)
         return possible - sum(len(node.missing_ends) for node in self.nodes), possible
 
     def text(self) -> str | None:
-        """Return the file's text, None where it cannot be read any more."""
+        """Text of the file; None if it can no longer be read."""
         try:
             return Path(self.file).read_text(encoding="utf-8")
         except OSError:
@@ -83,7 +83,7 @@ class FileCoverage:
 
 
 def coverage(verdicts: Iterable[CaseVerdict]) -> list[FileCoverage]:
-    """Add up what all cases have tried, by file: whether they passed or not."""
+    """Return the coverage of all cases by file, passed or not."""
     found: dict[Place, NodeCoverage] = {}
     for verdict in verdicts:
         for record in verdict.nodes:
@@ -105,7 +105,7 @@ def _add(node: NodeCoverage, record: NodeRecord) -> None:
 
 
 def coverage_lines(files: Iterable[FileCoverage]) -> Iterator[str]:
-    """Yield the coverage as plain text: a line a file, and one for each node of which something was not tried."""
+    """Yield the coverage as text: a line for each file, and one for each node with missing coverage."""
     for each in files:
         seen, possible = each.endings
         yield f"{each.file}: {each.ticked_count} of {len(each.nodes)} nodes ticked, {seen} of {possible} endings seen"
@@ -118,7 +118,7 @@ def coverage_lines(files: Iterable[FileCoverage]) -> Iterator[str]:
 # Coverage as one page of HTML that needs nothing beside it: every mission with its lines marked.
 
 LEVEL_SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}
-"""A sign as well as a colour: not everybody tells red from green."""
+"""Sign of each coverage level, in addition to its colour for colour-blind readers."""
 
 STYLE = """
 :root { color-scheme: light dark; --ground: #ffffff; --ink: #222222; --soft: #666666; --edge: #dddddd; --link: #1257b0;
@@ -140,7 +140,7 @@ i { color: var(--soft); font-style: normal; }
 
 
 def coverage_page(files: Sequence[FileCoverage]) -> str:
-    """Return the page."""
+    """Return the coverage page as HTML."""
     titles = _titles([each.file for each in files])
     rows = "\n".join(
         f'<tr><td><a href="#{number}">{escape(title)}</a></td><td>{each.ticked_count} of {len(each.nodes)}</td>'
@@ -153,18 +153,18 @@ def coverage_page(files: Sequence[FileCoverage]) -> str:
     )
     key = "".join(
         f'<span class="{kind}"> {LEVEL_SIGNS[kind]} {words} </span> '
-        for kind, words in (("all", "all tried"), ("part", "reached, not tried in full"), ("nothing", "never reached"))
+        for kind, words in (("all", "fully covered"), ("part", "partly covered"), ("nothing", "never reached"))
     )
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>What the tests have tried</title>'
-        f"<style>{STYLE}</style></head><body>\n<h1>What the tests have tried</h1>\n<p>{key}</p>\n"
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>Test coverage</title>'
+        f"<style>{STYLE}</style></head><body>\n<h1>Test coverage</h1>\n<p>{key}</p>\n"
         f"<table><tr><th>mission</th><th>nodes ticked</th><th>endings seen</th></tr>\n{rows}\n</table>\n{parts}\n"
         "</body></html>\n"
     )
 
 
 def _titles(names: Sequence[str]) -> list[str]:
-    """Return the files' names without what says on whose machine they lie: from the package on, or a common folder."""
+    """Return short titles of files, without the machine's path: from the package or the common folder on."""
     shipped = {name for name in names if Path(name).resolve().is_relative_to(MISSIONS_FOLDER)}
     others = [str(Path(name).resolve().parent) for name in names if name not in shipped]
     common = Path(commonpath(others)) if others else Path()
@@ -182,7 +182,7 @@ def _file_section(number: int, title: str, each: FileCoverage) -> str:
         by_line.setdefault(node.line, []).append(node)
     text = each.text()
     if text is None:
-        return f'<h2 id="{number}">{title}</h2>\n<p>This file cannot be read any more.</p>'
+        return f'<h2 id="{number}">{title}</h2>\n<p>This file can no longer be read.</p>'
     lines = "".join(
         _source_line(place, line, by_line.get(place, [])) for place, line in enumerate(text.splitlines(), start=1)
     )
@@ -190,7 +190,7 @@ def _file_section(number: int, title: str, each: FileCoverage) -> str:
 
 
 def _source_line(number: int, text: str, nodes: Iterable[NodeCoverage]) -> str:
-    """Return one line of a mission: marked by the least tried of its nodes, with what is missing behind it."""
+    """Return the HTML of one source line, marked by the lowest coverage of its nodes, with the gaps as text."""
     here = list(nodes)
     if not here:
         return f"<span><b>{number}</b>{escape(text)}</span>"
@@ -204,24 +204,24 @@ def _source_line(number: int, text: str, nodes: Iterable[NodeCoverage]) -> str:
 
 
 def failure_text(verdict: CaseVerdict) -> str:
-    """Say of a case that has failed what did not come true and where, and what happened last."""
+    """Return the text of a failed case: unmet expectations with their positions, and the last events."""
     lines = [str(verdict.case)]
     for miss in verdict.misses:
         lines += _indent_lines(str(miss))
     lines += _indent_lines(verdict.error.rstrip())
     if verdict.last_events:
-        lines.append("  what happened last:")
+        lines.append("  last events:")
         lines += [line for event in verdict.last_events for line in _indent_lines(event)]
     return "\n".join(lines)
 
 
 def summary_line(verdicts: Sequence[CaseVerdict], *, planned: int, seconds: float) -> str:
-    """Say how all of it went, in one line."""
+    """Return the totals of all cases as one line."""
     failed = sum(not verdict.passed for verdict in verdicts)
     simulated = sum(verdict.seconds for verdict in verdicts)
     parts = [f"{len(verdicts) - failed} passed"] + ([f"{failed} failed"] if failed else [])
     if planned > len(verdicts):
-        parts.append(f"{planned - len(verdicts)} not played")
+        parts.append(f"{planned - len(verdicts)} not run")
     return f"{', '.join(parts)}: {simulated:.0f} s of simulated time in {seconds:.1f} s"
 
 
@@ -246,7 +246,7 @@ def as_dict(verdict: CaseVerdict) -> dict[str, object]:
 
 
 def sort_verdicts(verdicts: Sequence[CaseVerdict]) -> list[CaseVerdict]:
-    """Return verdicts in the order of the files, whichever came first."""
+    """Return verdicts sorted by the order of the files."""
     return sorted(verdicts, key=lambda verdict: (verdict.case.source.name, verdict.case.mark))
 
 
@@ -258,7 +258,7 @@ def _indent_lines(text: str) -> list[str]:
 
 
 def junit(verdicts: Sequence[CaseVerdict]) -> bytes:
-    """Return the XML, in UTF-8; times are seconds of real time."""
+    """Return the JUnit XML in UTF-8; times are in seconds of real time."""
     root = Element("testsuites", _junit_counts(verdicts))
     for name, group in groupby(sort_verdicts(verdicts), key=lambda verdict: verdict.case.source.name):
         cases = list(group)
@@ -275,9 +275,9 @@ def _add_case(suite: Element, name: str, verdict: CaseVerdict) -> None:
     case = SubElement(suite, "testcase", {key: _replace_illegal(value) for key, value in attributes.items()})
     if verdict.passed:
         return
-    told = verdict.misses[0].message if verdict.misses else verdict.error.strip().splitlines()[-1]
+    message = verdict.misses[0].message if verdict.misses else verdict.error.strip().splitlines()[-1]
     kind = "error" if verdict.error else "failure"
-    SubElement(case, kind, {"message": _replace_illegal(told), "type": kind}).text = _replace_illegal(
+    SubElement(case, kind, {"message": _replace_illegal(message), "type": kind}).text = _replace_illegal(
         failure_text(verdict)
     )
 
@@ -295,7 +295,7 @@ def _junit_counts(verdicts: Sequence[CaseVerdict]) -> dict[str, str]:
 
 
 def _replace_illegal(text: str) -> str:
-    """Replace what XML 1.0 cannot hold, escaped or not: most control codes, and half of a pair."""
+    """Replace the characters that XML 1.0 forbids: most control codes, and unpaired surrogates."""
     return "".join(_legal_characters(text))
 
 

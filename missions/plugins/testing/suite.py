@@ -1,4 +1,4 @@
-"""Test files: ``greet.test.yaml`` beside ``greet.yaml`` says which mission is tested, in which cases, and what then."""
+"""Test files: ``greet.test.yaml`` beside ``greet.yaml`` names the mission under test, its cases and expectations."""
 
 import re
 from collections.abc import Collection, Iterator, Sequence
@@ -31,7 +31,7 @@ from perception.api import Face
 
 
 def read_given(fields: Fields, setting: CaseSetting) -> tuple[tuple[MockSpec, ...], tuple[FaultSpec, ...]]:
-    """Return what the list under ``given`` means: a text is a mishap, one key with a value is a mock."""
+    """Return the mocks and faults of the list ``given``: a text is a fault, one key with a value is a mock."""
     mocks: list[MockSpec] = []
     mishaps: list[FaultSpec] = []
     listed = fields.node_of("given")
@@ -60,69 +60,69 @@ def _read_fault(fields: Fields, node: Scalar, setting: CaseSetting) -> FaultSpec
         joints = setting.config.sections[mishap.part].keys.limits
         if mishap.detail not in joints:
             hint = suggest_from(mishap.detail, joints)
-            told = f"the {mishap.part} of '{setting.config.name}' has no joint {quoted_value(mishap.detail)}"
-            fields.add_error(node.mark, told, hint)
+            message = f"the {mishap.part} of '{setting.config.name}' has no joint {quoted_value(mishap.detail)}"
+            fields.add_error(node.mark, message, hint)
     return mishap
 
 
 def _read_mock(fields: Fields, key: Scalar, value: Node, setting: CaseSetting) -> MockSpec:
     _check_target(fields, key, setting)
-    script, told, said = value, None, ""
+    script, outcome, phrase = value, None, ""
     if isinstance(value, Mapping):
         long = Fields(fields.source, value, fields.diagnostics, subject="a mock")
         script, result = value.get("does") or key, value.get("result")
         if _is_listening_mock(key, setting):
-            said = "" if result is None else _read_phrase(long, result, key, setting)
+            phrase = "" if result is None else _read_phrase(long, result, key, setting)
         elif result is not None:
-            told = Fields(fields.source, result, fields.diagnostics, subject="'result'")
+            outcome = Fields(fields.source, result, fields.diagnostics, subject="'result'")
     if not isinstance(script, Scalar):
         return MockSpec(key.text, ())
     if (with_it := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
         hint = f"write {key.text}: {{does: succeeds, result: {with_it[1]}}}"
-        fields.add_error(script.mark, "what a mock does and its result stand apart", hint)
+        fields.add_error(script.mark, "the script of a mock and its result are separate keys", hint)
         return MockSpec(key.text, ())
     turns = read_script(Phrase(fields.source, script, fields.diagnostics)) if script is not key else ()
-    return MockSpec(key.text, turns, said or None if told is None else _read_result(told, key, setting))
+    return MockSpec(key.text, turns, phrase or None if outcome is None else _read_result(outcome, key, setting))
 
 
 def _is_listening_mock(key: Scalar, setting: CaseSetting) -> bool:
-    """Say whether what is mocked keeps a phrase."""
+    """Return whether the mocked leaf stores a phrase."""
     return any(step.leaf is not None and issubclass(step.leaf, HearingLeaf) for step in _mocked_steps(key, setting))
 
 
 def _read_phrase(fields: Fields, node: Node, key: Scalar, setting: CaseSetting) -> str:
-    """Read the phrase that a mock has heard: one of those that the mission listens for there."""
-    said = node.text if isinstance(node, Scalar) else ""
-    if not said.strip():
+    """Read the phrase heard by a mock: one for which the mission listens there."""
+    text = node.text if isinstance(node, Scalar) else ""
+    if not text.strip():
         fields.add_error(node.mark, "'result' needs a text")
     known = [phrase for step in _mocked_steps(key, setting) for phrase in step_phrases(step).values()]
-    if said and said not in known:
-        hint = did_you_mean(said, known) or f"it listens for {', '.join(known)}"
-        fields.add_error(node.mark, f"'{key.text}' cannot hear {quoted_value(said)}", hint)
-    return said
+    if text and text not in known:
+        hint = did_you_mean(text, known) or f"it listens for {', '.join(known)}"
+        fields.add_error(node.mark, f"'{key.text}' cannot hear {quoted_value(text)}", hint)
+    return text
 
 
 def _mocked_steps(key: Scalar, setting: CaseSetting) -> list[Step]:
-    """Return the steps for which a mock stands."""
+    """Return the steps that a mock replaces."""
     return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if matches_step(key.text, step)]
 
 
 def _check_target(fields: Fields, key: Scalar, setting: CaseSetting) -> None:
-    """Note a name that means nothing of the mission which can be mocked."""
+    """Add an error if nothing in the mission that can be mocked has this name."""
     if setting.plan is None or _mocked_steps(key, setting):
         return
     steps = [step for step in setting.plan.tree.walk() if step.kind not in MODIFIERS]
     known = {name for step in steps for name in (step.kind, step.name, step.text) if name and matches_step(name, step)}
     message = f"mission '{setting.plan.mission}' has no behaviour {quoted_value(key.text)}"
-    hint = did_you_mean(key.text, known) or f"mocked can be: {', '.join(sorted(known))}"
+    hint = did_you_mean(key.text, known) or f"these can be mocked: {', '.join(sorted(known))}"
     if setting.steps(key.text):
-        message = f"{quoted_value(key.text)} is no name of one behaviour"
-        hint = f"give it a name of its own in the mission (name: ...), and mock that; {hint}"
+        message = f"{quoted_value(key.text)} is not the name of one behaviour"
+        hint = f"give it a name of its own in the mission (name: ...), and mock it; {hint}"
     fields.add_error(key.mark, message, hint)
 
 
 def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str, object]:
-    """Read what ``as`` keeps, by name; the values of a face are those of a face, and a mission's what it returns."""
+    """Read the values of ``as``, by name: fields of a face, or results of a mission."""
     steps = _mocked_steps(key, setting)
     if steps and all(step.leaf is None for step in steps):
         return _read_returns(fields, key, {name for step in steps for name in step.returns})
@@ -132,11 +132,11 @@ def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str
 
 
 def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
-    """Read what a mission returns, where a mapping stands for a face."""
+    """Read the results of a mission, where a mapping means a face."""
     found: dict[str, object] = {}
     for name, value in fields.entries():
         if name.text not in returns:
-            hint = suggest_from(name.text, returns) or "it returns nothing"
+            hint = suggest_from(name.text, returns) or "it has no results"
             fields.add_error(name.mark, f"'{key.text}' returns no {quoted_value(name.text)}", hint)
         elif isinstance(value, Mapping):
             found[name.text] = _read_face(Fields(fields.source, value, fields.diagnostics, subject="a face"))
@@ -146,7 +146,7 @@ def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Name
 
 
 def _read_face(fields: Fields) -> dict[str, object]:
-    """Read what is known of a face."""
+    """Read the fields of a face."""
     found: dict[str, object] = {}
     for name, value in fields.entries():
         if name.text not in FACE_FIELDS:
@@ -174,9 +174,9 @@ def _read_value(fields: Fields, name: Scalar, value: Node) -> object:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One case, checked: plain data, which can be sent to another process. ``timeout`` is in simulated seconds.
+    """One checked case: plain data, which can be sent to another process. ``timeout`` is in simulated seconds.
 
-    ``mission``, ``robot`` and ``world`` are names, or paths that hold wherever the process runs now.
+    ``mission``, ``robot`` and ``world`` are names or absolute paths.
     """
 
     title: str
@@ -197,7 +197,7 @@ class Case:
 
     @property
     def location(self) -> str:
-        """``FILE:LINE``, where it stands."""
+        """Position as ``FILE:LINE``."""
         return f"{self.source.name}:{self.mark.line}"
 
     def __str__(self) -> str:
@@ -205,9 +205,9 @@ class Case:
 
 
 def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
-    """Read and check a test file, and the mission that it tests, with more files of ``behaviours`` than it names.
+    """Read and check a test file and its mission; ``behaviours`` are added to the file's own.
 
-    Raises InvalidFileError with every mistake in it, or in the mission.
+    Raises InvalidFileError with all errors in both files.
     """
     return read_suite(read_fields(path, subject="a test file", name=display_path(path)), path.parent, behaviours)
 
@@ -215,32 +215,34 @@ def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
 def read_suite(
     fields: Fields, folder: Path, behaviours: Sequence[Path] = (), *, with_expectations: bool = True
 ) -> tuple[Case, ...]:
-    """Read the cases of a test file, whose names are relative to ``folder``; ``judged`` asks what each expects.
+    """Read the cases of a test file; names are relative to ``folder``; ``judged`` requires expectations.
 
-    Raises InvalidFileError with every mistake in it, or in the mission.
+    Raises InvalidFileError with all errors in the test file or the mission.
     """
     whole = Fields(fields.source, _merge_shared(fields.node), fields.diagnostics, subject=fields.subject)
-    told = read_keys(whole, JudgedSuiteKeys if with_expectations else SuiteKeys)
-    context = SuiteContext.read(whole, told, folder, behaviours)
+    keys = read_keys(whole, JudgedSuiteKeys if with_expectations else SuiteKeys)
+    context = SuiteContext.read(whole, keys, folder, behaviours)
     titles: set[str] = set()
     cases: list[Case] = []
     listed = whole.node_of("cases")
     nodes = listed.items if isinstance(listed, Listing) else []
-    for place, case in enumerate(told.cases):
+    for place, case in enumerate(keys.cases):
         wrong = [path[2:] for path in whole.wrong_places if path[:2] == ("cases", place)]
         cases.append(_read_case(whole, nodes[place], case, wrong, context))
         if case.case and case.case in titles:
             fields.add_error(cases[-1].mark, f"a second case '{case.case}'")
         titles.add(case.case)
     if not cases and not fields.diagnostics:
-        fields.add_error(fields.node.mark, "there is no case", "write 'cases:' and under it '- case: what must happen'")
+        fields.add_error(
+            fields.node.mark, "the file has no cases", "write 'cases:' and under it '- case: what must happen'"
+        )
     if fields.diagnostics:
         raise InvalidFileError(fields.diagnostics)
     return tuple(cases)
 
 
 def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], context: SuiteContext) -> Case:
-    """Read what the keys of a case mean; those that are ``wrong`` by themselves are passed over."""
+    """Read the keys of a case; skip those with errors at the places ``wrong``."""
     fields = Fields(suite.source, node, [], subject="a case")
     fields.diagnostics, fields.wrong_places = suite.diagnostics, wrong
     setting = context.read_setting(fields, keys)
@@ -265,7 +267,7 @@ def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], 
 
 
 def _merge_shared(top: Node) -> Node:
-    """Return a test file in which each case has what all have in common."""
+    """Return a test file in which each case includes the shared keys."""
     shared, cases = (top.get(word) if isinstance(top, Mapping) else None for word in ("with", "cases"))
     if not isinstance(top, Mapping) or not isinstance(shared, Mapping) or not isinstance(cases, Listing):
         return top
@@ -275,7 +277,7 @@ def _merge_shared(top: Node) -> Node:
 
 
 def merge_case(shared: Mapping | None, case: Node) -> Node:
-    """Return a case with what all have in common: its own keys come first, lists and mappings are joined."""
+    """Return a case with the shared keys: its own keys come first, lists and mappings are joined."""
     if shared is None or not isinstance(case, Mapping):
         return case
     entries = [(key, _merge_values(shared.get(key.text), value)) for key, value in case.entries]
@@ -293,23 +295,23 @@ def _merge_values(shared: Node | None, own: Node) -> Node:
 
 
 def display_path(path: Path) -> str:
-    """Return a path as people would type it here: relative, where it lies below this folder."""
+    """Return a path as a user would type it: relative if it is below the working directory."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def test_file_of(mission: Path) -> Path:
-    """Return the test file that belongs to a mission's file, whether there is one or not."""
+    """Return the path of a mission's test file, which need not exist."""
     return mission.with_name(f"{mission.stem}{TEST_SUFFIX}")
 
 
 def is_test_file(path: Path) -> bool:
-    """Whether a file is a test file, by its name."""
+    """Return whether a path has the name of a test file."""
     return path.name.endswith(TEST_SUFFIX)
 
 
 def check_tests(path: Path, behaviours: Sequence[Path]) -> str:
-    """Return how many cases a test file has. Raises InvalidFileError with every mistake in it."""
+    """Return the number of cases of a test file as text. Raises InvalidFileError with all errors."""
     cases = len(load_suite(path, behaviours))
     return f"{cases} case{'s' if cases > 1 else ''}"
 
@@ -318,9 +320,9 @@ def check_tests(path: Path, behaviours: Sequence[Path]) -> str:
 
 
 def find_tests(name: str) -> list[Path]:
-    """Return the test files that ``name`` means: itself, all in a folder and below, or the one of a mission.
+    """Return the test files for ``name``: the file itself, all in a folder and below, or that of a mission.
 
-    Raises config.library.UnknownNameError where there is none.
+    Raises config.library.UnknownNameError if there is none.
     """
     path = Path(name)
     if path.is_dir():
@@ -345,14 +347,14 @@ def find_tests(name: str) -> list[Path]:
 
 
 def all_tests() -> list[Path]:
-    """Return the test files here and below; those of the library where there are none."""
+    """Return the test files in the working directory and below; if there are none, those of the library."""
     return list(_test_files_below(Path())) or [
         tests for path in shipped_missions().values() if (tests := test_file_of(path)).is_file()
     ]
 
 
 def _test_files_below(folder: Path) -> Iterator[Path]:
-    """Test files in a folder and below, but not in hidden ones, such as a virtual environment."""
+    """Yield the test files in a folder and below, except in hidden folders, such as virtual environments."""
     for path in sorted(folder.rglob(f"*{TEST_SUFFIX}")):
         hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
         if path.is_file() and not hidden:

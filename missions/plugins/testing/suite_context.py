@@ -1,4 +1,4 @@
-"""What a test file stands on: the mission that it tests, and the robot, the world and the params of each case."""
+"""Context of a test file: the mission under test, and the robot, the world and the params of each case."""
 
 from collections.abc import Callable, Sequence
 from collections.abc import Mapping as Named
@@ -28,12 +28,12 @@ from missions.library.vocabulary import load_leaves
 from missions.plugins.testing.expectations import CaseNames
 
 PARAM_SOURCE = "--param"
-"""How the checker of missions calls the place of a param that its caller gives."""
+"""File name that the mission checker uses for params given by the caller."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaseSetting:
-    """Where a case plays, and among which ``people``. ``plan`` is None where something is too wrong to have one."""
+    """Setting of a case: robot, world, people, and the mission's ``plan``, which is None if errors prevent one."""
 
     params: Named[str, str]
     robot: str | None
@@ -44,14 +44,14 @@ class CaseSetting:
 
     @property
     def parts(self) -> frozenset[str]:
-        """The parts of the robot that the mission uses, which are all that there are in a run."""
+        """Parts of the robot that the mission uses: the only parts that a run has."""
         if self.plan is None:
             return self.config.parts
         return with_carriers(self.config, self.plan.tree.parts)
 
     @property
     def names(self) -> CaseNames:
-        """What expectations may name."""
+        """Names that expectations may use."""
         keys = {part: self.config.sections[part].keys for part in sorted(self.parts)}
         arms = {part: its.limits for part, its in keys.items() if isinstance(its, ArmKeys)}
         joints = tuple(qualified_joint_name(part, joint) for part, limits in arms.items() for joint in limits)
@@ -60,12 +60,12 @@ class CaseSetting:
         )
 
     def steps(self, name: str) -> list[Step]:
-        """Return the steps with this word or name; modifiers have none of their own."""
+        """Return the steps with this word or name; modifiers are not steps of their own."""
         tree = () if self.plan is None else self.plan.tree.walk()
         return [step for step in tree if name in (step.kind, step.name) and step.kind not in MODIFIERS]
 
     def node_error(self, name: str) -> str:
-        """Say what is wrong with the name of a node, nothing where there is one."""
+        """Return the error for a node name; empty if the mission has such a node."""
         if self.plan is None or self.steps(name):
             return ""
         known = {
@@ -76,23 +76,23 @@ class CaseSetting:
 
 @dataclass(frozen=True, slots=True)
 class SuiteContext:
-    """What all cases of a file share: the ``mission`` (a path), the ``folder`` that names are relative to."""
+    """Properties shared by all cases of a file. ``mission`` is a path; names are relative to ``folder``."""
 
     folder: Path
     mission: str
     behaviours: Sequence[Path] = ()
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
     robot: str | None = None
-    """The robot, and the world, of a case that names none: those that `mission run` takes, but in tests that ship."""
+    """Default robot and world of the cases: those of `mission run`; in shipped tests, fixed ones."""
     world: str | None = None
     plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)
-    """The missions that are right, by robot and params: most cases of a file share one."""
+    """Valid mission plans by robot and params, shared by the cases."""
 
     @classmethod
     def read(cls, fields: Fields, keys: SuiteKeys, folder: Path, behaviours: Sequence[Path] = ()) -> "SuiteContext":
-        """Return what the keys at the top of a test file mean, with more ``behaviours`` than it names.
+        """Return the context of a test file; ``behaviours`` are added to its own.
 
-        Raises InvalidFileError where the leaves cannot be read.
+        Raises InvalidFileError if the behaviours cannot be loaded.
         """
         files, mission = [*behaviours, *(folder / file for file in keys.behaviours if file)], ""
         try:
@@ -104,16 +104,16 @@ class SuiteContext:
         return cls(folder, mission, tuple(found), load_leaves(found, files), own.robot or None, own.world or None)
 
     def read_setting(self, fields: Fields, keys: CommonKeys) -> CaseSetting:
-        """Return where a case plays, and check its mission with that robot and those params."""
+        """Return the setting of a case, and check its mission with that robot and those params."""
         robot = self._read_name(fields, "robot", keys.robot, load_robot) or self.robot
         world = self._read_name(fields, "world", keys.world, load_world) or self.world
         of = robot or DEFAULT_ROBOT
         config = load_robot(find_file("robots", of))
         params = self._read_params(fields)
-        given = of, frozenset((name, value.text) for name, (_, value) in params.items())
-        plan = self.plans.get(given) or self._check_mission(fields, params, config)
+        key = of, frozenset((name, value.text) for name, (_, value) in params.items())
+        plan = self.plans.get(key) or self._check_mission(fields, params, config)
         if plan is not None and not fields.diagnostics:
-            self.plans[given] = plan
+            self.plans[key] = plan
         return CaseSetting(
             {name: value.text for name, (_, value) in params.items()},
             robot,
@@ -124,7 +124,7 @@ class SuiteContext:
         )
 
     def _read_name(self, fields: Fields, key: str, name: str | None, load: Callable[[Path], object]) -> str | None:
-        """Return the robot or the world that a case names, None for the usual one; a path is relative to the folder."""
+        """Return the robot or world named by a case, or None for the default; a path is relative to the folder."""
         node = fields.node_of(key)
         if node is None or not name:
             return None
@@ -157,12 +157,12 @@ class SuiteContext:
     def _check_mission(
         self, fields: Fields, params: Named[str, tuple[Scalar, Scalar]], robot: RobotConfig
     ) -> Plan | None:
-        """Check the mission as a run would. What is wrong with a param is noted where the case gives it."""
+        """Check the mission as a run would. An error in a param is reported at its place in the case."""
         if not self.mission:
             return None
-        given = {name: value.text for name, (_, value) in params.items()}
+        values = {name: value.text for name, (_, value) in params.items()}
         try:
-            return load_mission(self.mission, params=given, complete=True, robot=target_of(robot), leaves=self.leaves)
+            return load_mission(self.mission, params=values, complete=True, robot=target_of(robot), leaves=self.leaves)
         except InvalidFileError as error:
             own = [fault for fault in error.diagnostics if not fault.source.name.startswith(PARAM_SOURCE)]
             for fault in error.diagnostics:

@@ -1,4 +1,4 @@
-"""How a process that works for another ends: with it, however that ends."""
+"""Worker processes that end with their parent."""
 
 import multiprocessing
 import os
@@ -6,7 +6,7 @@ import threading
 
 
 def end_with_parent() -> None:
-    """Begin as a worker, which ends with its parent, also where that was killed."""
+    """Set up this process to end when its parent ends, even if the parent is killed."""
     threading.Thread(target=_wait, name="parent", daemon=True).start()
 
 

@@ -1,4 +1,4 @@
-"""Plays many cases, or whatever else takes long, at a time, each in a process that has nothing else to do."""
+"""Runs many cases, or other long work, in parallel in processes of their own."""
 
 import os
 import signal
@@ -19,26 +19,26 @@ from missions.plugins.testing.worker_lifetime import end_with_parent
 T = TypeVar("T")
 R = TypeVar("R")
 
-PROCESS_ENDED = "its process came to an end: a behaviour held a tick for good, or ended it"
+PROCESS_ENDED = "its process ended: a behaviour blocked a tick for ever, or ended the process"
 
 
 def core_count() -> int:
-    """Return how many processes can really run at a time."""
+    """Return the number of CPU cores available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[CaseVerdict, None, None]:
-    """Play ``cases`` in up to ``jobs`` processes, and yield each verdict as soon as it is there. See ``run_parallel``."""
+    """Run ``cases`` in up to ``jobs`` processes; yield each verdict when it is ready. See ``run_parallel``."""
     return run_parallel(play, cases, lambda case: CaseVerdict(case, error=PROCESS_ENDED), jobs=jobs)
 
 
 def run_parallel(
     work: Callable[[T], R], items: Sequence[T], on_lost: Callable[[T], R], *, jobs: int
 ) -> Generator[R, None, None]:
-    """Do ``work`` with each of some ``things`` in up to ``jobs`` processes; yield what comes of each when it is there.
+    """Call ``work`` for each of ``things`` in up to ``jobs`` processes; yield each result when it is ready.
 
-    Once the generator is closed, or interrupted, all that is being done ends at once. What ends its process takes down
-    those beside it; they are done again, each alone, so that it is clear which it was: of that comes ``gone``.
+    When the generator is closed or interrupted, all work ends at once. Work that ends its process also takes down work
+    of other processes; all of it is repeated, each alone, to find the cause, whose result is ``gone(thing)``.
     """
     lost: list[T] = []
     others = active_children()
@@ -77,14 +77,14 @@ def _make_pool(jobs: int) -> ProcessPoolExecutor:
 
 
 def _prepare() -> None:
-    """Prepare a process that is one of several: OpenCV has no cores to itself, and its parent may be killed."""
+    """Initialise a worker: one thread for OpenCV, and an end with the parent, even if that is killed."""
     end_with_parent()
     cv2.setNumThreads(1)
 
 
 @contextmanager
 def _ignore_interrupts() -> Iterator[None]:
-    """Have processes that begin meanwhile not hear Ctrl-C: it is for this one, which then ends them."""
+    """Start processes that ignore Ctrl-C inside the context: this process ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

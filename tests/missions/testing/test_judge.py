@@ -142,7 +142,7 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("pose", [PoseTarget(0.8, 2.0)], "the base was at [1.00 m, 2.00 m], heading 178 deg"),
     ("pose", [PoseTarget(1.0, 2.0, heading=1.0)], "the base was at"),
     ("joints", [("elbow", 0.6, 0.05)], "'elbow' was at 28.6 deg"),
-    ("joints", [("wrist", 0.6, 0.05)], "the arm was not there"),
+    ("joints", [("wrist", 0.6, 0.05)], "the arm was offline"),
     ("returns", [("count", 3)], "'count' was 2"),
     ("returns", [("name", "Ben")], "'name' was Anna"),
     ("returns", [("ready", False)], "'ready' was yes"),

@@ -79,8 +79,8 @@ def test_missions_and_composites_are_mocked_as_a_whole(
     write(tmp_path, {"fetch.test.yaml": text})
     wrong = command(capsys, "test", "fetch.test.yaml").err
     assert "'look' returns no 'fnd'" in wrong
-    assert "'sequence' is no name of one behaviour" in wrong
-    assert "mocked can be: bring it, drive, find_face, look, say, turn" in wrong
+    assert "'sequence' is not the name of one behaviour" in wrong
+    assert "these can be mocked: bring it, drive, find_face, look, say, turn" in wrong
 
 
 @pytest.mark.usefixtures("here")
@@ -129,7 +129,7 @@ def test_a_failure_shows_its_line_and_what_was_seen_instead(folder: Path, capsys
             "  nap.test.yaml:6:21: it took only 1.00 s\n"
             "       6 |     expect: {after: 1 h}\n"
             "         |                     ^^^\n"
-            "  what happened last:\n"
+            "  last events:\n"
             "      0.00 s  wait starts\n"
             "      1.00 s  wait succeeds\n"
             "      1.00 s  nap ends: success\n"
@@ -172,7 +172,7 @@ def test_after_the_first_failure_nothing_new_begins(tmp_path: Path, capsys: pyte
     outcome = command(capsys, "test", str(tmp_path), "--fail-fast", "--jobs", "1")
     assert outcome.code == FAILURE
     assert outcome.out.count("FAILED") == 1
-    assert "0 passed, 1 failed, 19 not played" in outcome.out
+    assert "0 passed, 1 failed, 19 not run" in outcome.out
 
 
 def test_mistakes_of_all_files_are_told_and_nothing_is_played(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -180,7 +180,7 @@ def test_mistakes_of_all_files_are_told_and_nothing_is_played(folder: Path, caps
     outcome = command(capsys, "test")
     assert outcome.code == USAGE
     assert outcome.out == ""
-    assert "a.test.yaml:1:1: there is no case" in outcome.err
+    assert "a.test.yaml:1:1: the file has no cases" in outcome.err
     assert "b.test.yaml:1:8: unknown mission 'nob'" in outcome.err
 
 
@@ -264,7 +264,7 @@ def test_check_reads_tests_too_and_no_mission_is_mistaken_for_one(
     assert outcome.code == SUCCESS
     assert outcome.out.splitlines() == ["nap.test.yaml: good (2 cases)", "nap.yaml: good (nap, 1 node)"]
     (folder / "nap.test.yaml").write_text("tests: nap\ncases: []\n", encoding="utf-8")
-    assert "there is no case" in command(capsys, "check", "nap.test.yaml").err
+    assert "the file has no cases" in command(capsys, "check", "nap.test.yaml").err
     assert not [name for name in shipped_missions() if name.endswith(".test")]
 
 

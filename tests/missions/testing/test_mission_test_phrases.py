@@ -157,8 +157,8 @@ def test_a_moment_reads_as_it_is_said(text: str, expected: EventSpec) -> None:
         ("succeeds after 2", 16, "'2' has no unit"),
         ("succeeds after -2 s", 16, "must be at least 0 s"),
         ("fails 0 times", 7, "needs a whole number, got '0'"),
-        ("runs for 2 s", 13, "what comes after it has run is missing"),
-        ("runs for 2 s, then runs", 24, "it runs already"),
+        ("runs for 2 s", 13, "the end after 'runs for' is missing"),
+        ("runs for 2 s, then runs", 24, "it is already running"),
         ("succeeds, then", 15, "is missing here"),
     ],
 )

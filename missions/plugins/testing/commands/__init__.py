@@ -1,1 +1,1 @@
-"""The commands that try missions in simulated time."""
+"""Commands that test missions and controllers in simulated time."""

@@ -1,4 +1,4 @@
-"""``mission controller``: what a controller is made of, as words and as a picture, and how well controllers track."""
+"""``mission controller``: shows, compares and tunes the controllers of behaviours."""
 
 import json
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from missions.plugins.testing.controllers.bench import (
 from missions.plugins.testing.controllers.tracking_trial import DELAY_SCENARIOS, STAMP_SCENARIOS
 
 DEFAULT_LAG = TrackFace.lag
-"""Seconds that a base is believed to take until that is learnt, as missions have it."""
+"""Default of a base's lag in seconds until it is measured, as in missions."""
 
 
 picture_option = click.option(
@@ -36,7 +36,7 @@ picture_option = click.option(
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.png",
-    help="Draw a picture too, into this file.",
+    help="Also draw a picture to this file.",
 )
 
 
@@ -46,14 +46,14 @@ picture_option = click.option(
     epilog="Example: mission controller show face",
 )
 def command() -> None:
-    """Show, compare and tune the controllers by which behaviours track; `mission list controllers` has their names."""
+    """Show, compare and tune the controllers with which behaviours track; `mission list controllers` lists them."""
 
 
 @command.command(epilog="Example: mission controller show face -o face.png")
 @click.argument("name", type=CONTROLLER, metavar="CONTROLLER")
 @picture_option
 def show(name: str, output: Path | None) -> None:
-    """Say what a controller (a name or a file) is made of; draw its terms and the surfaces that its rules make."""
+    """Show the parts of a controller (a name or a file), and draw its terms and the surfaces of its rules."""
     config, _ = read_controller(name)
     for line in describe_controller(config):
         click.echo(line)
@@ -69,20 +69,22 @@ def show(name: str, output: Path | None) -> None:
 @click.argument("names", type=CONTROLLER, metavar="[CONTROLLER]...", nargs=-1)
 @picture_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
-@click.option("--seed", type=WholeNumber(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
-@click.option("--delays", is_flag=True, help="With delays that nobody tells the robot, and what cannot be foreseen.")
-@click.option("--stamps", is_flag=True, help="With time stamps that jitter, and a delay of the camera that changes.")
 @click.option(
-    "--seeds", type=WholeNumber(min=1), default=3, show_default=True, help="How many, with --delays or --stamps."
+    "--seed", type=WholeNumber(min=0), default=0, show_default=True, help="Seed of the noise and of lost pictures."
+)
+@click.option("--delays", is_flag=True, help="Use scenarios with unknown delays and unforeseeable motion.")
+@click.option("--stamps", is_flag=True, help="Use scenarios with jittering time stamps and a changing camera delay.")
+@click.option(
+    "--seeds", type=WholeNumber(min=1), default=3, show_default=True, help="Number of seeds, with --delays or --stamps."
 )
 def bench_(
     names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, stamps: bool, seeds: int
 ) -> None:
-    """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
+    """Compare controllers (names or files; course, pd, mamdani and face by default) in tracking a face.
 
-    In simulated time, with the speeds, the inertia and the whole degrees of the servos that a TurtleBot with a Rodney
-    head has: with the head alone, with the base alone that carries the camera, and with both. --delays and --stamps
-    take minutes.
+    The trials run in simulated time, with the speeds, the inertia and the whole degrees of the servos of a TurtleBot
+    with a Rodney head: the head alone, the base alone with the camera on it, and both. --delays and --stamps take
+    minutes.
     """
     chosen = names or (DELAY_CONTROLLERS if delays else DELAY_CONTROLLERS[1::2] if stamps else DEFAULT_CONTROLLERS)
     rules = {Path(name).stem if Path(name).suffix else name: read_controller(name)[1] for name in chosen}
@@ -112,7 +114,7 @@ def bench_(
 
 
 def read_controller(name: str) -> tuple[ControllerConfig, RuleBases]:
-    """Return a controller by name or path. Raises click.UsageError for rules that are wrong."""
+    """Return a controller by name or path. Raises click.UsageError for invalid rules."""
     config = load_controller(find_file("controllers", name))
     try:
         return config, RuleBases.from_mapping(config.values)
@@ -122,7 +124,7 @@ def read_controller(name: str) -> tuple[ControllerConfig, RuleBases]:
 
 def _draw_picture(output: Path, draw: Callable[[], None]) -> None:
     if output.suffix != ".png":
-        raise click.UsageError(f"'{output}': the name of the picture must end in .png")
+        raise click.UsageError(f"'{output}': the file name must end in .png")
     with report_write_errors(output, "-o"):
         draw()
     click.echo(f"drew {output}", err=True)

@@ -1,4 +1,4 @@
-"""``mission simulate fault``: lets something go wrong with a simulated run, to see what the mission makes of it."""
+"""``mission simulate fault``: injects a fault into a simulated run."""
 
 from collections.abc import Mapping
 
@@ -11,31 +11,32 @@ from missions.control.sockets import open_connection
 
 @click.command(epilog="Example: mission simulate fault camera frozen 2 s")
 @click.argument("words", nargs=-1, required=True, metavar="PART STATE [TIME]...")
-@click.option("--run", "which", metavar="RUN", help="Which run: the number of its process, or its mission.")
+@click.option("--run", "which", metavar="RUN", help="Run: its process id or its mission.")
 def fault(words: tuple[str, ...], which: str | None) -> int:
-    """Let something go wrong with a run in simulated time, in the words of test files (docs/testing.md).
+    """Inject a fault into a run in simulated time, in the words of test files (docs/testing.md).
 
-    Such as `head unplugged 3 s`, `base bumped left 1 s`, `voice hanging`, `run stalled 500 ms`. One on real or virtual
-    devices says that it is unsupported: there, pull the plug. Take `mission run NAME --simulate fast --speed 1`.
+    Faults are for example `head unplugged 3 s`, `base bumped left 1 s`, `voice hanging`, or `run stalled 500 ms`. A run
+    on real or virtual devices refuses them: pull the plug there, or start the run with `mission run NAME --simulate
+    fast --speed 1`.
     """
     found = search_runs()
-    asked = {"do": "fault", "what": " ".join(words), "by": "mission simulate fault"}
-    said = [
-        told
+    request = {"do": "fault", "what": " ".join(words), "by": "mission simulate fault"}
+    results = [
+        result
         for each in found.processes
         if not each.is_command and each.matches(() if which is None else (which,))
-        for told in _inject(each, asked)
+        for result in _inject(each, request)
     ]
-    said += [(False, f"not all runs could be looked for: {each.reason}\n  try: {each.hint}") for each in found.warnings]
-    for good, what in said:
+    results += [(False, f"not all runs could be found: {each.reason}\n  try: {each.hint}") for each in found.warnings]
+    for good, what in results:
         click.echo(what, err=not good)
-    if not said:
+    if not results:
         click.echo("no such run" if which else "no mission runs", err=True)
-    return SUCCESS if said and all(good for good, _ in said) else FAILURE
+    return SUCCESS if results and all(good for good, _ in results) else FAILURE
 
 
 def _inject(found: FoundProcess, asked: Mapping[str, object]) -> list[tuple[bool, str]]:
-    """Let it happen to a run; return whether it does, and the words for people. Nothing of a run that has gone."""
+    """Inject a fault into a run; return (success, text for the user) pairs. Empty if the run has ended."""
     why = ""
     for where in found.addresses:
         try:

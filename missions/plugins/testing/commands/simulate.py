@@ -1,4 +1,4 @@
-"""``mission simulate``: a robot's virtual devices alone, on ports that any program can open."""
+"""``mission simulate``: a robot's virtual devices without a mission, on ports that any program can open."""
 
 import json
 import os
@@ -36,25 +36,25 @@ from missions.library.drivers import load_robot
 JOINT_COMMANDS = {
     "turn": "JOINT ANGLE: turn a limp joint by hand, such as turn elbow 30 deg",
     "burden": "JOINT SHARE: load it with a share of its stall torque, such as burden elbow 40 %",
-    "heat": "JOINT TEMPERATURE: make its servo so warm, such as heat elbow 85 degC",
-    "brown_out": "JOINT DURATION: let its supply break down for so long, such as brown_out elbow 200 ms",
-    "overload": "JOINT: let its servo shut itself down",
+    "heat": "JOINT TEMPERATURE: set its servo's temperature, such as heat elbow 85 degC",
+    "brown_out": "JOINT DURATION: interrupt its supply for this time, such as brown_out elbow 200 ms",
+    "overload": "JOINT: make its servo shut down",
     "power": "JOINT: switch its power off and on",
     "remove": "JOINT: take its servo off the bus",
     "insert": "JOINT: put its servo on the bus again",
 }
-"""What can be done to a servo, and what the words behind it are."""
+"""Commands for one servo, and their further words."""
 
 COMMAND_HELP = JOINT_COMMANDS | {
-    "unplug": "[PART]: pull the plug of base, head, arm or another; of all that there are without a name",
-    "plug": "[PART]: put it in again",
+    "unplug": "[PART]: unplug base, head, arm or another part; all parts by default",
+    "plug": "[PART]: plug it in again",
     "help": "this list",
 }
-"""All that can be done."""
+"""Help text: all commands."""
 
 
 class DeviceCommands:
-    """Does such things to the devices of a simulation that is open."""
+    """Commands that act by hand on the virtual devices of an open simulation."""
 
     def __init__(self, simulation: Simulation, robot: RobotConfig) -> None:
         self._simulation = simulation
@@ -62,12 +62,12 @@ class DeviceCommands:
         for part, plugged in simulation.parts.items():
             keys = robot.sections[part].keys
             if isinstance(keys, DynamixelKeys) and isinstance(plugged.device, VirtualServoBus):
-                told = (Joint(name, spec, MODELS[spec.model]) for name, spec in joint_specs(keys).items())
-                for joint, servo in zip(told, plugged.device.servos, strict=True):  # whatever ID it has by now
+                joint_list = (Joint(name, spec, MODELS[spec.model]) for name, spec in joint_specs(keys).items())
+                for joint, servo in zip(joint_list, plugged.device.servos, strict=True):  # whatever ID it has by now
                     self._joints[qualified_joint_name(part, joint.name)] = part, joint, servo
 
     def run_command(self, line: str) -> str:
-        """Do what ``line`` says; return what to tell of it. Raises ValueError for words that make no sense."""
+        """Run the command in ``line``; return a text to report. Raises ValueError for an invalid command."""
         verb, *rest = line.split()
         if verb in JOINT_COMMANDS:
             part, joint, servo = self._joint(rest[0] if rest else "")
@@ -94,12 +94,12 @@ class DeviceCommands:
 
 
 def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> None:
-    """Do to a servo what ``verb`` says. Raises ValueError for a value that makes no sense, or a joint that resists."""
+    """Act on a servo. Raises ValueError for an invalid value, or for a joint that resists."""
     match verb:
         case "turn" if servo.limp:
             servo.turn_by_hand(joint.spec.zero + joint.spec.direction * si_value(value, "angle"))
         case "turn":
-            raise ValueError(f"{joint.title} is stiff: no hand can turn it")
+            raise ValueError(f"{joint.title} is stiff and cannot be turned by hand")
         case "burden":
             servo.load = si_value(value, "share") * joint.spec.direction
         case "heat":
@@ -117,7 +117,7 @@ def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> No
 
 
 class LineReader:
-    """Whole lines from a descriptor, as they come; at its end, or where there is none, none come."""
+    """Reads whole lines from a file descriptor without blocking longer than asked; None or its end yields no lines."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -125,7 +125,7 @@ class LineReader:
         self._open = True
 
     def wait(self, seconds: float) -> Iterator[str]:
-        """Wait for so long, or until something comes; yield the lines that are whole by then."""
+        """Wait up to ``seconds`` for input; yield the complete lines."""
         try:
             ready = self._open and bool(select.select([self._descriptor], [], [], seconds)[0])
             data = os.read(self._descriptor, 4096) if ready else b""
@@ -145,15 +145,15 @@ class LineReader:
     invoke_without_command=True,
     epilog="Example: mission simulate --robot turtlebot2",
 )
-@click.option("--robot", type=ROBOT, help=f"A name or a file; else {DEFAULT_ROBOT}.")
+@click.option("--robot", type=ROBOT, help=f"Robot: a name or a file; the default is {DEFAULT_ROBOT}.")
 @click.option(
     "--state",
     "period",
     type=QuantityInUnit("s", 0.01),
     metavar="SECONDS",
-    help="Print what the devices do, as JSON, so often.",
+    help="Interval at which to print the state of the devices as JSON.",
 )
-@click.option("--world", type=WORLD, help="The world around it; else open floor.")
+@click.option("--world", type=WORLD, help="World; the default is open floor.")
 @click.option(
     "--ros2",
     "listen",
@@ -162,15 +162,15 @@ class LineReader:
     metavar="[ADDRESS]",
     help="Serve a robot of ROS 2 (turtlebot4, unless another is named) at this address: tcp/127.0.0.1:7447.",
 )
-@click.option("--paced", is_flag=True, help="Let bytes on the servo bus take the time that they take on a real one.")
+@click.option("--paced", is_flag=True, help="Simulate the transmission time of bytes on the servo bus.")
 @click.pass_context
 def command(
     ctx: click.Context, robot: str | None, period: float | None, world: str | None, listen: str | None, paced: bool
 ) -> None:
-    """Run the virtual devices of a robot, and print their ports as one line of JSON. Ctrl-C ends them.
+    """Run the virtual devices of a robot and print their ports as one line of JSON, until Ctrl-C.
 
-    The devices speak their real protocols: point any program at them, or another `mission run` with --port.
-    Meanwhile a line on stdin does something to them: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
+    The devices speak their real protocols: connect any program to them, or a `mission run` with --port. A line on stdin
+    acts on a device: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
     """
     if ctx.invoked_subcommand is not None:
         return
@@ -190,22 +190,22 @@ def command(
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))
-        hands, lines, told = DeviceCommands(simulation, config), LineReader(0), clock.now()
+        hands, lines, reported_at = DeviceCommands(simulation, config), LineReader(0), clock.now()
         while not ending:
             for line in lines.wait(STOP_POLL_INTERVAL if period is None else min(STOP_POLL_INTERVAL, period)):
                 if line:
                     _run_line(hands, line)
-            if period is not None and clock.now() - told >= period:
-                told = clock.now()
-                click.echo(json.dumps({"t": round(told, 3)} | simulation.state()))
+            if period is not None and clock.now() - reported_at >= period:
+                reported_at = clock.now()
+                click.echo(json.dumps({"t": round(reported_at, 3)} | simulation.state()))
     finally:
         simulation.close()
 
 
 def _run_line(hands: DeviceCommands, line: str) -> None:
-    """Carry out what was typed, and say so: in a line of JSON, as all that is said here."""
+    """Run a typed command, and print its result as a line of JSON."""
     try:
-        told = {"done": hands.run_command(line)}
+        answer = {"done": hands.run_command(line)}
     except ValueError as error:
-        told = {"error": f"{line}: {error}"}
-    click.echo(json.dumps(told))
+        answer = {"error": f"{line}: {error}"}
+    click.echo(json.dumps(answer))

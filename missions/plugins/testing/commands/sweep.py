@@ -1,4 +1,4 @@
-"""``mission sweep``: many runs of one mission over seeds and variations, and what they say together."""
+"""``mission sweep``: runs one mission many times with varied seeds and values, and summarises the results."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -35,7 +35,7 @@ from missions.plugins.testing.worker_pool import core_count
 
 
 def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
-    """Return a click callback that reads a quantity."""
+    """Return a click callback that reads a quantity of a dimension."""
 
     def read(ctx: click.Context, option: click.Parameter, value: str | None) -> float | None:
         try:
@@ -48,13 +48,13 @@ def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter
 
 @click.command(epilog="Example: mission sweep greet --runs 20 --vary person.distance='0.6..2.5 m'")
 @click.argument("name", type=MISSION, metavar="MISSION")
-@click.option("--runs", type=WholeNumber(min=1), default=100, show_default=True, help="How many runs.")
+@click.option("--runs", type=WholeNumber(min=1), default=100, show_default=True, help="Number of runs.")
 @click.option(
     "--vary",
     multiple=True,
     metavar="NAME=VALUES",
     callback=name_value_callback('person.distance="0.6 m..3 m"'),
-    help="Draw this anew for each run: from a range (a..b) or a list (a,b,c). Repeat it for more. "
+    help="Vary a parameter: each run draws it from a range (a..b) or a list (a,b,c). Repeatable. "
     f"NAME is one of {', '.join(parameter_names())}; person2 is the second person of the world, and so on.",
 )
 @params_option
@@ -62,7 +62,7 @@ def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter
 @add_options(
     *run_options("robot", "world", "physics"),
     *(replace(each, default="truth") for each in run_options("eyes")),
-    *(replace(each, help="Seed of the first run; the next one has one more.") for each in run_options("seed")),
+    *(replace(each, help="Seed of the first run; each further run adds one.") for each in run_options("seed")),
 )
 @click.option(
     "--limit",
@@ -70,29 +70,31 @@ def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter
     default="300 s",
     show_default=True,
     callback=_quantity_reader("duration"),
-    help="How long a run may take, in simulated time, before it counts as unfinished.",
+    help="Time limit of a run in simulated time; beyond it, the run counts as unfinished.",
 )
-@click.option("-j", "--jobs", type=WholeNumber(min=1), metavar="N", help="As many processes; one for each core.")
+@click.option(
+    "-j", "--jobs", type=WholeNumber(min=1), metavar="N", help="Number of processes; the default is one for each core."
+)
 @click.option(
     "--target",
     metavar="SHARE",
     callback=_quantity_reader("share"),
-    help='Fail unless the success rate is surely above this, such as "95 %": the low end of its interval counts.',
+    help='Exit with 1 if the lower end of the interval of the success rate is below this, such as "95 %".',
 )
 @click.option(
     "-o",
     "--output",
     type=click.Path(file_okay=False, path_type=Path),
     metavar="FOLDER",
-    help="Where the files go; sweep-MISSION when not given.",
+    help="Folder for the files; sweep-MISSION by default.",
 )
-@click.option("--force", is_flag=True, help="Write over the files of an earlier sweep.")
-@click.option("--only", type=WholeNumber(min=0), metavar="SEED", help="Run this one run of the sweep, and watch it.")
+@click.option("--force", is_flag=True, help="Overwrite the files of an earlier sweep.")
+@click.option("--only", type=WholeNumber(min=0), metavar="SEED", help="Run only the run with this seed, and watch it.")
 @click.option(
     "--save-world",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="With --only: write the world of that run, for `mission run --world FILE`.",
+    help="With --only: write the world of that run to this file, for `mission run --world FILE`.",
 )
 def command(
     name: str,
@@ -113,16 +115,16 @@ def command(
     only: int | None,
     save_world: Path | None,
 ) -> int:
-    """Run a mission (a name or a file) many times in simulated time, and say how often it succeeds and why not.
+    """Run a mission (a name or a file) many times in simulated time; report how often it succeeds and why it fails.
 
-    Writes every run (runs.csv), the summary (summary.json), a picture (sweep.png) and the worlds of the worst runs.
-    Run number i has the seed SEED + i, and all that differs in it follows from that: each can be run again alone.
+    Writes every run (runs.csv), the summary (summary.json), a picture (sweep.png) and the worlds of the worst runs. Run
+    number i has the seed SEED + i, which determines all its values, so each run can be repeated alone.
 
-    Exit code 0 is that the sweep was run, 1 that it missed its --target, 2 a mistake in the command or a file,
-    130 interrupted; then what was run so far is told and written.
+    Exit codes: 0 the sweep ran; 1 it missed its --target; 2 an error in the command or a file; 130 interrupted, with
+    the finished runs reported and written.
     """
     if save_world is not None and only is None:
-        raise click.UsageError("--save-world is for one run: add --only SEED")
+        raise click.UsageError("--save-world needs --only SEED")
     try:
         robot, world = chosen_robot(robot), world or load_defaults().world or None
         sweep, plan = design_sweep(SweepRequest(name, vary, params, robot, world, files, eyes, limit, physics))
@@ -155,10 +157,7 @@ def command(
 
 
 def _run(sweep: SweepPlan, seeds: range, jobs: int, keep: Callable[[SweepRow], None]) -> list[SweepRow]:
-    """Run all seeds, or as many as there is time for before Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row.
-
-    Returns their rows in order.
-    """
+    """Run all seeds until done or until Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row. Returns the rows by seed."""
     found: list[SweepRow] = []
     with closing(run_here(sweep, seeds, jobs)) as work, _progress(len(seeds)) as progress:
         try:
@@ -173,7 +172,7 @@ def _run(sweep: SweepPlan, seeds: range, jobs: int, keep: Callable[[SweepRow], N
 
 @contextmanager
 def _progress(runs: int) -> Iterator[Callable[[Sequence[SweepRow]], None]]:
-    """Show on a terminal how far the sweep is, and how many runs have succeeded."""
+    """Show a progress bar with the number of successes on a terminal."""
     shown = console(sys.stderr)
     columns = (
         BarColumn(),
@@ -185,17 +184,17 @@ def _progress(runs: int) -> Iterator[Callable[[Sequence[SweepRow]], None]]:
     with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task("", total=runs, good=0)
 
-        def told(rows: Sequence[SweepRow]) -> None:
+        def on_row(rows: Sequence[SweepRow]) -> None:
             good = progress.tasks[0].fields["good"] + (rows[-1].result == "success")
             progress.update(task, completed=len(rows), good=good)
 
-        yield told
+        yield on_row
 
 
 def _report(
     sweep: SweepPlan, folder: SweepFolder, mission: str, rows: Sequence[SweepRow], summary: Summary, took: str
 ) -> None:
-    """Write the files, print the table and draw the picture; the files first, for the terminal may have gone."""
+    """Write the files, then print the table and draw the picture. Files first: the terminal may be closed."""
 
     def again(row: SweepRow) -> tuple[str, str]:
         world = folder.world_file(row.seed)
@@ -220,7 +219,7 @@ def _report(
 
 
 def _watch(sweep: SweepPlan, seed: int, save_world: Path | None) -> int:
-    """Run one seed as ``mission run`` does, and tell how to do so again."""
+    """Run one seed as ``mission run`` does, and print the command that repeats it."""
     click.echo(f"run {seed}: {describe_draw(sweep, sweep.draw(seed)) or 'nothing varied'}")
     if save_world is not None:
         write_world(sweep, seed, save_world)

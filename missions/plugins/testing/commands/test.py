@@ -1,4 +1,4 @@
-"""``mission test``: play the cases that test files hold, and say which do not come true."""
+"""``mission test``: runs the cases of test files and reports the failures."""
 
 import json
 import sys
@@ -31,25 +31,30 @@ from missions.plugins.testing.worker_pool import core_count, play_all
 
 @click.command(epilog="Example: mission test greet --coverage")
 @click.argument("names", type=TESTED_NAME, nargs=-1, metavar="[PATH]...")
-@click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
-@click.option("--physics", is_flag=True, help="Play all cases in physics, as a case does with `physics: true`.")
 @click.option(
-    "-j", "--jobs", type=WholeNumber(min=1), metavar="N", help="As many processes at a time; one for each core."
+    "-k", "words", metavar="TEXT", default="", help="Run only the cases with this text in their file or title."
+)
+@click.option("--physics", is_flag=True, help="Simulate physics in all cases, as with `physics: true`.")
+@click.option(
+    "-j", "--jobs", type=WholeNumber(min=1), metavar="N", help="Number of processes; the default is one for each core."
 )
 @click.option(
-    "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the verdicts as JUnit XML."
+    "--junit",
+    "junit_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the verdicts as JUnit XML to this file.",
 )
-@click.option("--coverage", "tell_coverage", is_flag=True, help="Say what of the missions was never tried.")
+@click.option("--coverage", "tell_coverage", is_flag=True, help="Print the nodes and endings that no case has reached.")
 @click.option(
     "--coverage-page",
     "page_file",
     metavar="FILE.html",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Write what was tried as a page, with the missions' lines marked.",
+    help="Write the coverage as an HTML page to this file, with the missions' lines marked.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for other programs.")
+@click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 @behaviours_option
-@click.option("-x", "--fail-fast", is_flag=True, help="Begin nothing new after the first failure.")
+@click.option("-x", "--fail-fast", is_flag=True, help="Stop after the first failure.")
 def command(
     names: tuple[str, ...],
     words: str,
@@ -62,18 +67,18 @@ def command(
     files: tuple[Path, ...],
     fail_fast: bool,
 ) -> int:
-    """Play test files, in simulated time: files, folders, or missions by name.
+    """Run test files, in simulated time: files, folders, or missions by name.
 
-    Without any, those here and below; where there are none, those of the missions that ship with MissionTree.
-    Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
+    Without arguments: the test files in this folder and below; if there are none, those shipped with MissionTree. Exit
+    codes: 0 all cases passed; 1 a case failed; 2 an error in the command or a file.
     """
     chosen_robot(None)  # of the cases that name none
     cases = _select_cases(names, words, files)
     if physics:
         cases = [replace(case, physics=True) for case in cases]
     clock = SystemClock()
-    with _progress(len(cases)) as told:
-        verdicts = _play_cases(cases, jobs or core_count(), fail_fast, told)
+    with _progress(len(cases)) as on_verdict:
+        verdicts = _play_cases(cases, jobs or core_count(), fail_fast, on_verdict)
     if junit_file is not None:
         _write(junit_file, junit(verdicts), "--junit")
     if page_file is not None:
@@ -91,7 +96,7 @@ def command(
 
 
 def _select_cases(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]:
-    """Return the cases to be played; ``own`` are files of behaviours. Raises InvalidFileError with all mistakes."""
+    """Return the cases to run; ``own`` are files of behaviours. Raises InvalidFileError with all errors."""
     files = dict.fromkeys(path for name in names for path in find_tests(name)) if names else all_tests()
     cases: list[Case] = []
     faults: list[Diagnostic] = []
@@ -134,7 +139,7 @@ def _print_verdicts(verdicts: Sequence[CaseVerdict]) -> None:
 
 @contextmanager
 def _progress(count: int) -> Iterator[Callable[[CaseVerdict], None]]:
-    """Show a bar on a terminal, and give what is to be told of each verdict; without a terminal nothing is shown."""
+    """Show a progress bar on a terminal, and yield the function that reports a verdict; otherwise show nothing."""
     shown = console(sys.stderr)
     if not shown.is_terminal:
         yield lambda _: None
@@ -144,11 +149,11 @@ def _progress(count: int) -> Iterator[Callable[[CaseVerdict], None]]:
         task = progress.add_task("cases", total=count, failed="")
         failed: list[CaseVerdict] = []
 
-        def told(verdict: CaseVerdict) -> None:
+        def on_verdict(verdict: CaseVerdict) -> None:
             failed.extend(() if verdict.passed else (verdict,))
             progress.update(task, advance=1, failed=f"{len(failed)} failed" if failed else "")
 
-        yield told
+        yield on_verdict
 
 
 def _write(path: Path, data: bytes, option: str) -> None:

@@ -1,4 +1,4 @@
-"""``mission controller tune``: find better numbers for a controller by trying it in simulation."""
+"""``mission controller tune``: searches better numbers for a controller in simulation."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -25,7 +25,7 @@ from missions.plugins.testing.controllers.bench import run_bench, table_lines
 from missions.plugins.testing.controllers.tracking_trial import SCENARIOS
 
 RULES = ("pan", "turn")
-"""The rule bases that can be tuned."""
+"""Rule bases that can be tuned."""
 
 
 @click.command(epilog="Example: mission controller tune face --evaluations 50")
@@ -34,14 +34,14 @@ RULES = ("pan", "turn")
     "--rules",
     type=click.Choice(RULES),
     multiple=True,
-    help="Which to tune: pan (of the head), turn (of a base without a head). Repeat it for more; both by default.",
+    help="Rules to tune: pan (of the head), turn (of a base without a head). Repeatable; both by default.",
 )
 @click.option(
     "-o",
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Where the new controller goes; NAME_tuned.yaml when not given.",
+    help="File of the new controller; NAME_tuned.yaml by default.",
 )
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @click.option(
@@ -50,15 +50,15 @@ RULES = ("pan", "turn")
     default=300,
     show_default=True,
     metavar="N",
-    help="How many variants to try, in all.",
+    help="Number of variants to try.",
 )
-@click.option("--seed", type=WholeNumber(min=0), default=0, show_default=True, help="Of the search.")
+@click.option("--seed", type=WholeNumber(min=0), default=0, show_default=True, help="Random seed of the search.")
 def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
-    """Tune the numbers of a controller (a name or a file; face without one), and write them into a new file.
+    """Tune the numbers of a controller (a name or a file; face by default), and write them to a new file.
 
-    Differential evolution: variants are tried on the simulated robot, in the step and the walk of `mission controller
-    bench`, and the better ones are mixed. The same command finds the same numbers. All else in the file stays as it is.
-    Whatever ends it, the best numbers by then are in the new file.
+    Differential evolution: variants are tried on the simulated robot in the step and the walk of `mission controller
+    bench`, and the best ones are combined. The same command finds the same numbers. The rest of the file stays
+    unchanged. If the search is interrupted, the new file has the best numbers so far.
     """
     try:
         from missions.plugins.testing.controllers.tuning import ControllerTuning  # noqa: PLC0415 - an extra, and slow to import
@@ -74,17 +74,17 @@ def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, ev
     kept: list[str] = []
 
     def keep(text: str) -> None:
-        """Write the best so far, which is there then whatever ends the search."""
+        """Write the best text so far to the file, which stays if the search is interrupted."""
         found = SourceText(source.name, text)
         kept.append(replace_words(found, name_changes(found, output.stem, f"{config.summary} Tuned.")))
         with report_write_errors(output, "-o"):
             save_file(output, kept[-1])
 
     try:
-        with interruptible(), _progress(evaluations) as told:
+        with interruptible(), _progress(evaluations) as on_cost:
             for each in chosen:
                 tuning = ControllerTuning(source, each)
-                found = tuning.search(evaluations // len(chosen), seed=seed, on_cost=told, on_better=keep)
+                found = tuning.search(evaluations // len(chosen), seed=seed, on_cost=on_cost, on_better=keep)
                 source = SourceText(source.name, found.text)
     except KeyboardInterrupt:
         if not kept:
@@ -105,7 +105,7 @@ def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, ev
 
 @contextmanager
 def _progress(evaluations: int) -> Iterator[Callable[[float], None]]:
-    """Show on a terminal how many variants were tried, and the least cost so far."""
+    """Show the number of variants tried and the lowest cost on a terminal."""
     shown = console(sys.stderr)
     columns = (
         BarColumn(),
@@ -117,7 +117,7 @@ def _progress(evaluations: int) -> Iterator[Callable[[float], None]]:
     with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task("", total=evaluations, least=float("inf"))
 
-        def told(cost: float) -> None:
+        def on_cost(cost: float) -> None:
             progress.update(task, advance=1, least=min(cost, progress.tasks[0].fields["least"]))
 
-        yield told
+        yield on_cost

@@ -1,1 +1,1 @@
-"""Controllers under test: how well they track in simulated time, how they look, and how they are tuned."""
+"""Comparison, plots and tuning of tracking controllers in simulated time."""

@@ -1,4 +1,4 @@
-"""The bench: controllers side by side in all scenarios, with each body, as a table."""
+"""Benchmark of controllers in all scenarios with each body, as a table."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,24 +24,23 @@ from missions.plugins.testing.controllers.tracking_trial import (
 # How good a trial was, and how good it could have been.
 
 CENTRED_ERROR = radians(2)
-"""Within this error the face is centred."""
+"""Largest error in radians at which the face counts as centred."""
 
 MIN_CENTRED_TIME = 0.5
-"""Seconds for which it must stay so, at least, before something unforeseen happens."""
+"""Minimum seconds for which the face must stay centred before something unforeseeable happens."""
 
 _TIME_STEP = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What a trial comes to.
+    """Score of a trial.
 
-    ``centred`` is the time in seconds from which on the face was centred, None where it never was; ``time_optimal_bound`` the least
-    that it can be for one who knows with the first picture what the face does, and ``known`` for one who must see it.
-    ``overshoot`` is how far past the face it went at first, ``rms`` the error of following; radians.
-    A face that was ``lost`` has no ``rms``. ``swings`` counts how often the robot went past the face by more than
-    ``CENTRED_ERROR``. ``delay_error`` is that of the camera's delay in the end, None where it was not known, and
-    ``worst_known`` the largest one while it was known; seconds.
+    ``centred`` is the time in seconds from which the face stayed centred, None if it never did; ``bound`` its lower
+    limit if the face's motion is known from the first picture, ``known`` if it must be observed. ``overshoot`` is the
+    first overshoot, ``rms`` the error of following, both in radians; a ``lost`` face has no ``rms``. ``swings`` counts
+    the changes of side beyond ``CENTRED_ERROR``. ``delay_error`` is the final error of the camera's delay, None if
+    unknown, ``worst_known`` the largest error while it was known; both in seconds.
     """
 
     centred: float | None
@@ -56,18 +55,18 @@ class Score:
 
     @property
     def ratio(self) -> float | None:
-        """How many times the bound it took to centre the face."""
+        """Time to centre the face, divided by ``bound``."""
         return self.centred / self.bound if self.centred is not None and self.bound > 0 else None
 
     @property
     def ratio_known(self) -> float | None:
-        """How many times the least that it can take who sees what the face does."""
+        """Time to centre the face, divided by the limit for an observed motion."""
         return self.centred / self.known if self.centred is not None and self.known > 0 else None
 
 
 @dataclass(frozen=True, slots=True)
 class Ability:
-    """How fast (rad/s) a body turns its camera, how hard (rad/s^2) it speeds up and brakes."""
+    """Maximum angular speed (rad/s) and acceleration (rad/s^2) with which a body turns its camera."""
 
     speed: float
     acceleration: float
@@ -83,7 +82,7 @@ ABILITIES = {
 
 
 def ability_of(body: TrackingBody) -> Ability:
-    """Return what a body can do; both together no more than the sum."""
+    """Return the ability of a body; head and base together at most reach their sum."""
     if body is not TrackingBody.BOTH:
         return ABILITIES[body]
     head, base = ABILITIES.values()
@@ -91,16 +90,16 @@ def ability_of(body: TrackingBody) -> Ability:
 
 
 def score_trial(trace: TrackingTrace, scenario: Scenario, body: TrackingBody) -> Score:
-    """Return how good a trial was."""
+    """Return the score of a trial."""
     samples = list(zip(trace.times, trace.errors, strict=True))
     foreseen = [(time, error) for time, error in samples if time < scenario.foreseeable_until]
     outside = max((time for time, error in foreseen if abs(error) > CENTRED_ERROR), default=0.0)
     early = [error for time, error in foreseen if time < scenario.settled_from]
     late = [error**2 for time, error in samples if time >= scenario.settled_from]
     can, lag = ability_of(body), scenario.base_lag if body is TrackingBody.BASE else 0.0
-    # One picture shows where a face is. How fast it goes, two show.
-    least, told = time_optimal_bound(scenario, can, lag), 0 if scenario.path is standing_path else 1
-    seen = trace.known_times[told] if len(trace.known_times) > told else scenario.latency
+    # One picture gives the position of a face; its speed needs two.
+    least, picture = time_optimal_bound(scenario, can, lag), 0 if scenario.path is standing_path else 1
+    seen = trace.known_times[picture] if len(trace.known_times) > picture else scenario.latency
     return Score(
         centred=None
         if trace.lost or not foreseen or outside >= scenario.foreseeable_until - MIN_CENTRED_TIME
@@ -117,17 +116,16 @@ def score_trial(trace: TrackingTrace, scenario: Scenario, body: TrackingBody) ->
 
 
 def _swings(errors: Sequence[float]) -> int:
-    """Count the changes of side among the errors beyond ``CENTRED_ERROR``."""
+    """Return the number of sign changes among the errors beyond ``CENTRED_ERROR``."""
     sides = [error > 0 for error in errors if abs(error) > CENTRED_ERROR]
     return sum(before != after for before, after in pairwise(sides))
 
 
 def time_optimal_bound(scenario: Scenario, ability: Ability, lag: float = 0.0) -> float:
-    """Return the earliest time in seconds from which on the error can stay within ``CENTRED_ERROR``.
+    """Return the earliest time in seconds from which the error can stay within ``CENTRED_ERROR``.
 
-    That is of the time-optimal motion: nothing for the time of the latency and of a base's ``lag``, then as hard as it
-    can until it must brake to come to go with the face at the far edge of what counts as centred. 0 where nothing that
-    the face does can be foreseen.
+    The motion is time-optimal: at rest during the latency and a base's ``lag``, then full acceleration and braking so
+    as to meet the face at the far edge of the centred range. 0 if no motion of the face can be foreseen.
     """
     if scenario.foreseeable_until <= 0.0:
         return 0.0
@@ -158,16 +156,16 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "rate": ("deg/s", math.degrees(1)),
     "edge": ("px", 1.0),
 }
-"""The unit in which each input is shown, and how many of these one SI unit is."""
+"""Display unit of each input, and its number per SI unit."""
 
 OUTPUT_UNIT = ("deg/s", math.degrees(1))
-"""The same for the outputs: all are rates."""
+"""Display unit of the outputs, which are rates, and its number per SI unit."""
 
 
 def describe_controller(config: ControllerConfig) -> Iterator[str]:
-    """Yield what is in a controller, line by line. Raises ValueError for one that is wrong."""
+    """Yield the description of a controller, line by line. Raises ValueError for an invalid controller."""
     yield f"{config.name}: {config.summary}"
-    yield "acts on what is foreseen" if config.values.get("predict", True) else "acts on what the newest picture shows"
+    yield "acts on the prediction" if config.values.get("predict", True) else "acts on the latest picture"
     fuzzy = controllers(config.values)
     for name, values in config.values.items():
         if name in fuzzy:
@@ -194,28 +192,28 @@ def _rule_base_lines(name: str, controller: Controller) -> Iterator[str]:
 
 
 def _term_centre(full: float, until: float) -> float:
-    """Return the middle of where a term is fully true; of a shoulder, where that begins."""
+    """Return the middle of a term's plateau; of a shoulder, its inner end."""
     if math.isinf(full):
         return until
     return full if math.isinf(until) else (full + until) / 2
 
 
 DEFAULT_CONTROLLERS = ("course", "pd", "mamdani", "face")
-"""What is benched unless others are named: the course's tracker, the textbook's, and ours by both inferences."""
+"""Controllers benchmarked by default: the course's tracker, a PD controller, and ours with both inferences."""
 
 DELAY_CONTROLLERS = ("course", "pd", "pd_ahead", "face")
-"""What is benched with delays that nobody tells the robot, beside standing still."""
+"""Controllers benchmarked with unknown delays, compared with no motion."""
 
 MAX_DELAY_ERROR = 0.015
-"""Seconds within which a delay is right."""
+"""Error in seconds within which a delay counts as known."""
 
 NO_MOTION = RuleBases.from_mapping({axis: {"p": 0, "d": 0} for axis in ("pan", "tilt", "turn")})
-"""A controller that moves nothing."""
+"""Controller that commands no motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class BenchRow:
-    """One controller in one scenario with one body: what it showed, and what that comes to."""
+    """Trace and score of one controller in one scenario with one body."""
 
     scenario: Scenario
     body: TrackingBody
@@ -224,7 +222,7 @@ class BenchRow:
     score: Score
 
     def as_dict(self) -> dict[str, object]:
-        """Return it for JSON: seconds and degrees."""
+        """Return the row for JSON, in seconds and degrees."""
         found = asdict(self.score) | {"ratio": self.score.ratio, "ratio_known": self.score.ratio_known}
         for name in ("overshoot", "rms"):
             found[name] = None if found[name] is None else math.degrees(found[name])
@@ -239,7 +237,7 @@ def run_bench(
     seed: int = 0,
     lag: float = 0.0,
 ) -> Iterator[BenchRow]:
-    """Yield the rows, scenario by scenario and body by body. ``lag`` (seconds) is what the base is believed to take."""
+    """Yield the rows by scenario and body. ``lag`` is the base's assumed lag in seconds."""
     for scenario in scenarios:
         for body in bodies:
             for name, rules in controllers.items():
@@ -260,10 +258,7 @@ def table_lines(rows: Sequence[BenchRow]) -> Iterator[str]:
 
 
 def delay_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
-    """Yield the lines of a table over several seeds: how many times the bound, and what is known; RMS errors.
-
-    Each is the median and the worst.
-    """
+    """Yield the lines of a table over several seeds: ratios to both bounds, and RMS errors; median and worst."""
     names = list(dict.fromkeys(row.controller for row in rows))
     yield f"{'':<24} {'':<5}" + "".join(f" {name:>37}" for name in names)
     blocks: dict[tuple[str, TrackingBody], dict[str, list[Score]]] = {}
@@ -274,9 +269,9 @@ def delay_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
 
 
 def stamp_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
-    """Yield the lines of a table over several seeds: what was learnt of the camera's delay, and what that was worth.
+    """Yield the lines of a table over several seeds: the measured camera delay, and the resulting tracking.
 
-    ``known`` is the share of the seeds in which the delay was known in the end, within ``MAX_DELAY_ERROR`` seconds; ``worst`` the
+    ``known`` is the share of the seeds whose delay was known at the end, within ``MAX_DELAY_ERROR``; ``worst`` the
     largest error while it was known (ms).
     """
     yield f"{'':<24} {'':<5} {'':<10} {'known':>7} {'worst':>7} {'centred':>8} {'x bound':>14} {'past':>5} {'RMS':>10}"
@@ -300,7 +295,7 @@ def stamp_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
 
 
 def _summary_cell(scores: Sequence[Score]) -> str:
-    """Return times the two bounds (median, worst or how often never) and degrees RMS (or how often lost)."""
+    """Return the ratios to both bounds (median, worst or failures) and the RMS error in degrees (or losses)."""
     ratios = sorted(score.ratio for score in scores if score.ratio is not None)
     known = sorted(score.ratio_known for score in scores if score.ratio_known is not None)
     errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)

@@ -1,4 +1,4 @@
-"""Pictures of controllers: their terms and surfaces, and how they track. Needs the extra ``plots``."""
+"""Plots of controllers: terms, surfaces, and tracking errors. Needs the extra ``plots``."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -19,25 +19,25 @@ from missions.plugins.testing.controllers.bench import CENTRED_ERROR, OUTPUT_UNI
 from missions.plugins.testing.controllers.tracking_trial import TrackingBody
 
 MUTED_COLOUR = "#8a8f98"
-"""The colour of what is beside the point."""
+"""Colour of axes and other secondary elements."""
 
 COLOURS = ("#c8553d", "#d9a21b", "#6a9f58", "#2a78b5", "#7a5aa6", "#4a4f57")
-"""Those of the controllers, in their order."""
+"""Colours of the controllers, in order."""
 
 MARGIN_SHARE = 0.12
-"""How much is shown beyond what the terms cover, to each side."""
+"""Share of the range added on each side of the terms."""
 
 CURVE_POINTS = 201
-"""Points along a curve."""
+"""Number of points along a curve."""
 
 SURFACE_POINTS = 61
-"""Points along a side of a surface."""
+"""Number of points along a side of a surface."""
 
 
 def draw_controller(path: Path, config: ControllerConfig) -> None:
-    """Draw the terms of each rule base and the surface that its rules make, as a PNG.
+    """Draw the terms of each rule base and the surface of its rules as a PNG.
 
-    Raises ValueError for a controller that is wrong, OSError where the picture cannot be written.
+    Raises ValueError for an invalid controller, OSError if the picture cannot be written.
     """
     rules = RuleBases.from_mapping(config.values)
     fuzzy = controllers(config.values)
@@ -53,7 +53,7 @@ def draw_controller(path: Path, config: ControllerConfig) -> None:
 
 
 def draw_bench(path: Path, rows: Sequence[BenchRow]) -> None:
-    """Draw the error over time: a panel for each scenario and body. Raises OSError where it cannot be written."""
+    """Draw the error over time, a panel for each scenario and body. Raises OSError if it cannot be written."""
     names = list(dict.fromkeys(row.controller for row in rows))
     colours = dict(zip(names, COLOURS * len(names), strict=False))
     panels = [(key, list(found)) for key, found in groupby(rows, key=lambda row: (row.scenario, row.body))]
@@ -119,7 +119,7 @@ def _draw_pd(row: Sequence[Axes], name: str, rules: RuleBases, config: Controlle
 
 
 def _grade(variable: FuzzyVariable, term: str, value: float) -> float:
-    """Return the grade of an input's term; what lies beyond the outermost corners counts as they do."""
+    """Return the membership grade of an input in a term; values beyond the outermost corners are clamped to them."""
     return variable.grades(value)[term]
 
 
@@ -141,7 +141,7 @@ def _draw_terms(
 def _draw_surface(
     axes: Axes, names: Sequence[str], corners: Sequence[Sequence[float]], surface: Callable[..., float]
 ) -> None:
-    """Draw a curve for one input, a map for two; of more, the first two with the others at 0."""
+    """Draw a curve for one input, a map for two; further inputs are 0."""
     spans = [
         np.linspace(*_padded_range(along), CURVE_POINTS if len(names) == 1 else SURFACE_POINTS) for along in corners
     ]
@@ -163,20 +163,20 @@ def _draw_surface(
 
 
 def _padded_range(corners: Sequence[float]) -> tuple[float, float]:
-    """Return a span that shows what lies beyond the outermost corners too."""
+    """Return a range that includes the outermost corners and a margin."""
     margin = MARGIN_SHARE * (corners[-1] - corners[0])
     return corners[0] - margin, corners[-1] + margin
 
 
 def _make_figure(size: tuple[float, float], title: str) -> Figure:
     figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
+    FigureCanvasAgg(figure)  # its own canvas, without a window or global state
     figure.suptitle(title)
     return figure
 
 
 def _simplify_axes(axes: Axes) -> None:
-    """Take away what does not help to read it."""
+    """Remove axis elements that do not help the reader."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=MUTED_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

@@ -1,4 +1,4 @@
-"""One trial of a controller: the leaf that follows faces, on the twins of a robot, in simulated time."""
+"""Trial of a controller: the leaf that follows faces, on a robot of twins, in simulated time."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -35,7 +35,7 @@ from perception.tracks import AngleFilter
 # What a face does in front of a robot that follows it, and what the robot follows it with.
 
 StampNoise = Callable[[float, Random], float]
-"""Returns by how many seconds a stamp is off at a time of the scenario; random values come from its second argument."""
+"""Returns the error of a time stamp in seconds at a scenario time; its second argument supplies random values."""
 
 STEP_ANGLE = radians(25)
 WALK_RATE = radians(20)  # per second
@@ -46,11 +46,11 @@ LEARNING_ANGLE, LEARNING_HOLD_TIME, LEARNING_STILL_TIME = radians(12), 0.75, 1.0
 """While a robot learns, a face is this far to a side (radians), for so many seconds each; in the end it stands."""
 
 LEARNING_TIME = LEARNING_STILL_TIME + 4 * LEARNING_HOLD_TIME
-"""Seconds that a robot has to learn its delays: three with something to learn from."""
+"""Seconds for the robot to measure its delays, three of them with a moving face."""
 
 
 class TrackingBody(StrEnum):
-    """What turns: the head on a base that stands, the base with the camera on it, or both."""
+    """Joints that turn the camera: the head on a standing base, the base with the camera fixed on it, or both."""
 
     HEAD = "head"
     BASE = "base"
@@ -59,16 +59,16 @@ class TrackingBody(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A face that is there from time 0 on, at the bearing ``path(time)`` (radians, left of where the robot looks then).
+    """A face visible from time 0 at the bearing ``path(time)``, in radians left of the robot's first gaze.
 
-    What it does can be foreseen up to ``foreseeable_until`` seconds: whether the robot has centred it counts up to then. The
-    camera takes 20 pictures a second; a share ``drop_share`` of them gets lost, the others are known ``latency`` seconds
-    later. ``settled_from`` is the time from which on the error counts as that of a robot that follows.
+    Its motion is foreseeable until ``foreseeable_until`` seconds: centring counts until then. The camera takes 20
+    pictures a second; a share ``drop_share`` of them is lost, the others arrive ``latency`` seconds later. From
+    ``settled_from`` on, the error counts as that of following.
 
-    What the robot is not told: its camera stamps pictures ``stamp_delay`` seconds after their exposure, their latency
-    varies by ``jitter`` seconds to both sides, its base begins what it is told ``base_lag`` seconds later. Before time
-    0 it has ``learning_time`` seconds, of which the face jumps to and fro in all but the last. ``other_path`` is the path of a
-    second face. ``stamp_noise`` is added to each stamp, ``delay_change`` (seconds) to those from time 0 on.
+    Unknown to the robot: pictures are stamped ``stamp_delay`` seconds after exposure, their latency varies by
+    ``jitter`` seconds to both sides, and the base starts to move ``base_lag`` seconds after a command. Before time 0
+    the robot has ``learning_time`` seconds, in all but the last of which the face jumps to and fro. ``other_path`` is
+    that of a second face. ``stamp_noise`` is added to each stamp, ``delay_change`` (seconds) to those from time 0 on.
     """
 
     name: str
@@ -87,11 +87,11 @@ class Scenario:
     delay_change: float = 0.0
 
     def delay(self, time: float) -> float:
-        """Return how many seconds after their exposure pictures of ``time`` are stamped, apart from the noise."""
+        """Return the seconds from exposure to time stamp of a picture at ``time``, without the noise."""
         return self.stamp_delay + (self.delay_change if time >= 0.0 else 0.0)
 
     def bearing(self, time: float) -> float:
-        """Return the bearing of the face at ``time``, also while the robot learns."""
+        """Return the bearing of the face at ``time``, also during the learning time."""
         if time >= 0.0:
             return self.path(time)
         since = time + self.learning_time
@@ -101,33 +101,33 @@ class Scenario:
 
 
 def standing_path(time: float) -> float:
-    """Return the bearing of a face that appears aside, and stays there."""
+    """Return the bearing of a face that appears to the side and stays there."""
     del time
     return STEP_ANGLE
 
 
 def walking_path(time: float) -> float:
-    """Return the bearing of a face that walks by at an even angular speed."""
+    """Return the bearing of a face that walks past at constant angular speed."""
     return WALK_RATE * time
 
 
 def returning_path(time: float) -> float:
-    """Return the bearing of a face that walks by, and back again after 3 seconds."""
+    """Return the bearing of a face that walks past, and back after 3 seconds."""
     return WALK_RATE * (time if time < 3.0 else 6.0 - time)
 
 
 def running_path(time: float) -> float:
-    """Return the bearing of a face that goes by three times as fast, and stops when it is well aside."""
+    """Return the bearing of a face that passes three times as fast, then stops to the side."""
     return RUN_RATE * min(time, 1.5)
 
 
 def crossing_path(time: float) -> float:
-    """Return the bearing of a face that crosses the way of one that walks by, a second after time 0."""
+    """Return the bearing of a face that crosses the path of a walking one, one second after time 0."""
     return WALK_RATE * (2.0 - time)
 
 
 def swinging_path(period: float) -> Callable[[float], float]:
-    """Return the path of a face that sways by 10 degrees to both sides, once in ``period`` seconds."""
+    """Return the path of a face that swings by 10 degrees to both sides with a period in seconds."""
 
     def path(time: float) -> float:
         return SWING_AMPLITUDE * sin(2 * pi * time / period)
@@ -136,7 +136,7 @@ def swinging_path(period: float) -> Callable[[float], float]:
 
 
 def uniform_jitter(max_jitter: float) -> StampNoise:
-    """Return the noise of stamps that jitter by up to ``most`` seconds to both sides."""
+    """Return a noise of time stamps, uniform within ``most`` seconds to both sides."""
 
     def noise(time: float, random: Random) -> float:
         del time
@@ -153,7 +153,7 @@ SCENARIOS = (
     Scenario("step, 200 ms late", standing_path, latency=0.2),
     Scenario("walk, 200 ms late", walking_path, latency=0.2),
 )
-"""What is benched: all with 100 ms from a picture to what it shows, unless they say otherwise."""
+"""Scenarios of the benchmark, with a latency of 100 ms unless stated."""
 
 DELAY_SCENARIOS = (
     *(
@@ -204,10 +204,10 @@ DELAY_SCENARIOS = (
     ),
     Scenario("two cross", walking_path, other_path=crossing_path, learning_time=LEARNING_TIME),
 )
-"""What is benched by `--delays`: what no robot is told, and what no prediction can know."""
+"""Scenarios of `--delays`: delays unknown to the robot, and motions that no prediction foresees."""
 
 JITTERS = (0.01, 0.02, 0.03)
-"""Seconds by which stamps jitter to both sides in `--stamps`."""
+"""Jitter of time stamps in `--stamps`, in seconds to both sides."""
 
 STAMP_SCENARIOS = (
     *(
@@ -221,35 +221,35 @@ STAMP_SCENARIOS = (
         for change in (0.08, -0.08)
     ),
 )
-"""What is benched by `--stamps`: stamps that jitter, with seconds to learn and "at once", and a delay that changes."""
+"""Scenarios of `--stamps`: jittering stamps with and without learning time, and a delay that changes."""
 
 
 # The eyes of a trial: faces, measured in pixels with noise, and filtered over time as perception does it.
 
 PIXEL_NOISE = SensorNoise().noise
-"""Pixels by which a found face is off, one sigma: as in simulations whose eyes know the truth."""
+"""Standard deviation of a face position in pixels, as in simulations with ``--eyes truth``."""
 
 FACE_DISTANCE = 1.5
-"""Metres to the face."""
+"""Distance of the face in metres."""
 
 LENS = Pinhole(640, 480, radians(60))
-"""What the camera sees through."""
+"""Camera model."""
 
 
 FACE_TIMEOUT = 1.0
-"""Seconds after which a face that was not seen is forgotten."""
+"""Seconds after which an unseen face is dropped."""
 
 GATE_ANGLE = radians(20)
-"""A face this far (radians) from where each of those before is expected is another one."""
+"""Distance in radians from all predicted faces beyond which a face counts as new."""
 
 FLOW_NOISE = radians(0.1)
-"""Radians by which the background tells a turn of the camera wrongly, one sigma: as measured on rendered rooms."""
+"""Standard deviation in radians of a camera turn measured from the background, as measured on rendered rooms."""
 
 
 class FilteredSight(NewestView):
-    """Faces, measured with noise that is drawn from ``random``; and how late the camera stamps them, learnt.
+    """Faces measured with noise from ``random``, and the camera's measured stamp delay.
 
-    ``gaze(time)`` is where the robot believes that its camera looked. ``now`` tells the time.
+    ``gaze(time)`` is the robot's estimate of the camera's direction. ``now`` returns the time.
     """
 
     def __init__(self, random: Random, gaze: Callable[[float], Gaze], now: Callable[[], float]) -> None:
@@ -264,7 +264,7 @@ class FilteredSight(NewestView):
         self._looked = 0.0
 
     def measure(self, bearing: float) -> Box | None:
-        """Return where a face is in a picture; None where it is not wholly inside."""
+        """Return the box of a face in a picture; None unless it is completely inside."""
         if not abs(bearing) < LENS.field_of_view / 2:
             return None
         x, y = LENS.angles_to_pixel(bearing, 0.0)
@@ -273,7 +273,7 @@ class FilteredSight(NewestView):
         return Box(x - half, y - half, 2 * half, 2 * half) if half <= x <= LENS.width - half else None
 
     def see(self, stamp: float, boxes: Sequence[Box], looked: float) -> None:
-        """Take in what a picture shows that was stamped ``stamp``; ``looked`` is where the camera truly looked."""
+        """Process a picture with time stamp ``stamp``; ``looked`` is the camera's true direction in radians."""
         times = stamp - GRID
         yaws = np.array([self._gaze(time).yaw for time in times])
         if self._before is None:
@@ -293,7 +293,7 @@ class FilteredSight(NewestView):
         self._view = View(looked=stamp, faces=tuple(faces))
 
     def _follow(self, stamp: float, box: Box, gaze: Gaze, *, alone: bool) -> None:
-        """Take a face for the one before that is nearest to where it is expected, or for a new one."""
+        """Assign a face to the nearest predicted track, or begin a new one."""
         bearing, elevation = LENS.pixel_to_angles(*box.centre)
         yaw = gaze.yaw + bearing
         offs = {
@@ -306,7 +306,7 @@ class FilteredSight(NewestView):
             motion, before = self._tracks[number]
             motion.update(yaw, stamp - before.stamp, abs(gaze.yaw - self._looked), gaze.doubt)
         else:
-            if alone:  # it has jumped; nobody is where it was
+            if alone:  # the face has jumped; the old track is wrong
                 self._tracks.clear()
             self._ids = number = self._ids + 1
             motion = AngleFilter(yaw)
@@ -316,30 +316,30 @@ class FilteredSight(NewestView):
 
 
 WARM_UP_TIME = 2.0
-"""Seconds that the robot has to look where it is to begin."""
+"""Seconds for the robot to look at its start direction."""
 
 FRAME_INTERVAL = 0.05
-"""Seconds between two pictures, and between two scheduled ticks: 20 Hz. A picture that is understood wakes a tick."""
+"""Seconds between two pictures, and between two scheduled ticks. A processed picture also wakes a tick."""
 
 FRAME_PHASE = 0.02
-"""Seconds by which pictures are taken after scheduled ticks: nothing keeps the two in step."""
+"""Offset of pictures from scheduled ticks in seconds: they are not synchronised."""
 
 SAMPLE_INTERVAL = 0.01
-"""Seconds between two looks at how far off the robot is."""
+"""Seconds between two samples of the error."""
 
 HEAD_LIMITS = HeadLimits(pan=(radians(-80), radians(80)), tilt=(radians(-60), radians(20)), speed=radians(120))
-"""The head of the Rodney project, as the robot files have it."""
+"""Limits of the Rodney head, as in the robot files."""
 
 BASE_LIMITS = VelocityLimits(max_linear=0.5, max_angular=1.92, linear_acceleration=0.5, angular_acceleration=3.5)
-"""A Kobuki, likewise."""
+"""Limits of a Kobuki base, as in the robot files."""
 
 
 @dataclass(slots=True)
 class TrackingTrace:
-    """What a trial showed: at each of ``times`` (seconds) the ``errors`` (radians), and whether the face was lost.
+    """Trace of a trial: the ``errors`` (radians) at ``times`` (seconds), and whether the face was lost.
 
-    ``known_times`` are the times at which the pictures that were taken from time 0 on were known. ``delay_errors`` are
-    the errors (seconds) of the camera's delay, one a picture: NaN while it was not known.
+    ``known_times`` are the arrival times of the pictures taken from time 0 on. ``delay_errors`` are the errors
+    (seconds) of the camera's delay, one a picture: NaN while it was unknown.
     """
 
     times: list[float] = field(default_factory=list)
@@ -350,9 +350,9 @@ class TrackingTrace:
 
 
 class TrackingTrial:
-    """A robot that follows a face with ``rules``, by ``body``, in a ``scenario``. Equal seeds make equal traces.
+    """A robot that follows a face with ``rules``, by ``body``, in a ``scenario``. Equal seeds give equal traces.
 
-    ``lag`` (seconds) is what the behaviour believes that the base takes to begin what it is told.
+    ``lag`` is the base's lag in seconds that the behaviour assumes.
     """
 
     def __init__(
@@ -367,8 +367,8 @@ class TrackingTrial:
         self._scenario = scenario
         self._timeline = Timeline()
         self._clock = self._timeline.clock
-        self._random = Random(f"{scenario.name} {body} {seed}")  # noqa: S311 - noise is no secret
-        self._begin = -radians(60) if body is TrackingBody.HEAD else 0.0  # a head walks from one side to the other
+        self._random = Random(f"{scenario.name} {body} {seed}")  # noqa: S311 - noise needs no security
+        self._begin = -radians(60) if body is TrackingBody.HEAD else 0.0  # the head turns from one side to the other
         self._head = None if body is TrackingBody.BASE else self._make_head()
         self._base = None if body is TrackingBody.HEAD else self._make_base(scenario.base_lag)
         self._sight = FilteredSight(self._random, self._estimated_gaze, self._clock.now)
@@ -401,7 +401,7 @@ class TrackingTrial:
         )
 
     def run(self) -> TrackingTrace:
-        """Run it to its end; return what it showed."""
+        """Run the trial to its end; return its trace."""
         timeline = self._timeline
         twins = [twin for twin in (self._base, self._head) if twin is not None]
         for twin in twins:
@@ -420,21 +420,21 @@ class TrackingTrial:
 
     @property
     def delay(self) -> CameraDelay:
-        """What was learnt of how late the camera stamps its pictures."""
+        """Measured stamp delay of the camera."""
         return self._sight.delay
 
     def _time(self) -> float:
-        """Return the time of the scenario: it begins with the first picture, or when the robot has learnt."""
+        """Return the scenario time, which is 0 at the first picture or at the end of the learning time."""
         return round(self._clock.now() - WARM_UP_TIME - FRAME_PHASE - self._scenario.learning_time, 9)
 
     def _true_gaze(self) -> float:
-        """Return where the camera truly looks, in radians."""
+        """Return the camera's true direction in radians."""
         now = self._clock.now()
         pan = 0.0 if self._head is None else self._head.true_pose(now).pan
         return pan + (0.0 if self._base is None else self._base.true_pose(now).heading)
 
     def _estimated_gaze(self, time: float) -> Gaze:
-        """Return where the robot believes that the camera looked at a time."""
+        """Return the robot's estimate of the camera's direction at a time."""
         pose = None if self._head is None else self._head.pose_at(time)
         heading = 0.0 if self._base is None else self._base.heading_at(time) or 0.0
         return Gaze(heading + (pose.pan if pose else 0.0), pose.tilt if pose else 0.0)
@@ -455,7 +455,7 @@ class TrackingTrial:
         if not boxes or self._random.random() < scenario.drop_share:
             return
         late = scenario.latency + (self._random.uniform(-1, 1) * scenario.jitter if scenario.jitter else 0.0)
-        self._last_arrival = max(now + max(late, 0.0), self._last_arrival)  # no picture overtakes another
+        self._last_arrival = max(now + max(late, 0.0), self._last_arrival)  # pictures arrive in order
         if self._time() >= 0:
             self._trace.known_times.append(self._last_arrival - now + self._time())
         stamp = now + scenario.delay(self._time())

@@ -1,6 +1,6 @@
-"""Tuning: a search for the numbers of a controller file with which the simulated robot tracks best.
+"""Search for the numbers of a controller file with which the simulated robot tracks best.
 
-The search is differential evolution (Storn and Price 1997), as SciPy has it. Needs the extra ``tune``.
+The search is differential evolution (Storn and Price 1997), from SciPy. Needs the extra ``tune``.
 """
 
 from collections import defaultdict
@@ -20,16 +20,16 @@ from missions.plugins.testing.controllers.bench import Score, score_trial
 from missions.plugins.testing.controllers.tracking_trial import SCENARIOS, Scenario, TrackingBody, TrackingTrial
 
 BODY_OF_RULES: Mapping[str, TrackingBody] = {"pan": TrackingBody.HEAD, "turn": TrackingBody.BASE}
-"""The rule bases that can be tuned, and the body with which each is tried."""
+"""Rule bases that can be tuned, and the body on which each is tried."""
 
 TUNING_SCENARIOS: Sequence[Scenario] = (SCENARIOS[0], SCENARIOS[1])
-"""What they are tried in: the step and the walk."""
+"""Scenarios of the search: the step and the walk."""
 
 FIRST_SEED = 100
-"""The first seed of the trials; those of the bench are others, so that nobody learns by heart what is asked."""
+"""First seed of the trials. The benchmark uses others, so that tuning cannot overfit to it."""
 
 MAX_LOG_FACTOR = log2(2.5)
-"""A number is changed by a factor of up to 2.5 either way."""
+"""Base-2 logarithm of the largest factor: numbers change by up to 2.5 times either way."""
 
 NEVER_CENTRED_COST, LOST_FACE_COST, INVALID_COST = 10.0, 50.0, 1000.0
 """What it costs to be never centred, to lose the face, and to be no controller at all."""
@@ -37,7 +37,7 @@ NEVER_CENTRED_COST, LOST_FACE_COST, INVALID_COST = 10.0, 50.0, 1000.0
 
 @dataclass(frozen=True, slots=True)
 class FigureGroup:
-    """Numbers that are changed together: those of one variable that are equal but for their sign."""
+    """Figures that are changed together: those of one variable that are equal except for their sign."""
 
     name: str
     figures: tuple[TunableNumber, ...]
@@ -45,7 +45,7 @@ class FigureGroup:
 
 @dataclass(frozen=True, slots=True)
 class TuningResult:
-    """What came of it: the text of the new file, and the costs of the old and the new one."""
+    """Text of the new file, and the costs before and after tuning."""
 
     text: str
     before: float
@@ -53,9 +53,9 @@ class TuningResult:
 
 
 class ControllerTuning:
-    """The search for the numbers of one rule base of the controller file ``source``.
+    """Search for the numbers of one rule base of the controller file ``source``.
 
-    Raises InvalidFileError for a file that is none, ValueError for a controller that is wrong or has no such rules.
+    Raises InvalidFileError for an invalid file, ValueError for an invalid controller or one without such rules.
     """
 
     def __init__(self, source: SourceText, rules: str) -> None:
@@ -75,16 +75,16 @@ class ControllerTuning:
         on_cost: Callable[[float], object],
         on_better: Callable[[str], object] = lambda _: None,
     ) -> TuningResult:
-        """Try about ``evaluations`` variants, and return the best; ``progress`` is told the cost of each.
+        """Try about ``evaluations`` variants and return the best; ``progress`` gets the cost of each.
 
-        ``better`` is told the text of each that is better than all before it, the numbers of today among them.
+        ``better`` gets the text of each new best variant, beginning with the current numbers.
         """
         size = max(5, min(2 * len(self.groups), evaluations // 4))
         spent: list[float] = []
 
         def cost(factors: Sequence[float]) -> float:
             found = self.cost(factors)
-            if spent and found < min(spent):  # the first are the numbers of today
+            if spent and found < min(spent):  # the first are the current numbers
                 on_better(self.text(factors))
             spent.append(found)
             on_cost(found)
@@ -112,7 +112,7 @@ class ControllerTuning:
         return TuningResult(self.text(result.x), before, float(result.fun))
 
     def text(self, factors: Sequence[float]) -> str:
-        """Return the file with each knob's numbers multiplied by 2 to the power of its factor."""
+        """Return the file with each group's numbers multiplied by 2 to the power of its factor."""
         changes: dict[Mark, str] = {}
         for knob, factor in zip(self.groups, factors, strict=True):
             for figure in knob.figures:
@@ -120,15 +120,15 @@ class ControllerTuning:
         return replace_words(self._source, changes)
 
     def cost(self, factors: Sequence[float]) -> float:
-        """Return how badly the controller does with these factors: the mean over the trials, least is best."""
+        """Return the mean cost of the trials with these factors; lower is better."""
         try:
             values = parse_controller(SourceText(self._source.name, self.text(factors))).values
-            # The other rule bases play no part in the trials, and would only have to be worked out.
+            # The other rule bases are not used in the trials; computing them would cost time.
             rules = RuleBases.from_mapping({key: values[key] for key in (self._rules, "predict") if key in values})
         except (InvalidFileError, ValueError):
-            return INVALID_COST  # terms that no longer overlap, or points that do not rise
+            return INVALID_COST  # disjoint terms, or corners out of order
         if not self._keeps_order(factors):
-            return INVALID_COST  # "left" farther out than "far left" is no longer what the words say
+            return INVALID_COST  # "left" must not be farther out than "far left"
         costs = [
             cost_of(
                 score_trial(TrackingTrial(rules, scenario, self._body, seed=FIRST_SEED + n).run(), scenario, self._body)
@@ -138,7 +138,7 @@ class ControllerTuning:
         return sum(costs) / len(costs)
 
     def _keeps_order(self, factors: Sequence[float]) -> bool:
-        """Say whether the numbers of each variable still stand in the order in which they stood."""
+        """Return whether the numbers of each variable keep their order."""
         order: dict[tuple[str, ...], list[tuple[float, float]]] = defaultdict(list)
         for knob, factor in zip(self.groups, factors, strict=True):
             for figure in knob.figures:
@@ -147,7 +147,7 @@ class ControllerTuning:
 
 
 def figure_groups(source: SourceText, rules: str) -> list[FigureGroup]:
-    """Return what can be changed of one rule base: mirror images together, so that left and right stay alike."""
+    """Return the groups of figures of one rule base; mirrored figures share a group, so left and right stay alike."""
     found: dict[tuple[tuple[str, ...], float], list[TunableNumber]] = defaultdict(list)
     for figure in tunable_numbers(source):
         if figure.keys[0] == rules and figure.number:
@@ -158,7 +158,7 @@ def figure_groups(source: SourceText, rules: str) -> list[FigureGroup]:
 
 
 def cost_of(found: Score) -> float:
-    """Return what a score costs: times the bound, degrees of overshoot and of error, all about 1 when they are good."""
+    """Return the cost of a score: ratio to the bound, overshoot and error in degrees, each about 1 if good."""
     if found.rms is None:
         return LOST_FACE_COST
     centred = NEVER_CENTRED_COST if found.ratio is None else min(found.ratio, NEVER_CENTRED_COST)
@@ -166,7 +166,7 @@ def cost_of(found: Score) -> float:
 
 
 def _initial_population(size: int, knobs: int, seed: int) -> npt.NDArray[np.float64]:
-    """Return ``size`` sets of factors to begin with, shape (size, knobs): drawn near 0, where the old numbers are."""
+    """Return ``size`` sets of initial factors, shape (size, knobs), drawn near 0, the current numbers."""
     return (
         np.random.default_rng(seed).normal(0.0, MAX_LOG_FACTOR / 3, (size, knobs)).clip(-MAX_LOG_FACTOR, MAX_LOG_FACTOR)
     )

@@ -1,1 +1,1 @@
-"""What a base does, and why, while something goes wrong: the product's own classes, stepped through."""
+"""Reaction of a base to faults, with reasons: the product's own classes, simulated step by step."""

@@ -1,4 +1,4 @@
-"""One setting of the failsafe page, stepped through: arbiter, reflexes and guard as they are, on a base in any hand."""
+"""Simulation of one scenario of the failsafe page: the real arbiter, reflexes and guard, on any base."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -28,45 +28,45 @@ if TYPE_CHECKING:
 # What may be chosen on the failsafe page: who drives a base how, what befalls it, how full it is, and its reflexes.
 
 ROBOT = "turtlebot2"
-"""Whose base it is, with its limits and reflexes."""
+"""Name of the robot whose base, limits and reflexes are used."""
 
 LEFT, CENTRE, RIGHT, NOTHING = Sides(left=True), Sides(centre=True), Sides(right=True), Sides()
 
 
 class BaseRig(Protocol):
-    """Whoever can do to a base what befalls it. ``base`` is what it does about that."""
+    """Base under test, with functions that act on its sensors, plug and battery."""
 
     @property
     def base(self) -> Base:
-        """The driver, or the twin."""
+        """The driver or twin under test."""
         ...
 
     @property
     def ranger(self) -> "StagedRanger":
-        """The range finder that guards it."""
+        """The range finder that guards the base."""
         ...
 
     def press_sensors(
         self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()
     ) -> None:
-        """Press and uncover its sensors."""
+        """Set the pressed bumpers, the uncovered cliff sensors and the pressed buttons."""
         ...
 
     def lift(self, *, up: bool) -> None:
-        """Take it off the floor, or put it back."""
+        """Lift the base off the floor, or put it back."""
         ...
 
     def set_plugged(self, *, is_plugged: bool) -> None:
-        """Plug it in, or unplug it."""
+        """Plug the base in, or unplug it."""
         ...
 
     def set_battery(self, percent: float, *, charging: bool) -> None:
-        """Leave so much in its battery."""
+        """Set the battery level in percent, and charging."""
         ...
 
 
 TimedActions = Sequence[tuple[float, Callable[[BaseRig], object]]]
-"""What is done to it, and so many seconds after the first of it."""
+"""Actions on the rig, each with its time in seconds after the first."""
 
 
 def _press_for(
@@ -97,7 +97,7 @@ WHO: Mapping[str, frozenset[Source]] = {
     "both": frozenset({Source.MISSION, Source.TELEOP}),
     "nobody": frozenset(),
 }
-"""Who commands: from the beginning on, and until something says no."""
+"""Sources of commands, which send until they are refused."""
 
 WISHES: Mapping[str, Velocity] = {
     "ahead": Velocity(0.2, 0.0),
@@ -107,7 +107,7 @@ WISHES: Mapping[str, Velocity] = {
     "back": Velocity(-0.2, 0.0),
     "turn": Velocity(0.0, radians(60)),
 }
-"""What they want."""
+"""Velocities that the sources command."""
 
 FAULTS: Mapping[str, TimedActions] = {
     "nothing": (),
@@ -132,7 +132,7 @@ FAULTS: Mapping[str, TimedActions] = {
     "no scans for 4 s": ((0.0, _freeze(frozen=True)), (4.0, _freeze(frozen=False))),
     "who drives falls silent": (),
 }
-"""What happens after ``FAULT_START``."""
+"""Faults, as actions from ``FAULT_START`` on."""
 
 SILENT_FAULT = "who drives falls silent"
 
@@ -142,19 +142,19 @@ BATTERIES: Mapping[str, tuple[float, bool]] = {
     "critical": (5.0, False),
     "critical, on the dock": (5.0, True),
 }
-"""How full its battery is, in percent, and whether it charges."""
+"""Battery level in percent, and whether it charges."""
 
 REFLEXES: Mapping[str, Mapping[str, Any]] = {
     "as it ships": {},
     "bumper: stop": {"bumper": "stop"},
     "latch": {"bumper": "latch", "cliff": "latch", "wheel_drop": "latch"},
 }
-"""What its file says of reflexes."""
+"""Reflex settings of the robot file."""
 
 
 @dataclass(frozen=True, slots=True)
 class FailsafeSetting:
-    """Words of ``WHO``, ``WISHES``, ``FAULTS``, ``BATTERIES`` and ``REFLEXES``. Raises KeyError for others."""
+    """Keys of ``WHO``, ``WISHES``, ``FAULTS``, ``BATTERIES`` and ``REFLEXES``. Raises KeyError for others."""
 
     who: str = "a mission"
     wish: str = "ahead"
@@ -175,7 +175,7 @@ CHOICES: Mapping[str, Sequence[str]] = {
     "battery": tuple(BATTERIES),
     "reflexes": tuple(REFLEXES),
 }
-"""What can be chosen, by the members of a ``FailsafeSetting``."""
+"""Available choices by field of a setting."""
 
 
 @cache
@@ -187,32 +187,32 @@ def _shipped_keys() -> BaseKeys:
 
 
 def keys_for(setting: FailsafeSetting) -> BaseKeys:
-    """Return what the robot file says of its base, with the reflexes of a setting."""
+    """Return the base keys of the robot file, with the reflexes of a setting."""
     keys = _shipped_keys()
     reflexes: Reflexes = replace(keys.reflexes, **REFLEXES[setting.reflexes])
     return replace(keys, reflexes=reflexes)
 
 
 FAULT_START, TIME_AFTER_FAULT = 1.01, 9.0
-"""Seconds after which something happens, and after that, when nobody looks any more."""
+"""Seconds from the start to the fault, and from the fault to the end of the simulation."""
 
 TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
-"""Seconds from one command to the next, of missions and of people, and from a report of the base to the next one."""
+"""Seconds between two commands of missions and of people, and from a base report to the next command."""
 
 LOOK_PHASE = 0.018
-"""Seconds from a report to a look at what has come of it: also over a wire it has arrived by then."""
+"""Seconds from a base report to the sample of its effect: enough for a serial connection."""
 
 WAITING = "waits"
-"""What whoever commands a base does that is not there."""
+"""Feedback to a source that commands an unplugged base."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioMoment:
-    """What is so from ``t`` seconds after the fault began on (negative: before it): compared by all the rest.
+    """State from ``t`` seconds after the fault began on (negative: before it); compared without ``t`` and ``ahead``.
 
-    ``source`` is who commands ("" for nobody), ``setpoint`` and ``limited`` are speeds (m/s, rad/s), ``reason`` is why
-    they differ and ``latched`` why it stands until it is enabled, as the driver tells it. ``mission`` and ``person``
-    are what these are told. ``ahead`` is how far the base is from where it was when the fault began, in metres.
+    ``source`` is the commanding source ("" for none), ``wanted`` and ``given`` are speeds (m/s, rad/s), ``because`` is
+    the reason of their difference, and ``latched`` the reason of the latch, from the driver. ``mission`` and ``person``
+    are the feedback to these sources. ``ahead`` is the distance in metres from the pose at the fault.
     """
 
     t: float
@@ -227,14 +227,14 @@ class ScenarioMoment:
 
     @property
     def compared_fields(self) -> tuple[object, ...]:
-        """All but when and where."""
+        """All fields except time and position."""
         return self.source, self.setpoint, self.limited, self.reason, self.latched, self.mission, self.person
 
 
 class CommandSource:
-    """A mission that tries again whenever a behaviour has failed, or a person who holds a key: until ``end_reason``.
+    """A mission that retries after each failed behaviour, or a person who holds a key, until ``end_reason`` is set.
 
-    ``feedback`` is what it was told at its last command; empty where it was obeyed, or has to wait for its turn.
+    ``feedback`` is the answer to its last command; empty if it was obeyed or waits for its turn.
     """
 
     def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
@@ -245,7 +245,7 @@ class CommandSource:
         self._permit = StaleCommandGuard(run, lambda: None)
 
     def command(self) -> None:
-        """Ask for it once more."""
+        """Send the command again."""
         if self.end_reason:
             return
         mission = self._source is Source.MISSION
@@ -261,13 +261,13 @@ class CommandSource:
             self.started_at = self._run.clock.now()
 
     def end(self, why: str) -> None:
-        """Ask for nothing any more."""
+        """Stop commanding, for a reason."""
         self._base.stop(source=self._source)
         self.feedback = self.end_reason = why
 
 
 class FailsafeScenario:
-    """One setting, on the base of a ``hand``, whose time is that of ``timeline``. ``moments`` is what came of it."""
+    """One setting on the base of a ``hand``, in the time of ``timeline``; results in ``moments``."""
 
     def __init__(self, setting: FailsafeSetting, timeline: Timeline, rig: BaseRig) -> None:
         self.moments: list[ScenarioMoment] = []
@@ -284,7 +284,7 @@ class FailsafeScenario:
             timeline.call_at(FAULT_START + after, partial(do, rig))
 
     def play(self) -> Sequence[ScenarioMoment]:
-        """Let it happen."""
+        """Run the scenario; return its moments."""
         self._base.open()
         self._timeline.call_every(TICK_INTERVAL, self._tick, start=TICK_INTERVAL + TICK_PHASE)
         self._timeline.call_every(BaseTwin.STEP_INTERVAL, self._look, start=LOOK_PHASE)
@@ -293,7 +293,7 @@ class FailsafeScenario:
         return self.moments
 
     def _tick(self) -> None:
-        """Do as the executive does: look at the base, then let whoever commands do so."""
+        """Act as the executive's tick: read the base, then send the sources' commands."""
         why = self._guard.check()
         mission = self._sources.get(Source.MISSION)
         if why and mission is not None and not mission.end_reason:
@@ -304,13 +304,13 @@ class FailsafeScenario:
             each.command()
 
     def _look(self) -> None:
-        """Keep what is new."""
+        """Record a moment if it differs from the last."""
         now, steering = self._timeline.clock.now(), self._base.steering()
         state: BaseState | None = self._base.state().value
         x = 0.0 if state is None else state.pose.x
         if now <= FAULT_START:
             self._origin = x
-        told = {who: each.feedback for who, each in self._sources.items()}
+        feedback = {who: each.feedback for who, each in self._sources.items()}
         moment = ScenarioMoment(
             round(now - FAULT_START, 3),
             steering.source or "",
@@ -318,8 +318,8 @@ class FailsafeScenario:
             _rounded(steering.allowed),
             steering.reason,
             self._base.latched,
-            told.get(Source.MISSION, ""),
-            told.get(Source.TELEOP, ""),
+            feedback.get(Source.MISSION, ""),
+            feedback.get(Source.TELEOP, ""),
             round(x - self._origin, 3),
         )
         if not self.moments or moment.compared_fields != self.moments[-1].compared_fields:
@@ -328,7 +328,7 @@ class FailsafeScenario:
 
 @dataclass(frozen=True, slots=True)
 class NullCallbacks:
-    """Whom a base tells that nobody watches: a ``drivers.base.arbitrated.BaseCallbacks``."""
+    """A ``drivers.base.arbitrated.BaseCallbacks`` that ignores all calls."""
 
     report: StatusCallback = ignore
     on_change: Callable[[], None] = ignore
@@ -336,7 +336,7 @@ class NullCallbacks:
 
 
 class TwinRig:
-    """A ``BaseRig`` on a twin, which it makes."""
+    """A ``BaseRig`` with a twin, which it creates."""
 
     def __init__(self, setting: FailsafeSetting, timeline: Timeline) -> None:
         self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), NullCallbacks()))
@@ -346,28 +346,24 @@ class TwinRig:
     def press_sensors(
         self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()
     ) -> None:
-        """See Hand."""
         self.base.press(bumper, cliff=cliff, buttons=buttons)
 
     def lift(self, *, up: bool) -> None:
-        """See Hand."""
         self.base.lift(up=up)
 
     def set_plugged(self, *, is_plugged: bool) -> None:
-        """See Hand."""
         if is_plugged:
             self.base.plug.plug_in()
         else:
             self.base.plug.unplug()
 
     def set_battery(self, percent: float, *, charging: bool) -> None:
-        """See Hand."""
         self.base.drain(percent)
         self.base.set_power(on=charging)
 
 
 def run_scenario(setting: FailsafeSetting) -> Sequence[ScenarioMoment]:
-    """Return what comes of a setting, on the twin."""
+    """Return the moments of a setting on the twin."""
     timeline = Timeline()
     return FailsafeScenario(setting, timeline, TwinRig(setting, timeline)).play()
 

@@ -1,4 +1,4 @@
-"""What comes of a setting of the failsafe page, in words."""
+"""Texts for the moments of the failsafe page."""
 
 from collections.abc import Sequence
 from math import degrees
@@ -13,9 +13,9 @@ ROLE_NAMES = {"mission": "the mission", "person": "the person"}
 
 
 def describe_moment(moment: ScenarioMoment) -> str:
-    """Return what the base does, why, and what whoever commands is told: "stands until it is enabled: cliff left"."""
-    told = [f"{ROLE_NAMES[name]} {said}" for name in ROLE_NAMES if (said := getattr(moment, name))]
-    return "; ".join([_describe_base(moment), *told])
+    """Return a text of base state, reason and feedback: "stands until it is enabled: cliff left"."""
+    parts = [f"{ROLE_NAMES[name]} {text}" for name in ROLE_NAMES if (text := getattr(moment, name))]
+    return "; ".join([_describe_base(moment), *parts])
 
 
 def _describe_base(moment: ScenarioMoment) -> str:
@@ -51,10 +51,10 @@ def _velocity_text(velocity: tuple[float, float]) -> str:
 
 
 def distinct_moments(moments: Sequence[ScenarioMoment]) -> Sequence[tuple[ScenarioMoment, str]]:
-    """Return the moments that say something new, with their words."""
-    told: list[tuple[ScenarioMoment, str]] = []
+    """Return the moments whose text is new, with their texts."""
+    found: list[tuple[ScenarioMoment, str]] = []
     for moment in moments:
         words = describe_moment(moment)
-        if not told or told[-1][1] != words:
-            told.append((moment, words))
-    return told
+        if not found or found[-1][1] != words:
+            found.append((moment, words))
+    return found

@@ -1,4 +1,4 @@
-"""A range finder for the failsafe page: it sees open floor, or one thing that is put before the base."""
+"""Range finder for the failsafe page: it sees open floor, or one object in front of the base."""
 
 from math import atan2, cos, hypot, radians, sin
 from typing import cast
@@ -10,13 +10,13 @@ from drivers.api.base import Base
 from drivers.clock import Clock
 
 SCAN_INTERVAL = 0.1
-"""Seconds from one scan to the next."""
+"""Seconds between two scans."""
 
 BEAM_COUNT = 360
 
 
 class StagedRanger:
-    """A ``drivers.api.Ranger`` that guards ``base``; ``frozen`` while no new scan comes."""
+    """A ``drivers.api.Ranger`` that guards ``base``; ``frozen`` stops new scans."""
 
     name = "range"
     place = (0.0, 0.0, 0.0)
@@ -24,13 +24,13 @@ class StagedRanger:
     def __init__(self, base: Base, clock: Clock) -> None:
         self.frozen = False
         self._base, self._clock = base, clock
-        self._thing: tuple[float, float] | None = None  # in the frame of the odometry
+        self._thing: tuple[float, float] | None = None  # (x, y) in the odometry frame
         self._scan: RangeScan | None = None
         if isinstance(base, Guardable):
             base.guard_by(cast("Ranger", self))
 
     def put(self, ahead: float | None) -> None:
-        """Put a thing so many metres before the rim of the base; take it away for None."""
+        """Put an object ``ahead`` metres from the rim of the base; None removes it."""
         pose = self._pose
         far = BASE_RADIUS + (ahead or 0.0)
         there = pose.x + far * cos(pose.heading), pose.y + far * sin(pose.heading)
@@ -38,14 +38,14 @@ class StagedRanger:
         self._scan = None if self.frozen else self._measure()
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the newest scan."""
+        """Return the latest scan."""
         now = self._clock.now()
         if self._scan is None or (not self.frozen and now - self._scan.stamp >= SCAN_INTERVAL):
             self._scan = self._measure()
         return Reading(self._scan, self._scan.stamp, Quality.GOOD)
 
     def health(self) -> Health:
-        """Say that it is there."""
+        """Return the health: always connected."""
         return Health(online=True)
 
     @property

@@ -1,7 +1,7 @@
-"""Recorders: a robot's parts that keep what they were told, in order, and feel what the test says.
+"""Recorders: parts of a robot that record their commands in order, and return readings set by the test.
 
-``base.commands == [drive(0.2, 0.0), STOP]`` is strict: a command too many fails as one too few does. ``times`` says
-when each was given.
+``base.commands == [drive(0.2, 0.0), STOP]`` is strict: an extra command fails like a missing one. ``times`` holds the
+time of each command.
 """
 
 from missions.plugins.testing.recorders.bench import (

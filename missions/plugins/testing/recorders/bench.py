@@ -1,4 +1,4 @@
-"""A run over a robot of recorders."""
+"""Test bench of a leaf: a run on a robot of recorders."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -67,15 +67,15 @@ from missions.plugins.testing.recorders.senses import (
 
 
 def drive(linear: float, angular: float) -> Velocity:
-    """Return what a base keeps when it is told to drive so, in m/s and rad/s."""
+    """Return the recorded form of a drive command, in m/s and rad/s."""
     return Velocity(linear, angular)
 
 
 class RecordedBase(Spy):
-    """A ``drivers.api.Base`` with all capabilities, unless the test sets one of them to None.
+    """A ``drivers.api.Base`` with all capabilities, except those that the test sets to None.
 
-    The test sets ``reading``, ``limits``, ``latched``, ``steers`` (who commands it) and ``performed`` (the progress of
-    an act of its legs), too.
+    The test also sets ``reading``, ``limits``, ``latched``, ``steers`` (the commanding source) and ``performed`` (the
+    progress of an act of its legs).
     """
 
     protocol = Base
@@ -92,58 +92,58 @@ class RecordedBase(Spy):
         self.steers = Steering(None, ZERO_VELOCITY, ZERO_VELOCITY)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Keep the velocity; of another source than a mission, with the source."""
+        """Record the velocity; for sources other than a mission, with the source."""
         self.record(velocity if source is Source.MISSION else (source, velocity))
         return velocity
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Keep the act, with the name of a gait; return ``performed``, which the test sets."""
+        """Record the act with its gait's name; return ``performed``."""
         self.record((act,) if gait is None else (act, gait.gait))
         return self.performed
 
     def stop(self, *, source: Source | None = None) -> None:
-        """Keep that it was told to stop, whoever is to."""
+        """Record a stop, from any source."""
         del source
         self.record_always(STOP)
 
     def latch(self, reason: str) -> None:
-        """Be latched, and keep that."""
+        """Latch, and record that."""
         self.latched = self.latched or reason
         self.record_always((LATCH, reason))
 
     def enable(self) -> None:
-        """Be latched no more, and keep that."""
+        """Release the latch, and record that."""
         self.latched = ""
         self.record_always(ENABLE)
 
     def steering(self) -> Steering:
-        """Return what the test has set."""
+        """Return the value set by the test."""
         return self.steers
 
     def play(self, tune: Tune) -> None:
-        """Keep the tune."""
+        """Record the tune."""
         self.record(tune)
 
     def tone(self, frequency: float, seconds: float) -> None:
-        """Keep the tone as (hertz, seconds)."""
+        """Record the tone as (hertz, seconds)."""
         self.record((frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
-        """Keep the light and its colour."""
+        """Record the light and its colour."""
         self.record((number, colour))
 
     def state(self) -> Reading[BaseState]:
-        """Return what the test has set."""
+        """Return the reading set by the test."""
         return self.reading
 
     def heading_at(self, stamp: float) -> float | None:
-        """Return the heading now, for want of a past."""
+        """Return the current heading: past ones are not stored."""
         del stamp
         return None if self.reading.value is None else self.reading.value.pose.heading
 
 
 class RecordedRanger(Spy):
-    """A ``drivers.api.Ranger`` in the middle of the base; the test sets ``reading``. Nothing is around it at first."""
+    """A ``drivers.api.Ranger`` in the middle of the base; the test sets ``reading``. At first it detects nothing."""
 
     protocol = Ranger
 
@@ -154,7 +154,7 @@ class RecordedRanger(Spy):
         self.show({})
 
     def show(self, distances: Mapping[int, float]) -> None:
-        """Let it see something at these distances (m), by whole degrees to the left of straight ahead, now."""
+        """Set the scan to these distances (m) by whole degrees, counter-clockwise from straight ahead, stamped now."""
         ranges = np.full(360, np.nan, dtype=np.float32)
         for angle, distance in distances.items():
             ranges[angle % 360] = distance
@@ -164,7 +164,7 @@ class RecordedRanger(Spy):
         self.reading = Reading(scan, now, Quality.GOOD)
 
     def scan(self) -> Reading[RangeScan]:
-        """Return what the test has set."""
+        """Return the reading set by the test."""
         return self.reading
 
 
@@ -182,27 +182,27 @@ class RecordedHead(Spy):
         self.reading: Reading[HeadPose] = good(HeadPose(0.0, 0.0))
 
     def look(self, target: HeadPose) -> HeadPose:
-        """Keep the pose as clamped."""
+        """Record the pose, clamped to the limits."""
         return self.record(self.limits.clamp(target))
 
     def pose(self) -> Reading[HeadPose]:
-        """Return what the test has set."""
+        """Return the reading set by the test."""
         return self.reading
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Return the pose now, for want of a past."""
+        """Return the current pose: past ones are not stored."""
         del stamp
         return self.reading.value
 
     def stop(self) -> None:
-        """Keep that it was told to stop."""
+        """Record a stop."""
         self.record_always(STOP)
 
 
 class RecordedJoints(Spy):
-    """A ``drivers.api.Joints``; the test sets ``limits``, the ``readings`` by name, and which joints are ``shut``.
+    """A ``drivers.api.Joints``; the test sets ``limits``, the ``readings`` by name, and the joints ``shut`` down.
 
-    It keeps moves as mappings of goals, whose speeds are in ``speeds``, and couplings as tuples.
+    Moves are recorded as mappings of goals, with their speeds in ``speeds``; couplings as tuples.
     """
 
     protocol = Joints
@@ -219,38 +219,38 @@ class RecordedJoints(Spy):
         self.place({"shoulder": 0.0, "elbow": 0.0})
 
     def place(self, positions: Mapping[str, float], *, stiff: bool = True) -> None:
-        """Put joints where they are to be, in radians, and let that be measured now."""
+        """Set measured joint angles in radians, stamped now."""
         for joint, position in positions.items():
             self.set_state(joint, JointState(position, 0.0, None, 0.0, 12.0, 30.0, moving=False, torque=stiff))
 
     def set_state(self, joint: str, state: JointState) -> None:
-        """Let a joint feel this, and let that be measured now."""
+        """Set the measured state of a joint, stamped now."""
         self.readings[joint] = Reading(state, self.clock.now(), Quality.GOOD)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
-        """Keep the goals, and the speeds."""
+        """Record the goals and the speeds."""
         kept = self.record(dict(goals))
         self.speeds.append(dict(speeds or {}))
         return kept
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """Return what the test has set."""
+        """Return the readings set by the test."""
         return self.readings
 
     def hold(self, joints: Collection[str] | None = None) -> None:
-        """Keep that it, or these joints, were told to hold."""
+        """Record a hold of all joints, or of these."""
         self.record_always(HOLD if joints is None else (HOLD, *joints))
 
     def relax(self, joints: Collection[str] | None = None) -> None:
-        """Keep that it, or these joints, were told to relax."""
+        """Record a relax of all joints, or of these."""
         self.record_always(RELAX if joints is None else (RELAX, *joints))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Keep the couplings."""
+        """Record the couplings."""
         self.record(tuple(couplings))
 
     def recover(self) -> tuple[str, ...]:
-        """Keep that it was told to recover; return those that were shut."""
+        """Record a recovery; return the joints that were shut down."""
         self.record(RECOVER)
         recovered, self.shut = self.shut, ()
         return recovered
@@ -260,9 +260,10 @@ class RecordedJoints(Spy):
 
 
 class RecordedRos2(Spy):
-    """Keeps what was begun, called, sent and cancelled.
+    """Records the requests to ROS 2: calls, goals, places and cancellations.
 
-    ``goal_progress`` is how far every request has come, ``messages`` the newest messages by topic, ``nav2`` whether there is Nav2.
+    ``goal_progress`` is the progress of every request, ``messages`` the latest message by topic, ``nav2`` whether Nav2
+    exists.
     """
 
     protocol = Ros2
@@ -274,39 +275,39 @@ class RecordedRos2(Spy):
         self.messages: dict[str, Reading[str]] = {}
 
     def navigates(self) -> bool:
-        """Whether there is Nav2."""
+        """Return whether Nav2 exists."""
         return self.nav2
 
     def does(self, name: str) -> bool:
-        """Whether there is anything."""
+        """Return whether an action or service exists, as set by the test."""
         del name
         return self.nav2
 
     offers = does
 
     def nodes(self) -> int:
-        """One node."""
+        """Return the number of nodes: one."""
         return 1
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return what the test says of a topic."""
+        """Return the message of a topic set by the test."""
         return self.messages.get(topic, none())
 
     def progress(self, number: int) -> Progress:
-        """Return how far all have come."""
+        """Return the progress set by the test for all requests."""
         del number
         return self.goal_progress
 
     def call(self, *given: str) -> int:
-        """Keep a call."""
+        """Record a call."""
         return self._record_request("call", given)
 
     def begin(self, *given: str) -> int:
-        """Keep a goal."""
+        """Record a goal."""
         return self._record_request("begin", given)
 
     def navigate(self, *given: object) -> int:
-        """Keep the places."""
+        """Record the places."""
         return self._record_request("navigate", given)
 
     def _record_request(self, word: str, given: tuple[object, ...]) -> int:
@@ -314,11 +315,11 @@ class RecordedRos2(Spy):
         return len(self.commands)
 
     def cancel(self, number: int) -> None:
-        """Keep that a request is cancelled."""
+        """Record the cancellation of a request."""
         self.record_always(("cancel", number))
 
     def stop(self) -> None:
-        """Keep that all are."""
+        """Record the cancellation of all requests."""
         self.record_always(STOP)
 
 
@@ -326,9 +327,9 @@ class RecordedRos2(Spy):
 
 
 class RecordedScreen(Spy):
-    """A ``drivers.api.Screen``: keeps moods, texts, and openings of the mouth as numbers, in one row.
+    """A ``drivers.api.Screen`` that records moods, texts and mouth openings in one list.
 
-    Like the real one it raises nothing in trouble. ``now`` is what it shows.
+    Like the real one, it raises no errors. ``now`` is its current content.
     """
 
     protocol = Screen
@@ -338,22 +339,22 @@ class RecordedScreen(Spy):
         self.now = ScreenContent()
 
     def mood(self, mood: Mood) -> None:
-        """Keep the mood."""
+        """Record the mood."""
         self.record_always(mood)
         self.now = ScreenContent(mood, self.now.text, self.now.mouth)
 
     def show(self, text: str) -> None:
-        """Keep the text."""
+        """Record the text."""
         self.record_always(text)
         self.now = ScreenContent(self.now.mood, text, self.now.mouth)
 
     def mouth(self, opening: float) -> None:
-        """Keep how far the mouth is to open."""
+        """Record the mouth opening."""
         self.record_always(opening)
         self.now = ScreenContent(self.now.mood, self.now.text, opening)
 
     def content(self) -> ScreenContent:
-        """Return what it was told."""
+        """Return the current content."""
         return self.now
 
 
@@ -361,10 +362,10 @@ L = TypeVar("L", bound=Leaf)
 
 
 class LeafTestBench:
-    """A run over a robot of recorders: ``safe_stops`` keeps what had to be stopped for a leaf, ``status_changes`` what changed.
+    """A run on a robot of recorders: ``safe_stops`` has the parts stopped for leaves, ``status_changes`` the changes.
 
-    That ``robot`` takes the recorders is also what holds them to the protocols: mypy checks it. ``others`` are those of
-    parts for which none is written, by their fields in ``Robot``: they keep commands by their names.
+    The assignment to ``robot`` lets mypy check the recorders against the protocols. ``others`` are plain spies for the
+    parts without a recorder, by field of ``Robot``.
     """
 
     def __init__(self, clock: ManualClock | None = None) -> None:
@@ -409,20 +410,20 @@ class LeafTestBench:
         return leaf
 
     def tick(self, node: Node, *, after: float = 0.05) -> Status:
-        """Let ``after`` seconds pass, then tick once."""
+        """Advance the clock by ``after`` seconds, then tick once."""
         self.clock.advance(after)
         self.run.tick += 1
         return node.execute_tick()
 
     def halt(self, node: Node, *, after: float = 0.05) -> bool:
-        """Let ``after`` seconds pass, then ask it to halt, as a tick does."""
+        """Advance the clock by ``after`` seconds, then halt the node as a tick does; return whether it has halted."""
         self.clock.advance(after)
         self.run.tick += 1
         return node.halt()
 
 
 def plain_spy(kind: PartKind, clock: ManualClock) -> Spy:
-    """Return a spy for parts of a kind, by its protocol alone."""
+    """Return a spy for parts of a kind, from its protocol alone."""
     protocol = resolve_name(kind.leaf_protocol or kind.protocol)
-    made: type[Spy] = type(f"Recorded{protocol.__name__}", (Spy,), {"protocol": protocol})
-    return made(kind.name, clock)
+    spy_class: type[Spy] = type(f"Recorded{protocol.__name__}", (Spy,), {"protocol": protocol})
+    return spy_class(kind.name, clock)

@@ -1,4 +1,4 @@
-"""A voice that keeps what it says, eyes that see and ears that hear what a test has set."""
+"""Recorders of voice, sight and hearing: they record commands, and return values set by a test."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ C = TypeVar("C")
 
 STOP, HOLD, RELAX, REST, CANCEL, RECOVER = "stop", "hold", "relax", "rest", "cancel", "recover"
 LATCH, ENABLE = "latch", "enable"
-"""The commands without a value, as recorders keep them; with joints, as a tuple: ``(HOLD, "elbow")``."""
+"""Recorded forms of commands without a value; with joints, a tuple: ``(HOLD, "elbow")``."""
 
 OFFLINE_ERROR = NotConnected("the cable is out", hint="plug it in")
 
@@ -28,21 +28,20 @@ def good(value: T) -> Reading[T]:
 
 
 def stale(value: T) -> Reading[T]:
-    """Return a reading from too long ago."""
+    """Return a reading that is too old."""
     return Reading(value, 0.0, Quality.STALE)
 
 
 def none() -> Reading[T]:
-    """Return the reading of what was never measured."""
+    """Return a reading without a measurement."""
     return Reading(None, 0.0, Quality.NONE)
 
 
 class Spy:
-    """A part that keeps its commands: ``trouble`` is raised by every command that may raise, which is not kept.
+    """A part that records its commands. If ``trouble`` is set, every command that may raise raises it, unrecorded.
 
-    A command of the ``protocol`` that no method here is written for is kept as its name, or as a tuple of its name and
-    arguments: ``("chirp", 0.5)``. A question or property that none is written for raises NotConnected until the test
-    sets it.
+    A command of the ``protocol`` without a method here is recorded as its name, or as a tuple of its name and
+    arguments: ``("chirp", 0.5)``. A query or property without one raises NotConnected until the test sets it.
     """
 
     protocol: ClassVar[type] = Device
@@ -55,13 +54,13 @@ class Spy:
         self.trouble: Exception | None = None
 
     def record(self, command: C) -> C:
-        """Keep a command, or raise the trouble."""
+        """Record a command, or raise the trouble."""
         if self.trouble is not None:
             raise self.trouble
         return self.record_always(command)
 
     def record_always(self, command: C) -> C:
-        """Keep a command that is safe in any state."""
+        """Record a command that is safe in any state."""
         self.commands.append(command)
         self.times.append(self.clock.now())
         return command
@@ -70,24 +69,24 @@ class Spy:
         """Do nothing."""
 
     def rest(self) -> None:
-        """Keep that it was told to rest."""
+        """Record a rest."""
         self.record_always(REST)
 
     def close(self) -> None:
         """Do nothing."""
 
     def health(self) -> Health:
-        """Say that it is there, unless it is in trouble."""
+        """Return the health: connected unless in trouble."""
         return Health(self.trouble is None, str(self.trouble or ""))
 
     def __getattr__(self, name: str) -> Any:
-        """Return a member of the protocol for which there is no method."""
+        """Return a member of the protocol that has no method here."""
         member = members(self.protocol).get(name)
         if member is None:
             raise AttributeError(f"{type(self).__name__} has no {name!r}")
         if member.command is not None:
             return lambda *given, **named: self._record_call(name, *given, *named.values())
-        unknown = NotConnected(f"{self.name}: no test has set its {name}", hint=f"set bench.{self.name}.{name}")
+        unknown = NotConnected(f"{self.name}: its {name} is not set", hint=f"set bench.{self.name}.{name}")
         if member.kind == "property":
             raise unknown
         return _raise_always(unknown)
@@ -104,7 +103,7 @@ def _raise_always(error: NotConnected) -> Callable[..., object]:
 
 
 class RecordedUtterance:
-    """A ``drivers.api.Utterance`` that began when it was asked for; the test sets ``ended``, and ``cancelled``."""
+    """A ``drivers.api.Utterance`` that has begun; the test sets ``ended`` and ``cancelled``."""
 
     mouth: Sequence[MouthShape] = ()
 
@@ -114,20 +113,20 @@ class RecordedUtterance:
         self._voice = voice
 
     def done(self) -> bool:
-        """True once the test, or a cancellation, has ended it."""
+        """Whether the test or a cancellation has ended it."""
         return self.ended
 
     def cancel(self) -> None:
-        """Keep the cancellation, and end."""
+        """Record the cancellation, and end."""
         self.cancelled = self.cancelled or not self.ended
         self.ended = True
         self._voice.record_always(CANCEL)
 
 
 class RecordedVoice(Spy):
-    """A ``drivers.api.Voice``: keeps each text as it is, with its manner and priority where those are not the usual.
+    """A ``drivers.api.Voice`` that records each text, with manner and priority if not the default.
 
-    Of a sound it keeps the path; the utterances are in ``said``.
+    Of a sound it records the path; ``said`` holds the utterances.
     """
 
     protocol = Voice
@@ -139,20 +138,20 @@ class RecordedVoice(Spy):
     def say(
         self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL
     ) -> RecordedUtterance:
-        """Keep the text."""
+        """Record the text."""
         usual = manner == DEFAULT_STYLE and priority is Priority.NORMAL
         self.record(text if usual else (text, manner, priority))
         self.said.append(RecordedUtterance(self))
         return self.said[-1]
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> RecordedUtterance:
-        """Keep the path."""
+        """Record the path."""
         self.record(path if priority is Priority.NORMAL else (path, priority))
         self.said.append(RecordedUtterance(self))
         return self.said[-1]
 
     def speaking(self) -> RecordedUtterance | None:
-        """Return the first that has not ended."""
+        """Return the first utterance that has not ended."""
         return next((words for words in self.said if not words.ended), None)
 
 
@@ -167,30 +166,30 @@ class RecordedSight:
         self.shown: Scene | None = None
 
     def faces(self) -> Sequence[Face]:
-        """Return what the test has set."""
+        """Return the faces set by the test."""
         return self.seen
 
     def things(self) -> Sequence[Thing]:
-        """Return what the test has set."""
+        """Return the objects set by the test."""
         return self.found
 
     def markers(self) -> Sequence[Marker]:
-        """Return what the test has set."""
+        """Return the markers set by the test."""
         return self.marked
 
     def looked(self) -> float | None:
-        """Return what the test has set."""
+        """Return the time of the last search set by the test."""
         return self.searched
 
     def scene(self) -> Scene | None:
-        """Return what the test has set."""
+        """Return the scene set by the test."""
         return self.shown
 
 
 class RecordedHearing:
-    """A ``perception.api.Hearing``: the test sets ``understood``, ``unknown`` and ``heard_until``, or has words said.
+    """A ``perception.api.Hearing``: the test sets ``understood``, ``unknown`` and ``heard_until``, or calls ``say``.
 
-    It hears until now, where the test has not set another time.
+    Unless the test sets ``heard_until``, it has listened until now.
     """
 
     def __init__(self, clock: ManualClock) -> None:
@@ -201,7 +200,7 @@ class RecordedHearing:
         self._clock = clock
 
     def say(self, phrase: str, *, seconds: float = 0.5, accepted: bool = True) -> Words:
-        """Have somebody say a phrase, from ``seconds`` ago until now; or something that is only near to it."""
+        """Add a phrase spoken from ``seconds`` ago until now; with ``accepted=False``, one that was not recognised."""
         now, number = self._clock.now(), len(self.understood) + len(self.unknown) + 1
         words = Words(number, phrase, now - seconds, now, 3.0 if accepted else -3.0)
         if accepted:
@@ -211,19 +210,19 @@ class RecordedHearing:
         return words
 
     def words(self) -> Sequence[Words]:
-        """Return what the test has set."""
+        """Return the recognised phrases."""
         return self.understood
 
     def refused(self) -> Sequence[Words]:
-        """Return what the test has set."""
+        """Return the phrases that were not recognised."""
         return self.unknown
 
     def listened(self) -> float | None:
-        """Return what the test has set, else now."""
+        """Return the time set by the test, by default now."""
         return self._clock.now() if self.heard_until is None else self.heard_until
 
     def level(self) -> float:
-        """Return what the test has set."""
+        """Return the sound level set by the test."""
         return self.loudness
 
 
@@ -236,7 +235,7 @@ def face(
     yaw: float = 0.0,
     pitch: float = 0.0,
 ) -> Face:
-    """Return a face that stands still, seen at ``stamp``; angles in radians."""
+    """Return a face at rest seen at ``stamp``; angles in radians."""
     return Face(
         number,
         stamp,

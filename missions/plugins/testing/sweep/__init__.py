@@ -1,1 +1,1 @@
-"""Many runs of one mission over seeds and variations of its world: how often it succeeds, how fast, why it fails."""
+"""Sweeps: many runs of one mission over seeds and variations, with success rate, times and causes of failure."""

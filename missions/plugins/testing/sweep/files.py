@@ -1,4 +1,4 @@
-"""What a sweep leaves in a folder: every run as CSV, the summary as JSON, the worlds of the worst runs."""
+"""Output files of a sweep: runs as CSV, summary as JSON, worlds of the worst runs."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ RUNS, SUMMARY, PICTURE, WORLDS = "runs.csv", "summary.json", "sweep.png", "world
 
 
 def runs_csv(rows: Iterable[SweepRow], variations: Sequence[Variation], *, heading: bool = True) -> str:
-    """Return all runs as CSV: the same text wherever and on however many workers they ran."""
+    """Return all runs as CSV; the text does not depend on the machine or the number of workers."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     if heading:
@@ -30,7 +30,7 @@ def runs_csv(rows: Iterable[SweepRow], variations: Sequence[Variation], *, headi
 
 
 def summary_json(summary: Summary, about: Mapping[str, object]) -> str:
-    """Return the summary as JSON, with what the sweep was ``about``."""
+    """Return the summary as JSON, with the sweep's settings ``about``."""
     low, high = summary.rate.interval
     found: dict[str, object] = {
         **about,
@@ -58,13 +58,13 @@ def summary_json(summary: Summary, about: Mapping[str, object]) -> str:
 
 
 def write_world(sweep: SweepPlan, seed: int, path: Path) -> None:
-    """Write the world of one run as a world file. Raises ValueError for a world that cannot be, OSError."""
+    """Write the world of one run as a world file. Raises ValueError for an invalid world, OSError."""
     text = sweep.world_of(sweep.draw(seed), seed)
     save_file(path, f"# As it is for run {seed} of a sweep.\n{text}")
 
 
 class SweepFolder:
-    """The folder that a sweep writes into."""
+    """Output folder of a sweep."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -72,25 +72,25 @@ class SweepFolder:
         self._has_rows = False
 
     def prepare(self, *, force: bool) -> None:
-        """Make the folder, so that what is wrong with it is known before the first run.
+        """Create the folder, so that errors show before the first run.
 
-        What an earlier sweep has left stays until there is something to take its place. Raises FileExistsError for
-        that, unless with ``force``; OSError.
+        Files of an earlier sweep stay until they are replaced. Raises FileExistsError for them unless ``force``;
+        OSError.
         """
         for path in self._old_files():
             if not force:
-                raise FileExistsError(f"{path} is there already")
+                raise FileExistsError(f"{path} already exists")
         self._worlds.mkdir(parents=True, exist_ok=True)
 
     def _old_files(self) -> list[Path]:
-        """Return what an earlier sweep has left."""
+        """Return the files of an earlier sweep."""
         left = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
         return [path for path in left if path.exists()]
 
     def append_row(self, sweep: SweepPlan, row: SweepRow) -> None:
-        """Write a run as soon as it is done, so that it is there whatever ends the sweep. Raises OSError.
+        """Append a run to the CSV at once, so that an interrupted sweep keeps it. Raises OSError.
 
-        The first takes the place of what an earlier sweep has left.
+        The first run replaces the files of an earlier sweep.
         """
         if not self._has_rows:
             self._clear()
@@ -103,14 +103,14 @@ class SweepFolder:
             path.unlink()
 
     def write(self, sweep: SweepPlan, rows: Sequence[SweepRow], summary: Summary, about: Mapping[str, object]) -> None:
-        """Write all but the picture, in the place of what an earlier sweep has left. Raises OSError."""
+        """Write all files except the picture, replacing those of an earlier sweep. Raises OSError."""
         self._clear()
         for row in summary.worst:
-            with suppress(ValueError):  # what is wrong with this world is the reason of its row
+            with suppress(ValueError):  # the row has the error of this world as its reason
                 write_world(sweep, row.seed, self.world_file(row.seed))
         save_file(self.path / RUNS, runs_csv(rows, sweep.variations))
         save_file(self.path / SUMMARY, summary_json(summary, about))
 
     def world_file(self, seed: int) -> Path:
-        """Return where the world of one of the worst runs is."""
+        """Return the path of the world of one of the worst runs."""
         return self._worlds / f"{seed}.yaml"

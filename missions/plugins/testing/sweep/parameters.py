@@ -1,4 +1,4 @@
-"""What can be varied in a world, by name, and how a world file changes by it."""
+"""Parameters that a sweep can vary, by name, and their effect on a world file."""
 
 import re
 from collections.abc import Callable
@@ -16,17 +16,17 @@ NEAR_DISTANCE, FAR_DISTANCE, MAX_BEARING = 1.2, 3.0, 50.0
 """Metres between which they stand from the robot, and degrees to each side of it."""
 
 PUSH_WINDOW = 3.0, 7.0
-"""Seconds from the beginning between which a robot is pushed."""
+"""Times in seconds between which the robot is pushed."""
 
 ApplyValue = Callable[[PlainMapping, DrawnValue, Random], None]
-"""Sets a value in a world's plain data; what else is drawn by chance, from this run's own. Raises ValueError."""
+"""Sets a value in a world's plain data; further random choices come from this run's own source. Raises ValueError."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepParameter:
-    """One thing that can be varied: the ``kind`` of its values, what it is, and what sets it.
+    """A parameter that can be varied: the ``kind`` of its values, its description, and the function that applies it.
 
-    ``rank`` sorts: what others build on is turned first.
+    ``rank`` sorts parameters: those on which others depend are applied first.
     """
 
     kind: str
@@ -36,7 +36,7 @@ class SweepParameter:
 
 
 def find_parameter(name: str) -> SweepParameter:
-    """Return what ``name`` varies. Raises LookupError with what is near it, or all there is."""
+    """Return the parameter ``name``. Raises LookupError with similar names, or all names."""
     knobs = _world_parameters()
     if name in knobs:
         return knobs[name]
@@ -58,41 +58,37 @@ def find_parameter(name: str) -> SweepParameter:
 
 
 def parameter_names() -> list[str]:
-    """Return all that can be varied, as a user writes it."""
+    """Return the names of all parameters, as a user writes them."""
     return [*_world_parameters(), *(f"person.{each}" for each in PERSON_PARAMETERS), "param.NAME"]
 
 
 def _world_parameters() -> dict[str, SweepParameter]:
     return {
         "people": SweepParameter(
-            "count", "how many people there are; those that the world lacks stand anywhere", _apply_people
+            "count", "number of people; additional people stand at random positions", _apply_people
         ),
-        "light": _key_parameter("share", "the light, where 100 % is daylight", "light"),
+        "light": _key_parameter("share", "brightness; 100 % is daylight", "light"),
         "noise": _key_parameter("number", "noise of the camera, in grey levels of 255", "noise", "camera"),
-        "slip": _key_parameter("share", "how much of its way a wheel slips", "slip", "physics"),
-        "lag": _key_parameter("duration", "how late the wheels follow", "lag", "physics"),
-        "dropouts": _key_parameter("share", "how many of the base's reports are lost", "dropouts", "physics"),
-        "friction": _key_parameter("number", "the friction of the floor, in physics", "friction", "physics"),
-        "masses": _key_parameter(
-            "share", "how far each mass of the robot is off at most, in physics", "masses", "physics"
-        ),
-        "servo_delay": _key_parameter(
-            "duration", "how late servos hear of their goals, in physics", "servo_delay", "physics"
-        ),
-        "slope": SweepParameter("angle", "how steep the floor is, whichever way, in physics", _apply_slope, (2,)),
+        "slip": _key_parameter("share", "share of its path that a wheel slips", "slip", "physics"),
+        "lag": _key_parameter("duration", "lag of the wheels", "lag", "physics"),
+        "dropouts": _key_parameter("share", "share of the base's reports that are lost", "dropouts", "physics"),
+        "friction": _key_parameter("number", "friction of the floor, in physics", "friction", "physics"),
+        "masses": _key_parameter("share", "largest error of the robot's masses, in physics", "masses", "physics"),
+        "servo_delay": _key_parameter("duration", "delay of servo goals, in physics", "servo_delay", "physics"),
+        "slope": SweepParameter("angle", "slope of the floor in a random direction, in physics", _apply_slope, (2,)),
         "push": SweepParameter(
-            "speed", "a push at the robot, whenever and whichever way, in physics", _apply_push, (2,)
+            "speed", "speed of a push at a random time from a random direction, in physics", _apply_push, (2,)
         ),
     }
 
 
 def _key_parameter(kind: str, words: str, key: str, section: str = "") -> SweepParameter:
-    """Return what sets one key of a world, or of a section of it."""
+    """Return the parameter that sets one key of a world, or of a section of it."""
     unit = next(iter(UNITS[kind])) if kind in UNITS else ""
 
     def turn(world: PlainMapping, value: DrawnValue, random: Random) -> None:
         del random
-        world.pop(key, None)  # noise may stand at the top of the file as well
+        world.pop(key, None)  # noise may also be a top-level key
         mapping = world.setdefault(section, {}) if section else world
         mapping[key] = f"{value} {unit}" if unit else value
 
@@ -100,20 +96,20 @@ def _key_parameter(kind: str, words: str, key: str, section: str = "") -> SweepP
 
 
 def _apply_slope(world: PlainMapping, value: DrawnValue, random: Random) -> None:
-    """Have the floor rise by so much (degrees), whichever way."""
+    """Tilt the floor by ``value`` degrees in a random direction."""
     way = radians(360 * random.random())
     world.setdefault("physics", {})["slope"] = [f"{float(value) * part(way):.4f} deg" for part in (cos, sin)]
 
 
 def _apply_push(world: PlainMapping, value: DrawnValue, random: Random) -> None:
-    """Push the robot so hard (m/s), once within ``PUSH_WINDOW`` seconds, whichever way."""
+    """Push the robot with ``value`` m/s, once within ``PUSH_WINDOW``, in a random direction."""
     at, way = PUSH_WINDOW[0] + (PUSH_WINDOW[1] - PUSH_WINDOW[0]) * random.random(), 360 * random.random()
     push = {"at": f"{at:.3f} s", "speed": f"{value} m/s", "towards": f"{way:.2f} deg"}
     world.setdefault("physics", {})["pushes"] = [push]
 
 
 def _apply_people(world: PlainMapping, value: DrawnValue, random: Random) -> None:
-    """Leave so many of the people, or have more come, each to a place drawn by chance."""
+    """Keep ``value`` of the people, or add people at random positions."""
     people = world.setdefault("people", [])
     del people[int(value) :]
     x0, y0, heading = start_pose(world)

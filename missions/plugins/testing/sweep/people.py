@@ -1,4 +1,4 @@
-"""What can be varied of a person in a world file: where they stand, how tall they are, how they walk."""
+"""Parameters of a person in a world file that a sweep can vary: position, height, appearance, motion."""
 
 from collections.abc import Callable
 from math import atan2, cos, hypot, radians, sin
@@ -8,30 +8,30 @@ from config.units import si_value
 from missions.plugins.testing.sweep.variation import DrawnValue
 
 PlainMapping = dict[str, Any]
-"""A mapping of a world file as plain lists, mappings and values."""
+"""Mapping of a world file as plain lists, mappings and values."""
 
 WALK_HALF_LENGTH = 0.8
-"""Metres that somebody walks to each side of their place, across the robot's view."""
+"""Metres that a walking person walks to each side of their position, across the robot's view."""
 
 MIN_WALK_SPEED = 0.01
-"""Metres a second: whoever is slower stands."""
+"""Speed in m/s below which a person stands still."""
 
 
 def position_of(thing: PlainMapping, key: str = "at") -> tuple[float, float]:
-    """Return where something stands, (x, y) in metres."""
+    """Return the position of an object, (x, y) in metres."""
     x, y = (si_value(value, "length") for value in thing[key])
     return x, y
 
 
 def start_pose(world: PlainMapping) -> tuple[float, float, float]:
-    """Return where the robot starts: x, y in metres, and its heading in radians."""
+    """Return the robot's start pose: x, y in metres, heading in radians."""
     start = world.get("start", {})
     heading = si_value(start.get("heading", "0 deg"), "angle")
     return (*(position_of(start) if "at" in start else (0.0, 0.0)), heading)
 
 
 def set_distance(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Put them so far from the robot, in the direction in which they are; their walk comes along."""
+    """Move a person to a distance from the robot, in the same direction, together with their path."""
     (x, y), (x0, y0, heading) = position_of(person), start_pose(world)
     angle = atan2(y - y0, x - x0) if (x, y) != (x0, y0) else heading
     right, up = x0 + float(value) * cos(angle) - x, y0 + float(value) * sin(angle) - y
@@ -39,37 +39,37 @@ def set_distance(world: PlainMapping, person: PlainMapping, value: DrawnValue) -
 
 
 def set_bearing(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Put them in that direction of the robot (degrees, to its left), as far away as they are; with their walk."""
+    """Move a person to a bearing from the robot (degrees, to its left), at the same distance, with their path."""
     (x, y), (x0, y0, heading) = position_of(person), start_pose(world)
     turn = heading + radians(float(value)) - atan2(y - y0, x - x0)
 
-    def turned(px: float, py: float) -> tuple[float, float]:
+    def rotate(px: float, py: float) -> tuple[float, float]:
         far, angle = hypot(px - x0, py - y0), atan2(py - y0, px - x0) + turn
         return x0 + far * cos(angle), y0 + far * sin(angle)
 
-    _move_person(person, turned)
+    _move_person(person, rotate)
 
 
 def set_height(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Make them so tall that their eyes are at that height."""
+    """Set a person's height so that their eyes are at that height."""
     del world
     person["height"] = f"{value} m"
 
 
 def set_look(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Give them another look."""
+    """Set a person's appearance."""
     del world
     person["look"] = value
 
 
 def set_facing(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Turn them so far (degrees) from the place where the robot starts; at 0 they look at it."""
+    """Turn a person by this angle (degrees) from the robot's start position; at 0 they look at it."""
     (x, y), (x0, y0, _) = position_of(person), start_pose(world)
     person["facing"] = f"{atan2(y0 - y, x0 - x) + radians(float(value)):.9f} rad"
 
 
 def set_speed(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Have them walk so fast: as the world says, else to and fro across the robot's view. At 0 they stand."""
+    """Set a person's walking speed: along their path, or to and fro across the robot's view. At 0 they stand."""
     if float(value) < MIN_WALK_SPEED:
         person.pop("walk", None)
         return
@@ -82,22 +82,22 @@ def set_speed(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> N
 
 
 PERSON_PARAMETERS: dict[str, tuple[str, Callable[[PlainMapping, PlainMapping, DrawnValue], None], str]] = {
-    "distance": ("length", set_distance, "how far from the robot they stand"),
-    "bearing": ("angle", set_bearing, "in which direction of the robot, to its left"),
-    "height": ("length", set_height, "how high their eyes are"),
-    "look": ("text", set_look, "who they look like"),
-    "facing": ("angle", set_facing, "how far they are turned away from the robot"),
+    "distance": ("length", set_distance, "distance from the robot"),
+    "bearing": ("angle", set_bearing, "bearing from the robot, to its left"),
+    "height": ("length", set_height, "height of the eyes"),
+    "look": ("text", set_look, "appearance"),
+    "facing": ("angle", set_facing, "angle away from the robot"),
     "speed": (
         "speed",
         set_speed,
-        "how fast they walk, to and fro across the view unless the world says where; 0 stands",
+        "walking speed, to and fro across the view unless the world has a path; at 0 they stand",
     ),
 }
-"""What can be varied of a person: its kind, what does it, and what it is. In the order in which it must be done."""
+"""Parameters of a person: kind, function, description; in the order of application."""
 
 
 def _move_person(person: PlainMapping, to: Callable[[float, float], tuple[float, float]]) -> None:
-    """Move somebody, and the way that they walk."""
+    """Move a person and their path."""
     person["at"] = _position_text(*to(*position_of(person)))
     if person.get("walk"):
         points = [tuple(si_value(value, "length") for value in point) for point in person["walk"]]
@@ -105,5 +105,5 @@ def _move_person(person: PlainMapping, to: Callable[[float, float], tuple[float,
 
 
 def _position_text(x: float, y: float) -> list[str]:
-    """Write a place to a tenth of a millimetre, with no minus before a zero."""
+    """Return a position to a tenth of a millimetre, with no minus sign before zero."""
     return [f"{round(value, 4) + 0.0:g} m" for value in (x, y)]

@@ -1,4 +1,4 @@
-"""The picture of a sweep: success over each thing that was varied, times, and causes. Needs the extra ``plots``."""
+"""Plot of a sweep: success over each varied parameter, times, and causes. Needs the extra ``plots``."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -23,11 +23,11 @@ MAX_CAUSES = 6
 
 
 def draw_sweep(path: Path, title: str, summary: Summary, rows: Sequence[SweepRow]) -> None:
-    """Draw the sweep as a PNG. Raises OSError where it cannot be written."""
+    """Draw the sweep as a PNG. Raises OSError if it cannot be written."""
     panels = len(summary.bins) + 1 + bool(summary.causes)
     height = ceil(panels / MAX_COLUMNS)
     figure = Figure(figsize=(4.6 * min(MAX_COLUMNS, panels), 0.9 + 3.3 * height), layout="constrained")
-    FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
+    FigureCanvasAgg(figure)  # its own canvas, without a window or global state
     rate = summary.rate
     figure.suptitle(f"{title}: {percent(rate.share)} of {rate.runs} runs succeed (95 % interval {interval(rate)})")
     axes = iter(figure.subplots(height, min(MAX_COLUMNS, panels), squeeze=False).flat)
@@ -78,12 +78,12 @@ def _draw_causes(axes: Axes, summary: Summary) -> None:
     axes.barh(places, [cause.runs for cause in causes], 0.6, color=FAILURE_COLOUR)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_yticks(places, [fill(cause.text, 40, max_lines=3) for cause in causes], fontsize=8)
-    axes.set(ylim=(max(2.5, len(causes) - 0.5), -0.5), xlabel="runs that did not succeed, by cause")
+    axes.set(ylim=(max(2.5, len(causes) - 0.5), -0.5), xlabel="failed runs by cause")
     _simplify_axes(axes, along="x")
 
 
 def _simplify_axes(axes: Axes, along: str = "y") -> None:
-    """Take away what does not help to read it."""
+    """Remove axis elements that do not help the reader."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="x" if along == "x" else "y", color=MUTED_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

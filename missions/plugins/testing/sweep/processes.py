@@ -1,4 +1,4 @@
-"""A sweep over the cores of this machine: a worker process for each, and what happens when one dies."""
+"""Runs a sweep in worker processes, one for each core, and handles workers that die."""
 
 import multiprocessing
 import os
@@ -15,29 +15,29 @@ from missions.plugins.testing.sweep.variation import SweepRow
 from missions.plugins.testing.worker_lifetime import end_with_parent
 
 MAX_CHUNK_SEEDS = 8
-"""Seeds that a worker gets at a time, at most: enough to read the mission rarely, few enough to see the sweep go on."""
+"""Maximum number of seeds that a worker gets at a time: large to load the mission rarely, small for steady progress."""
 
 CHUNKS_PER_WORKER = 2
-"""Chunks for each worker that are with the pool: one that it runs, and one that it takes next."""
+"""Chunks in the pool for each worker: one running and one queued."""
 
 WORKER_DIED = "the worker process died in this run"
-"""The reason of a run that killed its worker."""
+"""Reason of a run that killed its worker."""
 
 Chunk = Sequence[int]
 Work = Callable[[SweepPlan, Chunk], list[SweepRow]]
 
 
 def split_seeds(seeds: Chunk, workers: int) -> list[Chunk]:
-    """Cut ``seeds`` into pieces, small enough that all workers are busy to the end."""
+    """Split ``seeds`` into chunks small enough to keep all workers busy to the end."""
     size = max(1, min(MAX_CHUNK_SEEDS, len(seeds) // (4 * workers)))
     return [seeds[start : start + size] for start in range(0, len(seeds), size)]
 
 
 def run_here(sweep: SweepPlan, seeds: Chunk, workers: int, *, work: Work = run_seeds) -> Generator[SweepRow]:
-    """Yield a row for every seed, in the order in which they are done, from ``workers`` processes.
+    """Yield a row for every seed, in order of completion, from ``workers`` processes.
 
-    When a worker dies, the seeds that were with the pool are run again one by one, and those that kill their worker
-    again get a row that says so. Close the iterator to stop: the workers end at once.
+    After a worker has died, the seeds in the pool run again one by one; those that kill their worker again get a row
+    with that reason. Close the iterator to stop: the workers end at once.
     """
     waiting = deque(split_seeds(seeds, workers))
     while waiting:
@@ -49,7 +49,7 @@ def run_here(sweep: SweepPlan, seeds: Chunk, workers: int, *, work: Work = run_s
 def _run_pooled(
     sweep: SweepPlan, waiting: deque[Chunk], lost: list[int], workers: int, work: Work
 ) -> Iterator[SweepRow]:
-    """Run what waits; once a worker has died, give up, and add the seeds that were with the pool to ``lost``."""
+    """Run the waiting chunks; if a worker dies, stop, and add the seeds in the pool to ``lost``."""
     running: dict[Future[list[SweepRow]], Chunk] = {}
     with _worker_pool(min(workers, len(waiting))) as pool:
         try:
@@ -66,7 +66,7 @@ def _run_pooled(
 
 
 def _run_one_by_one(sweep: SweepPlan, seeds: Sequence[int], work: Work) -> Iterator[SweepRow]:
-    """Run seeds alone in one worker, with another after each that kills it."""
+    """Run each seed alone in one worker, which is replaced after a seed kills it."""
     waiting = deque(seeds)
     while waiting:
         with _worker_pool(1) as pool:
@@ -85,9 +85,9 @@ def dead_worker_row(sweep: SweepPlan, seed: int) -> SweepRow:
 
 @contextmanager
 def _worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Have some workers; whatever ends it but its own end, Ctrl-C above all, ends them at once."""
+    """Provide a pool of workers; an exception, such as Ctrl-C, ends them at once."""
     others = set(multiprocessing.active_children())
-    # Not forked: a fork takes along whatever threads have locked.
+    # Not forked: a fork would copy locks held by other threads.
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
         yield pool
@@ -100,13 +100,13 @@ def _worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _submit(pool: ProcessPoolExecutor, work: Work, sweep: SweepPlan, chunk: Chunk) -> Future[list[SweepRow]]:
-    """Hand on some work, which may start a worker."""
+    """Submit work, which may start a worker process."""
     with _defer_interrupts():
         return pool.submit(_exit_on_interrupt, work, sweep, chunk)
 
 
 def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[SweepRow]:
-    """Do some work, and die of a signal that would otherwise only end one run."""
+    """Do the work, but exit at a signal that would otherwise end only one run."""
     try:
         return work(sweep, chunk)
     except KeyboardInterrupt:
@@ -115,10 +115,10 @@ def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[Sweep
 
 @contextmanager
 def _defer_interrupts() -> Iterator[None]:
-    """Start processes that never hear Ctrl-C, for this one is to end them; a Ctrl-C meanwhile is raised afterwards."""
-    heard: list[int] = []
+    """Start processes that ignore Ctrl-C; a Ctrl-C inside the context is raised at its end."""
+    pending: list[int] = []
     ours = threading.current_thread() is threading.main_thread()  # no other hears of it
-    handler = signal.signal(signal.SIGINT, lambda number, _: heard.append(number)) if ours else None
+    handler = signal.signal(signal.SIGINT, lambda number, _: pending.append(number)) if ours else None
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # as it is in what is started now
     try:
         yield
@@ -126,5 +126,5 @@ def _defer_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         if ours:
             signal.signal(signal.SIGINT, handler)
-    if heard:
+    if pending:
         raise KeyboardInterrupt

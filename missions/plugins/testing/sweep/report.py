@@ -1,4 +1,4 @@
-"""The summary of a sweep as a plain table, for a terminal and for whatever reads it."""
+"""Summary of a sweep as a plain-text table."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -7,18 +7,18 @@ from missions.plugins.testing.sweep.variation import SweepRow
 
 
 def report(summary: Summary, describe_run: Callable[[SweepRow], Sequence[str]]) -> str:
-    """Return the table; ``again`` gives what a run had drawn, and the command that repeats it."""
+    """Return the table; ``again`` returns a run's drawn values and the command that repeats it."""
     parts = [_overall(summary), _causes(summary), *_variation_tables(summary), _worst(summary.worst, describe_run)]
     return "\n\n".join("\n".join(part) for part in parts if part)
 
 
 def percent(share: float) -> str:
-    """Write a share as people read it: 93.4 %."""
+    """Return a share as text: 93.4 %."""
     return f"{100 * share:.1f} %"
 
 
 def interval(rate: Rate) -> str:
-    """Write an interval: 91.7 to 94.8 %."""
+    """Return a confidence interval as text: 91.7 to 94.8 %."""
     low, high = rate.interval
     return f"{100 * low:.1f} to {100 * high:.1f} %"
 
@@ -34,7 +34,7 @@ def _overall(summary: Summary) -> list[str]:
 
 def _causes(summary: Summary) -> list[str]:
     rows = [(cause.text, str(cause.runs), str(cause.seed)) for cause in summary.causes]
-    return _table(("why the others did not", "runs", "first seed"), rows) if rows else []
+    return _table(("causes of failure", "runs", "first seed"), rows) if rows else []
 
 
 def _variation_tables(summary: Summary) -> Iterator[list[str]]:
@@ -51,7 +51,7 @@ def _variation_tables(summary: Summary) -> Iterator[list[str]]:
 
 
 def _worst(rows: Sequence[SweepRow], again: Callable[[SweepRow], Sequence[str]]) -> list[str]:
-    lines = ["the worst runs, and how to see them"]
+    lines = ["the worst runs, and the commands that repeat them"]
     for row in rows:
         reason = f": {row.reason}" if row.reason else ""
         lines.append(f"  seed {row.seed}: {row.result} after {row.seconds:.1f} s{reason}")
@@ -60,7 +60,7 @@ def _worst(rows: Sequence[SweepRow], again: Callable[[SweepRow], Sequence[str]])
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Set out columns, the first to the left and the others to the right."""
+    """Return aligned columns, the first to the left and the others to the right."""
     widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
     return [
         "   ".join(

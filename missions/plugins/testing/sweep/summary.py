@@ -1,4 +1,4 @@
-"""What many runs say together: how often they succeed, how long that takes, and why the others fail."""
+"""Summary of many runs: success rate, times, and causes of failure."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -17,14 +17,14 @@ from missions.plugins.testing.sweep.variation import DrawnValue, SweepRow, Value
 # A success rate, and how far it can be trusted.
 
 Z95 = 1.959963984540054
-"""The standard normal quantile at 97.5 %: for intervals that hold 95 %."""
+"""Standard normal quantile at 97.5 %, for 95 % intervals."""
 
 
 def wilson(successes: int, runs: int) -> tuple[float, float]:
     """Return the 95 % interval of a success rate: Wilson's score interval, (0, 1) without a run.
 
-    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927), 209-212.
-    It stays within 0..1 and holds for rates near the ends, where the usual p +- 1.96 s does not.
+    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927), 209-212. It
+    stays within 0..1 and holds for rates near the ends, where the usual p +- 1.96 s does not.
     """
     if runs == 0:
         return 0.0, 1.0
@@ -37,37 +37,37 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """How many of ``runs`` succeeded."""
+    """Number of successes in ``runs``."""
 
     successes: int
     runs: int
 
     @property
     def share(self) -> float:
-        """The share of successes, 0 without a run."""
+        """Share of successes, 0 without a run."""
         return self.successes / self.runs if self.runs else 0.0
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval of that share."""
+        """95 % interval of that share."""
         return wilson(self.successes, self.runs)
 
 
 RANGE_BIN_COUNT = 5
-"""Parts into which a range is cut."""
+"""Number of parts into which a range is cut."""
 
 MAX_UNCUT_RANGE = 10
-"""A range of no more whole numbers is not cut: each stands for itself."""
+"""Largest count of whole numbers in a range that is not cut: each number has its own bin."""
 
 Pairs = Sequence[tuple[DrawnValue, SweepRow]]
-"""Runs, each with the value that it had of one varied quantity."""
+"""Runs, each with its value of one varied parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """The runs for which a quantity was in one part of its range, or had one value.
+    """Runs whose parameter lies in one part of its range, or has one value.
 
-    ``low`` and ``high`` are where it stands on an axis: the numbers, or the place of a word in its list.
+    ``low`` and ``high`` are its limits on an axis: numbers, or the index of a word in its list.
     """
 
     label: str
@@ -77,7 +77,7 @@ class Bin:
 
 
 def bin_runs(variation: Variation, pairs: Pairs) -> list[Bin]:
-    """Return the parts of what ``variation`` ranges over, with the runs that fall into each."""
+    """Return the bins of a variation, with the runs in each."""
     values = variation.values
     if not isinstance(values, ValueRange):
         return _bin_per_value(variation, list(dict.fromkeys(values.values)), pairs)
@@ -98,7 +98,7 @@ def _bin_per_value(variation: Variation, values: Sequence[DrawnValue], pairs: Pa
 
 
 def _range_test(low: float, high: float, *, last: bool) -> Callable[[DrawnValue], bool]:
-    """Say what lies from ``low`` to below ``high``; of the last part, the end belongs to it."""
+    """Return the test for values from ``low`` to below ``high``; for the ``last`` bin, up to and including ``high``."""
 
     def within(value: DrawnValue) -> bool:
         return not isinstance(value, str) and (low <= value < high or (last and value == high))
@@ -112,13 +112,13 @@ def _rate(pairs: Pairs, holds: Callable[[DrawnValue], bool]) -> Rate:
 
 
 MAX_WORST_RUNS = 5
-"""How many of the worst runs are told of."""
+"""Number of worst runs that are reported."""
 
 _NUMBER = re.compile(r"[-+]?[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?")
 
 
 def cause_of(row: SweepRow) -> str:
-    """Return why a run did not succeed, without the numbers in which runs differ; empty for a success."""
+    """Return the reason of a failed run, without its numbers, which differ between runs; empty for a success."""
     if row.result == "success":
         return ""
     reason = _NUMBER.sub("#", row.reason.partition("\n")[0])
@@ -127,7 +127,7 @@ def cause_of(row: SweepRow) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RunTimes:
-    """Simulated seconds of the runs that succeeded."""
+    """Simulated seconds of the successful runs."""
 
     median: float
     p5: float
@@ -137,7 +137,7 @@ class RunTimes:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Why some runs did not succeed: how many, and the first of them."""
+    """Cause of failures: the number of runs, and the first of them."""
 
     text: str
     runs: int
@@ -146,7 +146,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What all rows say together. ``bin_runs`` are by the title of a variation."""
+    """Summary of all rows. The keys of ``bins`` are titles of variations."""
 
     rate: Rate
     times: RunTimes | None
@@ -156,7 +156,7 @@ class Summary:
 
 
 def summarise(rows: Sequence[SweepRow], variations: Sequence[Variation]) -> Summary:
-    """Return the summary of ``rows``, which are in the order of their seeds."""
+    """Return the summary of ``rows``, which are sorted by seed."""
     good = [row.seconds for row in rows if row.result == "success"]
     return Summary(
         Rate(len(good), len(rows)),
@@ -172,7 +172,7 @@ def summarise(rows: Sequence[SweepRow], variations: Sequence[Variation]) -> Summ
 
 
 def _causes(rows: Sequence[SweepRow]) -> tuple[Cause, ...]:
-    """Return the causes, most frequent first; with their numbers where all runs have the same."""
+    """Return the causes, most frequent first; with their numbers if those are equal in all runs."""
     found: dict[str, list[SweepRow]] = {}
     for row in rows:
         if text := cause_of(row):
@@ -194,7 +194,7 @@ def _times(seconds: Sequence[float]) -> RunTimes | None:
 
 
 def _worst(rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
-    """Return the runs to look at first: one of each cause, those that took longest, then the slowest successes."""
+    """Return the most informative runs: one of each cause, the longest failures first, then the slowest successes."""
     order = {"error": 0, "failure": 1, "unfinished": 1, "success": 2}
     rows = sorted(rows, key=lambda row: (order[row.result], -row.seconds, row.seed))
     firsts = {cause_of(row): row for row in reversed(rows) if cause_of(row)}

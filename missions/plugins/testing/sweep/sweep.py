@@ -1,4 +1,4 @@
-"""A sweep: one mission, the world it runs in, and what differs from run to run. A value that can go to any worker."""
+"""Definition of a sweep: one mission, its world, and the values that vary; it can be sent to any worker."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -35,15 +35,15 @@ from missions.request import RunRequest
 from missions.runner import Runner, load_plan, requested_robot
 
 PARAM_PREFIX = "param."
-"""How the names of varied params begin."""
+"""Prefix of the names of varied params."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepPlan:
-    """What all runs have in common, and what varies.
+    """Settings shared by all runs, and the variations.
 
-    ``world`` is a world file as plain data, ``file`` where it was read from. ``limit`` is how many simulated seconds a
-    run may take.
+    ``world`` is a world file as plain data, ``file`` its path. ``limit`` is the time limit of a run in simulated
+    seconds.
     """
 
     mission: str
@@ -58,11 +58,11 @@ class SweepPlan:
     physics: bool = False
 
     def draw(self, seed: int) -> tuple[DrawnValue, ...]:
-        """Return what the run with this seed has, in the order of ``variations``."""
+        """Return the values of the run with this seed, in the order of ``variations``."""
         return tuple(variation.draw(seed) for variation in self.variations)
 
     def params_of(self, values: tuple[DrawnValue, ...]) -> dict[str, str]:
-        """Return the params of the run that has drawn ``values``."""
+        """Return the params of a run with these values."""
         pairs = zip(self.variations, values, strict=True)
         mine = {
             each.name.removeprefix(PARAM_PREFIX): each.text(v)
@@ -72,16 +72,16 @@ class SweepPlan:
         return {**self.params, **mine}
 
     def world_of(self, values: tuple[DrawnValue, ...], seed: int) -> str:
-        """Return the world, as the text of a file, of the run that has drawn ``values``. Raises ValueError."""
+        """Return the text of the world file of a run with these values. Raises ValueError."""
         pairs = zip(self.variations, values, strict=True)
         return vary_world(self.world, [(each, v) for each, v in pairs if not each.name.startswith(PARAM_PREFIX)], seed)
 
     def request(self, seed: int) -> RunRequest:
-        """Return what to run for this seed. Raises InvalidFileError, ValueError for a world that cannot be."""
+        """Return the run request of this seed. Raises InvalidFileError; ValueError for an invalid world."""
         return self.request_for(self.draw(seed), seed)
 
     def request_for(self, values: tuple[DrawnValue, ...], seed: int) -> RunRequest:
-        """Return what to run for these values. Raises as ``request`` does."""
+        """Return the run request for these values. Raises InvalidFileError; ValueError for an invalid world."""
         return RunRequest(
             self.mission,
             self.params_of(values),
@@ -95,11 +95,11 @@ class SweepPlan:
         )
 
     def world_config(self, values: tuple[DrawnValue, ...], seed: int) -> WorldConfig:
-        """Return the world of one run, checked. Raises InvalidFileError, ValueError."""
+        """Return the checked world of one run. Raises InvalidFileError, ValueError."""
         return parse_world(SourceText(f"{self.file} as of run {seed}", self.world_of(values, seed)))
 
     def command(self, seed: int, world: Path | None = None) -> str:
-        """Return the command that runs one seed again, in ``world`` where that is given: the file of its own world."""
+        """Return the command that repeats one seed; in the file ``world``, if given, which holds its world."""
         words = ["mission", "run", self.mission, "--simulate", "fast", "--eyes", self.eyes, "--seed", str(seed)]
         words += [] if self.robot is None else ["--robot", self.robot]
         words += ["--physics"] if self.physics else []
@@ -113,24 +113,24 @@ class SweepPlan:
 
 # One run of a sweep, from its seed to its row: the same on every machine.
 
-TIMEOUT_REASON = "not over within {limit:g} s"
-"""Why a run is ended that takes too long."""
+TIMEOUT_REASON = "not finished within {limit:g} s"
+"""Reason of a run that exceeds its time limit."""
 
 OUTCOMES: dict[str, Outcome] = {"success": "success", "failure": "failure", "interrupted": "unfinished"}
-"""How a run went, by what its result says."""
+"""Outcome of a run by its result."""
 
 
 class SweepRuns:
-    """The runs of one sweep in one process. What they have in common is read once."""
+    """Runs of one sweep in one process, which share the loaded files."""
 
     def __init__(self, sweep: SweepPlan) -> None:
         self._sweep = sweep
         self._plans: dict[tuple[tuple[str, str], ...], Plan] = {}
 
     def run(self, seed: int) -> SweepRow:
-        """Run the mission once. Raises KeyboardInterrupt when that is interrupted.
+        """Run the mission once. Raises KeyboardInterrupt if interrupted.
 
-        What goes wrong with a run is told in its row, for the others are to go on.
+        An error of the run is reported in its row, so that the sweep goes on.
         """
         values = self._sweep.draw(seed)
         try:
@@ -153,7 +153,7 @@ class SweepRuns:
         return SweepRow(seed, sweep.draw(seed), outcome, result.reason, round(result.seconds, 6), result.ticks)
 
     def _plan(self, request: RunRequest) -> Plan:
-        """Return the mission, read once for each set of params: that takes longer than a short run."""
+        """Return the mission, loaded once for each set of params: loading takes longer than a short run."""
         key = tuple(request.params.items())
         if key not in self._plans:
             self._plans[key] = load_plan(request, requested_robot(request))
@@ -161,9 +161,9 @@ class SweepRuns:
 
 
 def run_seeds(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
-    """Run some seeds, in their order: the work of a worker. Raises KeyboardInterrupt.
+    """Run some seeds in order, in a worker. Raises KeyboardInterrupt.
 
-    OpenCV keeps to one thread, for there is a worker for every core.
+    OpenCV is limited to one thread: there is a worker for every core.
     """
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -177,19 +177,19 @@ def run_seeds(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
 # From what a user asks for to a sweep that is known to make sense, before the first run.
 
 MAX_CORNERS = 64
-"""So many combinations of the ends of all ranges are tried before the first run."""
+"""Maximum number of combinations of range ends that are tried before the first run."""
 
 KINDS = (*UNITS, "number", "count")
-"""The kinds of params that can be drawn from a range; any other is text, which can be one of a list."""
+"""Kinds of params that can be drawn from a range; other kinds are text, drawn from a list."""
 
 
 class VariationError(ValueError):
-    """Something that cannot be varied so; the message names it and says why."""
+    """Invalid variation; the message names it and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """A sweep in the user's words: ``vary`` has the values by name, the rest as in ``missions.request.RunRequest``."""
+    """A sweep as the user requests it: ``vary`` has the values by name, the rest as in ``missions.request.RunRequest``."""
 
     mission: str
     vary: Mapping[str, str]
@@ -203,9 +203,9 @@ class SweepRequest:
 
 
 def design_sweep(request: SweepRequest) -> tuple[SweepPlan, Plan]:
-    """Return the sweep that is asked for, and the mission as it is with the first values of all.
+    """Return the sweep of a request, and the mission with the first value of each variation.
 
-    Raises InvalidFileError, UnknownNameError, and VariationError for what cannot be varied.
+    Raises InvalidFileError, UnknownNameError, and VariationError for an invalid variation.
     """
     world = request.world or DEFAULT_WORLD
     declared = _declared_params(request.mission)
@@ -232,7 +232,7 @@ def design_sweep(request: SweepRequest) -> tuple[SweepPlan, Plan]:
 
 
 def _declared_params(mission: str) -> dict[str, Param]:
-    """Return the params of a mission; whatever is wrong with the file is told when it is loaded."""
+    """Return the params of a mission; errors in its file are reported when it is loaded."""
     source = read_source(find_mission(mission))
     root = compose(source)
     return (
@@ -258,7 +258,7 @@ def _read_variation(name: str, values: str, declared: Mapping[str, Param]) -> Va
 
 
 def _check_corners(sweep: SweepPlan) -> None:
-    """Build the world for the ends of the ranges. Raises VariationError with the first of them that cannot be."""
+    """Build the world for combinations of the range ends. Raises VariationError with the first invalid one."""
     for values in islice(product(*(each.values.ends() for each in sweep.variations)), MAX_CORNERS):
         try:
             sweep.world_config(values, 0)
@@ -271,6 +271,6 @@ def _check_corners(sweep: SweepPlan) -> None:
 
 
 def describe_draw(sweep: SweepPlan, values: tuple[DrawnValue, ...]) -> str:
-    """Say what a run has drawn."""
+    """Return the drawn values of a run as text."""
     pairs = zip(sweep.variations, values, strict=True)
     return ", ".join(f"{each.name}={display_value(each, value)}" for each, value in pairs)

@@ -1,4 +1,4 @@
-"""What is varied between the runs of a sweep: ``NAME=VALUES`` from the command line, and a run's own draw of it."""
+"""Variations of a sweep: ``NAME=VALUES`` from the command line, and the value that a run draws."""
 
 import math
 import re
@@ -10,26 +10,26 @@ from typing import Literal
 from config.units import EXAMPLES, UNITS, parse_quantity, quoted_value
 
 DrawnValue = float | int | str
-"""What a run has drawn: a number in the unit of its variation, or a word."""
+"""Drawn value of a run: a number in the unit of its variation, or a word."""
 
 ANGULAR_KINDS = ("angle", "turn rate")
-"""Dimensions whose SI unit nobody means by a bare number."""
+"""Dimensions for which a bare number is not in the SI unit."""
 
 DECIMALS = 4
-"""Decimals to which numbers are drawn: what a run had then stands in a table and in a file as it was."""
+"""Decimals of drawn numbers: tables and files show the exact value."""
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
 class ValueRange:
-    """Every number from ``low`` to ``high`` alike; whole ones where both are."""
+    """Numbers from ``low`` to ``high``, uniformly distributed; whole numbers if both ends are."""
 
     low: float | int
     high: float | int
 
     def draw(self, random: Random) -> float | int:
-        """Return one of them."""
+        """Return a random number of the range."""
         share = random.random()
         if isinstance(self.low, int) and isinstance(self.high, int):
             return self.low + int(share * (self.high - self.low + 1))
@@ -42,52 +42,52 @@ class ValueRange:
 
 @dataclass(frozen=True, slots=True)
 class ValueList:
-    """One of some values, each as likely as the others."""
+    """List of values, drawn with equal probability."""
 
     values: tuple[DrawnValue, ...]
 
     def draw(self, random: Random) -> DrawnValue:
-        """Return one of them."""
+        """Return a random value."""
         return self.values[int(random.random() * len(self.values))]
 
     def ends(self) -> Sequence[DrawnValue]:
-        """Return all of them."""
+        """Return all values."""
         return self.values
 
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """One thing that is varied. Numbers are in ``unit``, the first of their dimension; empty for none."""
+    """One varied parameter. Numbers are in ``unit``, the first of their dimension; empty for none."""
 
     name: str
     unit: str
     values: ValueRange | ValueList
 
     def draw(self, seed: int) -> DrawnValue:
-        """Return what the run with this seed has: it depends on the name and the seed, and on nothing else."""
-        # Seeded by a text, which Python hashes alike everywhere; so it is independent of the mission's own chance.
-        return self.values.draw(Random(f"{self.name} of run {seed}"))  # noqa: S311 - a draw is no secret
+        """Return the value for a seed; it depends only on the name and the seed."""
+        # A text seed gives the same numbers on every machine, independent of the mission's own random numbers.
+        return self.values.draw(Random(f"{self.name} of run {seed}"))  # noqa: S311 - a draw needs no security
 
     def text(self, value: DrawnValue) -> str:
-        """Write a value as a world file or a param has it."""
+        """Return a value as a world file or a param writes it."""
         return value if isinstance(value, str) else f"{value:.12g} {self.unit}".rstrip()
 
     @property
     def title(self) -> str:
-        """The name with its unit: the head of a column."""
+        """Name with its unit: the column heading."""
         return f"{self.name} ({self.unit})" if self.unit else self.name
 
     @property
     def is_single(self) -> bool:
-        """True when every run has the same value."""
+        """Whether every run has the same value."""
         return len(set(self.values.ends())) == 1
 
 
 def read_values(text: str, kind: str) -> tuple[str, ValueRange | ValueList]:
-    """Read ``a..b`` or ``a,b,c`` as values of ``kind``; return their unit, and the values in it.
+    """Read ``a..b`` or ``a,b,c`` as values of ``kind``; return their unit and the values.
 
-    A kind is a dimension of ``config.units``, "number", "count" or "text". A range may say its unit once, at its end.
-    A number without a unit is in SI units, but for angles. Raises ValueError that says what is wrong.
+    A kind is a dimension of ``config.units``, "number", "count" or "text". A range may name its unit once, at its end.
+    Numbers without a unit are in SI units, except angles. Raises ValueError with the reason.
     """
     unit = next(iter(UNITS[kind])) if kind in UNITS else ""
     if kind == "text":
@@ -96,7 +96,7 @@ def read_values(text: str, kind: str) -> tuple[str, ValueRange | ValueList]:
         return unit, ValueList(tuple(_read_number(word, kind) for word in text.split(",")))
     first, _, last = (part.strip() for part in text.partition(".."))
     if _NUMBER.fullmatch(first) and not _NUMBER.fullmatch(last):
-        first += _NUMBER.sub("", last, count=1)  # 5..100 %: the unit stands for both
+        first += _NUMBER.sub("", last, count=1)  # 5..100 %: one unit for both ends
     low, high = _read_number(first, kind), _read_number(last, kind)
     if low > high:
         raise ValueError(f"begins above its end: {quoted_value(text)}")
@@ -132,21 +132,21 @@ def _read_number(text: str, kind: str) -> float | int:
 
 
 def display_value(variation: Variation, value: DrawnValue) -> str:
-    """Write a value for people, short."""
+    """Return a value as a short text."""
     return value if isinstance(value, str) else f"{value:.3g} {variation.unit}".rstrip()
 
 
 # What is kept of one run of a sweep.
 
 Outcome = Literal["success", "failure", "unfinished", "error"]
-"""How a run went: ``unfinished`` when its time was up, ``error`` when something other than the mission went wrong."""
+"""Outcome of a run: ``unfinished`` after its time limit, ``error`` for an error outside the mission."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRow:
-    """One run: what it had drawn (in the order of the sweep's variations), and how it went.
+    """One run: its drawn values (in the order of the sweep's variations), and its outcome.
 
-    ``seconds`` are simulated. Nothing here depends on the machine, or on which of the workers ran it.
+    ``seconds`` are simulated. The row does not depend on the machine or the worker.
     """
 
     seed: int

@@ -1,4 +1,4 @@
-"""The world of one run: a world file, with what the run has drawn put in."""
+"""World of one run: a world file with the drawn values of that run."""
 
 from collections.abc import Iterable
 from copy import deepcopy
@@ -15,15 +15,15 @@ from missions.plugins.testing.sweep.variation import DrawnValue, Variation
 
 
 def plain_world(source: SourceText) -> PlainMapping:
-    """Return a world file as plain lists, mappings and values. Raises InvalidFileError where it is no mapping."""
+    """Return a world file as plain lists, mappings and values. Raises InvalidFileError if it is not a mapping."""
     found: PlainMapping = _plain_value(compose(source))
     return found
 
 
 def vary_world(world: PlainMapping, draws: Iterable[tuple[Variation, DrawnValue]], seed: int) -> str:
-    """Return the text of a world file: ``world`` with all that a run has drawn. Raises ValueError.
+    """Return the text of a world file: ``world`` with the drawn values of a run. Raises ValueError.
 
-    Which order the variations stand in makes no difference.
+    The order of the variations does not matter.
     """
     world = deepcopy(world)
     knobs = [(find_parameter(variation.name), variation, value) for variation, value in draws]
@@ -37,5 +37,5 @@ def _plain_value(node: Node) -> Any:
         return [_plain_value(item) for item in node.items]
     if isinstance(node, Mapping):
         return {key.text: _plain_value(value) for key, value in node.entries}
-    # A number without a unit is of a class of its own, which YAML would not write.
+    # YAML cannot write the class of numbers without a unit.
     return float(node.value) if isinstance(node.value, float) else node.value

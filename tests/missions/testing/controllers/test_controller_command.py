@@ -54,10 +54,10 @@ def test_a_controller_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> No
     face = command(capsys, "controller", "show", "face").out
     assert "pan: 25 rules, Sugeno\n  error (deg): far_right -6, right -2, centred 0, left 2, far_left 6\n" in face
     assert "if error is left and rate is still then slow_left" in face
-    assert "acts on what is foreseen" in face
+    assert "acts on the prediction" in face
     assert "base: 5 rules, Mamdani" in command(capsys, "controller", "show", "mamdani").out
     pd = command(capsys, "controller", "show", "pd").out
-    assert "acts on what the newest picture shows" in pd
+    assert "acts on the latest picture" in pd
     assert "turn: 4.7 times the error and 0.4 times its rate, at most 110 deg/s" in pd
 
 

@@ -180,7 +180,7 @@ def test_without_matplotlib_it_says_what_to_install_and_goes_on(
         (["--world", "living_rom"], "unknown world 'living_rom'; did you mean 'living_room'?"),
         (["--param", "patiense=1 s"], "has no param 'patiense'"),
         (["--target", "95"], "needs a share such as '20 %': '95' has no unit"),
-        (["--save-world", "x.yaml"], "--save-world is for one run: add --only SEED"),
+        (["--save-world", "x.yaml"], "--save-world needs --only SEED"),
         (["-o", "glance.yaml/x"], "glance.yaml/x: Not a directory"),
     ],
 )

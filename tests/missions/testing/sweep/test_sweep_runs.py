@@ -39,7 +39,7 @@ def test_a_row_tells_what_was_drawn_and_why_the_run_failed(tmp_path: Path) -> No
 def test_a_run_that_takes_too_long_is_ended_and_the_others_go_on(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path, (Variation("person.bearing", "deg", ValueRange(150.0, 150.0)),))
     rows = run_seeds(replace(sweep, limit=1.0), [0, 1])
-    assert [(row.result, row.reason) for row in rows] == [("unfinished", "not over within 1 s")] * 2
+    assert [(row.result, row.reason) for row in rows] == [("unfinished", "not finished within 1 s")] * 2
     assert rows[0].seconds == pytest.approx(1.0, abs=0.1)
 
 

@@ -125,7 +125,7 @@ def test_the_report_says_all_of_it_in_a_plain_table() -> None:
         "success   90.0 %   (9 of 10; 95 % interval 59.6 to 98.2 %)",
         "time      median 9.0 s, 5 % below 5.4 s, 5 % above 12.6 s, longest 13.0 s   (simulated, of the successes)",
         "",
-        "why the others did not   runs   first seed",
+        "causes of failure   runs   first seed",
         "no face for 2 s             1            9",
         "",
         "person.distance (m)   runs   success     95 % interval",

@@ -315,7 +315,7 @@ def test_a_bound_that_is_too_small_says_so_and_proves_nothing() -> None:
     assert outcomes(found)[CAN_END] == UNDECIDED
     assert outcomes(found)["never: say while drive"] == UNDECIDED
     assert "try --bound 20" in found.left_out
-    assert "not everything was explored" in str(found)
+    assert "not fully explored" in str(found)
 
 
 def test_many_leaves_at_once_do_not_take_for_ever() -> None:

@@ -81,14 +81,14 @@ def test_too_small_a_bound_is_no_proof(folder: Path, capsys: pytest.CaptureFixtu
     outcome = verify(capsys, "good.yaml", "--bound", "1")
     assert outcome.code == 1
     assert "good.yaml: not decided" in outcome.out
-    assert "  not everything was explored: 1 of 2 states were not followed to the end; try --bound 10" in outcome.out
+    assert "  not fully explored: 1 of 2 states were not fully explored; try --bound 10" in outcome.out
 
 
 def test_a_limit_of_time_is_no_proof_either(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = verify(capsys, "good.yaml", "--limit", "0 s")
     assert outcome.code == 1
-    assert "after 0 s 1 of 1 states were not followed to the end; try --limit" in outcome.out
+    assert "after 0 s 1 of 1 states were not fully explored; try --limit" in outcome.out
 
 
 def test_a_folder_is_verified_file_by_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
