@@ -1,1 +1,1 @@
-"""Pictures for people: of missions, of worlds, of runs."""
+"""Drawings of missions, worlds and runs."""

@@ -1,6 +1,6 @@
-"""Two missions side by side: which of their nodes belong together, and what has changed.
+"""Comparison of two missions: the corresponding nodes and their differences.
 
-Lines of the files, statuses and keys do not count: a node that only moved down in its file is the same.
+Lines of the files, statuses and keys do not count: a node that only moved down in its file is unchanged.
 """
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -14,14 +14,14 @@ from missions.trees.drawing import ASCII_SIGNS, SIGNS, Status, TreeBox, TreeDraw
 Change = Literal["same", "changed", "added", "removed"]
 
 CHANGES: Mapping[Change, str] = {"same": "=", "changed": "≠", "added": "+", "removed": "-"}
-"""A sign for each change."""
+"""Sign of each change."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodePair:
-    """A node of the left mission and the one of the right that has taken its place; one is None where it has none.
+    """A node of the left mission and the corresponding node of the right one; one of them is None if there is none.
 
-    ``differences`` says what has changed in the node itself, a line for each thing.
+    ``differences`` has a line for each difference of the nodes themselves.
     """
 
     left: TreeBox | None
@@ -31,7 +31,7 @@ class NodePair:
     children: tuple["NodePair", ...] = ()
 
     def walk(self) -> Iterator["NodePair"]:
-        """Yield it and all below it."""
+        """Yield this pair and all pairs below it."""
         yield self
         for child in self.children:
             yield from child.walk()
@@ -39,25 +39,25 @@ class NodePair:
 
 @dataclass(frozen=True, slots=True)
 class TreeComparison:
-    """Two missions, and the tree of the pairs that their nodes form."""
+    """Two missions, and the tree of corresponding nodes."""
 
     left: TreeDrawing
     right: TreeDrawing
     root: NodePair
 
     def count(self, change: Change) -> int:
-        """Return how many nodes are ``same``, ``changed``, ``added`` or ``removed``."""
+        """Return the number of nodes that are ``same``, ``changed``, ``added`` or ``removed``."""
         return sum(pair.change == change for pair in self.root.walk())
 
     @property
     def summary(self) -> str:
-        """The number of differences in words."""
+        """The number of differences as text."""
         counts = [f"{self.count(change)} {change}" for change in ("changed", "added", "removed") if self.count(change)]
         return ", ".join(counts) or "no difference"
 
 
 def compare(left: TreeDrawing, right: TreeDrawing) -> TreeComparison:
-    """Find which nodes of two missions belong together: their roots do, and children that are alike, in their order."""
+    """Match the nodes of two missions: their roots, and similar children, in order."""
     return TreeComparison(left, right, _pair(left.root, right.root))
 
 
@@ -68,7 +68,7 @@ def _pair(left: TreeBox, right: TreeBox) -> NodePair:
 
 
 def _match_children(left: Sequence[TreeBox], right: Sequence[TreeBox]) -> Iterator[NodePair]:
-    """Yield children in pairs: those that are equal, of the rest those of one kind and name, then those of one kind."""
+    """Yield pairs of children: first equal ones, then those of the same kind and name, then those of the same kind."""
     for old, new in _align(left, right, [_subtree_facts, lambda box: (box.kind, box.name), lambda box: box.kind]):
         if old is not None and new is not None:
             yield _pair(old, new)
@@ -89,7 +89,7 @@ Match = tuple[TreeBox | None, TreeBox | None]
 
 
 def _align(left: Sequence[TreeBox], right: Sequence[TreeBox], likenesses: Sequence[Likeness]) -> Iterator[Match]:
-    """Yield matches in order: by the first likeness, and between two of these by the next one."""
+    """Yield matches in order: by the first likeness, and between two of these by the next likeness."""
     if not likenesses or not left or not right:
         yield from ((old, None) for old in left)
         yield from ((None, new) for new in right)
@@ -104,7 +104,7 @@ def _align(left: Sequence[TreeBox], right: Sequence[TreeBox], likenesses: Sequen
 
 
 def _common_indices(left: Sequence[Hashable], right: Sequence[Hashable]) -> list[tuple[int, int]]:
-    """Return the places of a longest common subsequence."""
+    """Return the index pairs of a longest common subsequence."""
     start = 0
     while start < min(len(left), len(right)) and left[start] == right[start]:
         start += 1
@@ -118,7 +118,7 @@ def _common_indices(left: Sequence[Hashable], right: Sequence[Hashable]) -> list
 
 
 def _longest_common(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iterator[tuple[int, int]]:
-    """Yield the places of a longest common subsequence, by the table of what is in common from each place on."""
+    """Yield the index pairs of a longest common subsequence, from its dynamic-programming table."""
     table = [[0] * (len(right) + 1) for _ in range(len(left) + 1)]
     for old in reversed(range(len(left))):
         for new in reversed(range(len(right))):
@@ -136,12 +136,12 @@ def _longest_common(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iter
 
 
 def _subtree_facts(box: TreeBox) -> Hashable:
-    """Return all that counts of a node and of everything below it."""
+    """Return all compared facts of a node and its subtree."""
     return box.kind, tuple(_node_facts(box).items()), tuple(_subtree_facts(child) for child in box.children)
 
 
 def _node_facts(box: TreeBox) -> dict[Fact, str]:
-    """Return what counts of a node itself; modifiers in their order, arguments in any."""
+    """Return the compared facts of a node itself; modifiers in their order, arguments in any."""
     named = "" if box.name in (box.kind, box.mission) else box.name
     own = {"name": named, "mission": box.mission, "case": box.case, "as": box.keep_as}
     facts = {("node", name, 0): text for name, text in own.items() if text}
@@ -153,9 +153,9 @@ def _node_facts(box: TreeBox) -> dict[Fact, str]:
 
 
 def _differences(left: TreeBox, right: TreeBox) -> Iterator[str]:
-    """Yield what differs of two nodes themselves, a line for each thing."""
+    """Yield the differences of two nodes themselves, one line each."""
     old, new = _node_facts(left), _node_facts(right)
-    if left.kind != right.kind:  # then its arguments mean something else
+    if left.kind != right.kind:  # then the arguments have other meanings
         yield f"kind: {left.kind} -> {right.kind}"
         old, new = ({fact: text for fact, text in each.items() if fact[0] == "modifier"} for each in (old, new))
     for fact in [*old, *(fact for fact in new if fact not in old)]:
@@ -173,16 +173,16 @@ def _differences(left: TreeBox, right: TreeBox) -> Iterator[str]:
 # Two missions in two columns of text, a sign between them for what is the same, changed, added or removed.
 
 MIN_SIDE_COLUMNS = 16
-"""Columns of a side at least, however narrow the terminal is."""
+"""Minimum columns of a side, even on a narrow terminal."""
 
 Signs = Mapping[Status, str]
-"""How statuses are written in a column; none are, where it shows no moment of a run."""
+"""Status texts in a column; empty if the column shows no moment of a run."""
 
 
 def side_by_side(comparison: TreeComparison, width: int, *, ascii_only: bool = False) -> str:
-    """Return a line for each pair of nodes, in ``width`` columns; below it, what has changed in the node itself.
+    """Return a line for each pair of nodes, ``width`` columns wide; below it, the differences of the nodes themselves.
 
-    A column that shows a moment of a run says how each node stands then.
+    A column that shows a moment of a run includes the status of each node.
     """
     side = max((width - 3) // 2, MIN_SIDE_COLUMNS)
     both = (comparison.left, comparison.right)
@@ -210,15 +210,15 @@ def _rows(pair: NodePair, depth: int, side: int, left: Signs, right: Signs) -> I
 
 
 def _node_text(box: TreeBox, signs: Signs) -> str:
-    """Return a node in one line: how it stands, its case and title, why, arguments, modifiers, and its result."""
+    """Return a node as one line: status, case, title, reason, arguments, modifiers, and result."""
     words = [signs[box.status]] if signs else []
     words += [f"{box.case}:"] if box.case else []
     words.append(box.title)
     words += [f"-- {box.reason}"] if box.reason else []
-    told = [f"{name}: {text}" for name, text in box.untitled_arguments.items()]
-    told += [f"as: {box.keep_as}"] if box.keep_as else []
-    told += [f"{f'{signs[badge.status]} ' if signs else ''}{badge.kind}: {badge.text}" for badge in box.badges]
-    return " ".join(words) + (f" ({', '.join(told)})" if told else "")
+    extras = [f"{name}: {text}" for name, text in box.untitled_arguments.items()]
+    extras += [f"as: {box.keep_as}"] if box.keep_as else []
+    extras += [f"{f'{signs[badge.status]} ' if signs else ''}{badge.kind}: {badge.text}" for badge in box.badges]
+    return " ".join(words) + (f" ({', '.join(extras)})" if extras else "")
 
 
 def _row(left: str, sign: str, right: str, side: int) -> str:

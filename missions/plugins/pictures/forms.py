@@ -1,4 +1,4 @@
-"""The forms in which a mission's tree, or two of them side by side, are dumped as pictures and pages."""
+"""File formats of a mission's tree, or of two trees side by side, as pictures and pages."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ FORMAT = "missiontree-diff/1"
 
 
 def comparison_to_json(comparison: TreeComparison) -> dict[str, object]:
-    """Return both trees as they are told alone, and ``pairs``: the tree of which keys belong together."""
+    """Return both trees as JSON data, and ``pairs``: the tree of corresponding node keys."""
     return {
         "format": FORMAT,
         "summary": comparison.summary,
@@ -48,10 +48,10 @@ PICTURE_FORMS: Mapping[str, Callable[[TreeDrawing], Dump]] = {
     "png": lambda drawing: png(svg(drawing)),
     "html": page,
 }
-"""The forms of one tree beside those of text. ``png`` raises ImportError without the extra ``plots``."""
+"""Formats of one tree besides text. ``png`` raises ImportError without the extra ``plots``."""
 
 PAIR_COLUMNS = 120
-"""Columns of two missions side by side in a file."""
+"""Columns of a side-by-side text in a file."""
 
 PAIR_FORMS: Mapping[str, Callable[[TreeComparison], Dump]] = {
     "text": partial(side_by_side, width=PAIR_COLUMNS),
@@ -62,13 +62,13 @@ PAIR_FORMS: Mapping[str, Callable[[TreeComparison], Dump]] = {
     "json": lambda comparison: _json(comparison_to_json(comparison)),
     "html": pair_page,
 }
-"""The forms in which two trees stand side by side."""
+"""Formats of two trees side by side."""
 
 
 def dump_pair(left: TreeDrawing, right: TreeDrawing, form: str, width: int | None) -> Dump:
-    """Return two trees side by side, as text in so many columns, if any. Raises ValueError for an unknown form."""
+    """Return two trees side by side; text has ``width`` columns, if given. Raises ValueError for an unknown format."""
     if form not in PAIR_FORMS:
-        raise ValueError(f"--diff knows no format '{form}', only {', '.join(PAIR_FORMS)}")
+        raise ValueError(f"--diff has no format '{form}'; formats: {', '.join(PAIR_FORMS)}")
     comparison = compare(left, right)
     if width is not None and form in ("text", "unicode", "ascii"):
         return side_by_side(comparison, width, ascii_only=form == "ascii")

@@ -1,8 +1,8 @@
-"""Where each card of a picture stands: children to the right of their parent, as long as the page is wide enough.
+"""Layout of the cards in a drawing of a tree: children to the right of their parent, up to the page width.
 
-Where it is not, they stand below it and a little to the right, as in the file: a deep tree grows downwards, and stays
-legible without being scaled down. A node is at the height of its first child, so that a picture is read from its upper
-left corner. The tree of a sub-mission stands on a panel of its own.
+Beyond that width, children stand below their parent and slightly to the right, as in the file, so that a deep tree
+grows downwards and stays legible. A node has the height of its first child. The tree of a sub-mission has a panel of
+its own.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,18 +35,18 @@ _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
 """What small letters of other scripts take in a word, and what other signs and capitals, and those of East Asia do."""
 _BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹωϖϣͳЉЊЖШЩЮжмфшщыюљњ‰‱№")
 _BROADER = 1.4
-"""Letters and signs that are as broad as two, and how many times what others of their kind take they do."""
+"""Wide letters and signs, and their width as a multiple of that of others of their kind."""
 _HORN = 0.15
-"""What a horn, or a caron written as an apostrophe, adds to its letter, as in ơ and ľ."""
+"""Additional width of a letter with a horn, or with a caron written as an apostrophe, as in ơ and ľ."""
 
 
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
-    """Return how far ``text`` reaches in a font of ``size``, in the same unit."""
+    """Return the width of ``text`` in a font of ``size``, in the same unit."""
     return size * sum(_advance(letter, bold) for letter in text)
 
 
 def truncate(text: str, size: float, max_width: float, *, bold: bool = False) -> str:
-    """Return ``text`` in one line no wider than ``most``; what is cut off, an ellipsis stands for."""
+    """Return ``text`` in one line no wider than ``most``, truncated with an ellipsis."""
     text = " ".join(text.split())
     if text_width(text, size, bold=bold) <= max_width:
         return text
@@ -61,9 +61,9 @@ def truncate(text: str, size: float, max_width: float, *, bold: bool = False) ->
 
 
 def wrap_items(items: Iterable[str], separator: str, size: float, max_width: float, max_lines: int) -> tuple[str, ...]:
-    """Fill at most ``lines`` lines with ``items``, ``blank`` between them; an ellipsis stands for what is more.
+    """Wrap ``items``, joined by ``blank``, to at most ``lines`` lines; an ellipsis replaces the rest.
 
-    An item that is wider than a line is broken between its words, all others stay in one piece.
+    An item wider than a line is broken between its words; other items are not broken.
     """
     rows: list[str] = []
     for glue, word in _unbreakable_words(items, separator, size, max_width):
@@ -78,7 +78,7 @@ def wrap_items(items: Iterable[str], separator: str, size: float, max_width: flo
 def _unbreakable_words(
     items: Iterable[str], separator: str, size: float, max_width: float
 ) -> Iterator[tuple[str, str]]:
-    """Yield what stays together, each with what stands before it on the same line."""
+    """Yield unbreakable texts, each with the separator in front of it on the same line."""
     for item in items:
         words = [item] if text_width(item, size) <= max_width else item.split()
         yield from zip([separator, *(" " for _ in words)], words, strict=False)
@@ -90,7 +90,7 @@ def _advance(letter: str, bold: bool) -> float:
     if combining(letter) or category(letter) in ("Cf", "Mn", "Me"):
         return 0.0
     parts = [each for each in normalize("NFKD", letter) if category(each).startswith("L")]
-    if len(parts) > 1:  # two letters in one, such as dž
+    if len(parts) > 1:  # a ligature, such as dž
         return sum(_advance(each, bold) for each in parts)
     plain, *marks = list(normalize("NFD", letter))  # an accent makes no letter wider
     horn = _HORN if "\u031b" in marks or (plain == "l" and "\u030c" in marks) else 0.0
@@ -110,7 +110,7 @@ def _advance(letter: str, bold: bool) -> float:
 Part = Literal["symbol", "kind", "name", "sign", "line", "argument", "badge", "reason", "change", "folded"]
 
 SIZES: Mapping[Part, int] = {"symbol": 14, "kind": 13, "name": 13, "sign": 13, "line": 10}
-"""The size of the font of each part of a card; that of all others is ``SMALL_FONT_SIZE``."""
+"""Font size of the parts of a card; all others have the small font."""
 
 SMALL_FONT_SIZE = 11
 
@@ -123,7 +123,7 @@ TITLE_HEIGHT, SMALL_LINE_HEIGHT, BADGE_HEIGHT, BADGE_PADDING = 20, 16, 23, 7
 
 @dataclass(frozen=True, slots=True)
 class CardText:
-    """A text on a card: ``x`` and its base line ``y`` from the card's upper left corner. A badge has a status too."""
+    """A text on a card, with its baseline at ``x``, ``y`` from the card's upper left corner. A badge has a status too."""
 
     part: Part
     text: str
@@ -135,7 +135,7 @@ class CardText:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A box with its lines; ``text_width`` and ``height`` hold all of them."""
+    """A box with its texts; ``width`` and ``height`` contain all of them."""
 
     box: TreeBox
     width: int
@@ -144,7 +144,7 @@ class Card:
 
 
 def make_card(box: TreeBox, *, live: bool = False, change: str = "") -> Card:
-    """Return the card of ``box``: with signs of statuses if ``live``; ``change`` says in which way it differs."""
+    """Return the card of ``box``: with status signs if ``live``; ``change`` is its kind of difference."""
     writer = _CardWriter()
     writer.title(box, live)
     writer.small("argument", _wrap_small(_arguments(box), ", ", 3))
@@ -156,14 +156,14 @@ def make_card(box: TreeBox, *, live: bool = False, change: str = "") -> Card:
 
 
 class _CardWriter:
-    """Writes the rows of one card from the top downwards."""
+    """Lays out the rows of one card from top to bottom."""
 
     def __init__(self) -> None:
         self._lines: list[CardText] = []
-        self._y = 5  # where the next row begins
+        self._y = 5  # top of the next row
 
     def title(self, box: TreeBox, live: bool) -> None:
-        """Write kind, name, the sign of the status, and the line of the file."""
+        """Add kind, name, status sign, and line number in the file."""
         base = self._y + 15
         self._write("symbol", box.symbol, (BAND_WIDTH - ceil(text_width(box.symbol, SIZES["symbol"]))) // 2, base)
         kind = truncate(box.kind, SIZES["kind"], MAX_LINE_WIDTH / 2, bold=True)
@@ -175,13 +175,13 @@ class _CardWriter:
         self._y += TITLE_HEIGHT
 
     def small(self, part: Part, texts: Iterable[str]) -> None:
-        """Write lines of small print."""
+        """Add lines in the small font."""
         for text in texts:
             self._write(part, text, BAND_WIDTH + CARD_PADDING, self._y + 12)
             self._y += SMALL_LINE_HEIGHT
 
     def badges(self, box: TreeBox, live: bool) -> None:
-        """Write the modifiers, as many in a row as there is room for."""
+        """Add the modifiers, as many in a row as fit."""
         if not box.badges:
             return
         x = left = BAND_WIDTH + CARD_PADDING - 2
@@ -199,7 +199,7 @@ class _CardWriter:
         self._y += BADGE_HEIGHT
 
     def card(self, box: TreeBox) -> Card:
-        """Return what was written; what ends the title's row moves to the right edge."""
+        """Return the card; the end of the title's row is aligned to the right edge."""
         ends = (line.x + line.width + (BADGE_PADDING if line.part == "badge" else 0) for line in self._lines)
         wide = max(ends) + CARD_PADDING
         title = max(line.x + line.width for line in self._lines if line.part == "line")
@@ -208,7 +208,7 @@ class _CardWriter:
         return Card(box, wide, self._y + 6, tuple(lines))
 
     def _write(self, part: Part, text: str, x: int, y: int) -> int:
-        """Write one text, and return where it ends."""
+        """Add one text, and return its right end."""
         wide = ceil(text_width(text, SIZES.get(part, SMALL_FONT_SIZE), bold=part == "kind"))
         if text:
             self._lines.append(CardText(part, text, x, y, wide))
@@ -216,13 +216,13 @@ class _CardWriter:
 
 
 def _name(box: TreeBox) -> str:
-    """Return what the title says after the kind; an argument that is too long for it has lines of its own."""
+    """Return the title after the kind; an argument that is too long for it gets lines of its own."""
     name = box.title.removeprefix(box.kind)
     return "" if not box.untitled_arguments and box.said and text_width(name, SIZES["name"]) > MAX_LINE_WIDTH else name
 
 
 def _arguments(box: TreeBox) -> Iterator[str]:
-    """Yield the arguments as the file has them, but one that the title says, and the variable that keeps the result."""
+    """Yield the arguments as written in the file, without one shown in the title, and the variable for the result."""
     untold = box.untitled_arguments if _name(box) else box.arguments
     yield from (f"{name}: {text}" for name, text in untold.items())
     if box.keep_as:
@@ -230,7 +230,7 @@ def _arguments(box: TreeBox) -> Iterator[str]:
 
 
 def _reasons(box: TreeBox) -> Iterator[str]:
-    """Yield why it stands as it does, since when, and what its modifiers add to that."""
+    """Yield the reason of the status, its age, and additions of the modifiers."""
     if box.reason:
         yield box.reason
     if box.since is not None:
@@ -244,18 +244,18 @@ def _wrap_small(items: Iterable[str], separator: str, rows: int) -> tuple[str, .
 
 
 PAGE_WIDTH, PAIR_PAGE_WIDTH = 1200, 760
-"""Pixels beyond which children stand below their parent: in a picture of one tree, and in that of two."""
+"""Page width in pixels, beyond which children stand below their parent: for one tree, and for two."""
 
 GAP, INDENT, ROW = 44, 48, 12
-"""Pixels from a card to a child at its right, from its left edge to a child below it, and between two rows."""
+"""Gaps in pixels: to a child on the right, from the left edge to a child below, and between rows."""
 
 INSET, LABEL = 14, 26
-"""The margin of a panel, and the height of its label."""
+"""Margin of a panel, and height of its label."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedCard:
-    """A node's card: its upper left corner, its size, and its lines, which count from that corner."""
+    """A node's card: upper left corner, size, and texts relative to that corner."""
 
     box: TreeBox
     x: int
@@ -267,7 +267,7 @@ class PlacedCard:
 
 @dataclass(frozen=True, slots=True)
 class CardLink:
-    """The way from a node to its child, which stands ``below`` it or at its right."""
+    """Connection from a node to its child, which stands ``below`` it or to its right."""
 
     parent: PlacedCard
     child: PlacedCard
@@ -276,7 +276,7 @@ class CardLink:
 
 @dataclass(frozen=True, slots=True)
 class MissionPanel:
-    """What lies under the tree of a sub-mission."""
+    """Background of the tree of a sub-mission."""
 
     x: int
     y: int
@@ -287,7 +287,7 @@ class MissionPanel:
 
 @dataclass(frozen=True, slots=True)
 class TreeLayout:
-    """A whole tree, in whole pixels from its upper left corner; panels that hold others come first."""
+    """Layout of a whole tree, in whole pixels from its upper left corner; outer panels come first."""
 
     cards: tuple[PlacedCard, ...]
     links: tuple[CardLink, ...]
@@ -297,29 +297,29 @@ class TreeLayout:
 
 
 def lay_out(drawing: TreeDrawing) -> TreeLayout:
-    """Return where everything stands in the picture of one tree."""
+    """Return the layout of one tree."""
     root = _row(drawing.root, is_live(drawing))
     root.place((0,), 0, PAGE_WIDTH)
     return _LayoutCollector(root, 0).layout()
 
 
 def lay_out_pair(comparison: TreeComparison) -> tuple[TreeLayout, TreeLayout]:
-    """Return the same for two trees that are compared: what belongs together stands at the same height."""
+    """Return the layouts of two compared trees; corresponding nodes have the same height."""
     root = _pair_row(comparison.root, is_live(comparison.left), is_live(comparison.right))
     root.place((0, 0), 0, PAIR_PAGE_WIDTH)
     return _LayoutCollector(root, 0).layout(), _LayoutCollector(root, 1).layout()
 
 
 def is_live(drawing: TreeDrawing) -> bool:
-    """Say whether it shows a moment of a run, and not only the mission."""
+    """Return whether a drawing shows a moment of a run."""
     return drawing.time is not None or any(box.status != "idle" for box in drawing.root.walk())
 
 
 @dataclass(slots=True)
 class _Row:
-    """A node of the layout: its card in each of the pictures that lie side by side, None where it has none there.
+    """A node of the layout: its card in each of the side-by-side pictures, or None.
 
-    ``spans`` say how wide it is with all below it, had it all room to its right.
+    ``spans`` are the widths of its subtree if it had unlimited room to its right.
     """
 
     cards: tuple[Card | None, ...]
@@ -338,7 +338,7 @@ class _Row:
         self.spans = tuple(self._width(picture) + blank + inner[picture] + after for picture in self._pictures)
 
     def place(self, xs: tuple[int, ...], top: int, page: int) -> None:
-        """Say of it and of all below it where they stand: ``xs`` in each picture, ``top`` in all of them."""
+        """Set the positions of its subtree: ``xs`` in each picture, ``top`` in all of them."""
         self.xs, self.y = xs, top
         self.bottom = top + max(each.height for each in self.cards if each is not None)
         if not self.children:
@@ -354,12 +354,12 @@ class _Row:
 
     @property
     def panel_top(self) -> int:
-        """The height at which what is below it begins."""
+        """The y coordinate at which its children begin."""
         return self.y + max(each.height for each in self.cards if each is not None) + ROW if self.below else self.y
 
     @property
     def _left_margin(self) -> int:
-        """The room that its children need before them: for the margin of a panel, and for the cases of a switch."""
+        """The width needed before its children: for a panel's margin and a switch's cases."""
         cards = (each for child in self.children for each in child.cards if each is not None)
         return (INSET if self.has_panel else 0) + max((case_width(each.box) for each in cards), default=0)
 
@@ -373,7 +373,7 @@ class _Row:
 
 
 def case_width(box: TreeBox) -> int:
-    """Return how much room the label needs under which a switch chooses a node."""
+    """Return the width of the label of a node that is a case of a switch."""
     return ceil(text_width(box.case, SMALL_FONT_SIZE)) + 10 if box.case else 0
 
 
@@ -391,7 +391,7 @@ def _pair_row(pair: NodePair, live_left: bool, live_right: bool) -> _Row:
 
 
 class _LayoutCollector:
-    """Collects what stands in one of the pictures of rows that are placed."""
+    """Collects the elements of one picture from positioned rows."""
 
     def __init__(self, root: _Row, picture: int) -> None:
         self._picture = picture
@@ -401,15 +401,15 @@ class _LayoutCollector:
         self._right = self._collect(root, None, False)
 
     def layout(self) -> TreeLayout:
-        """Return all of it."""
+        """Return the layout."""
         bottoms = [each.y + each.height for each in self._placed] + [each.y + each.height for each in self._panels]
         panels = tuple(reversed(self._panels))
         return TreeLayout(tuple(self._placed), tuple(self._links), panels, self._right, max(bottoms))
 
     def _collect(self, row: _Row, parent: PlacedCard | None, below: bool) -> int:
-        """Collect a row and all below it; return where the rightmost of them ends."""
+        """Collect a row and its subtree; return its right end."""
         found = row.cards[self._picture]
-        if found is None:  # nor is there anything below it
+        if found is None:  # then it has no subtree either
             return 0
         placed = PlacedCard(found.box, row.xs[self._picture], row.y, found.width, found.height, found.lines)
         self._placed.append(placed)

@@ -1,4 +1,4 @@
-"""Pictures of movements: where each joint is to be over time, and where it was. Needs the extra ``plots``."""
+"""Plots of movements: goals and measured angles of each joint over time. Needs the extra ``plots``."""
 
 from collections.abc import Mapping, Sequence
 from math import ceil, degrees
@@ -13,9 +13,9 @@ from drivers.api import JointLimits
 
 
 def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None) -> Path:
-    """Write a figure in the form that the name of the file ends in, whole or not at all; return its path.
+    """Write a figure atomically, in the format of the file's suffix; return its path.
 
-    ``mode`` is as that of ``replace_file``. Raises OSError; ValueError for an ending that Matplotlib does not know.
+    ``mode`` is that of ``whole_file``. Raises OSError; ValueError for a suffix that Matplotlib does not support.
     """
     with replace_file(path, mode) as file:
         figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".") or "png")
@@ -23,13 +23,13 @@ def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None)
 
 
 FORMATS = (".png", ".svg")
-"""The endings of pictures that can be drawn."""
+"""Suffixes of the supported picture formats."""
 
 GOAL_COLOUR, MEASURED_COLOUR, LIMIT_COLOUR = "#2a78b5", "#c8553d", "#8a8f98"
 """Colours: what was sent, what was measured, and how far a joint may go."""
 
 MAX_COLUMNS = 2
-"""Joints beside each other."""
+"""Maximum number of joints side by side."""
 
 
 def draw_move(
@@ -40,17 +40,16 @@ def draw_move(
     *,
     measured: Mapping[str, tuple[Sequence[float], Sequence[float]]] | None = None,
 ) -> None:
-    """Draw a panel for each joint: its goals, its limits, and what was ``measured``; each as (times, angles).
+    """Draw a panel for each joint with its goals, limits, and ``measured`` values; each as (times, angles).
 
-    Times in seconds, angles in radians. Raises ValueError for a picture of another format, OSError where it cannot be
-    written.
+    Times in seconds, angles in radians. Raises ValueError for an unsupported format, OSError if it cannot be written.
     """
     if path.suffix not in FORMATS:
         raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")
     columns = min(MAX_COLUMNS, len(goals))
     rows = ceil(len(goals) / columns)
     figure = Figure(figsize=(6.0 * columns, 0.8 + 2.2 * rows), layout="constrained")
-    FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
+    FigureCanvasAgg(figure)  # its own canvas, without a window or global state
     figure.suptitle(title)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for axes, (joint, (times, angles)) in zip(grid.flat, goals.items(), strict=False):
@@ -76,7 +75,7 @@ def draw_move(
 
 
 def _draw_limits(axes: Axes, limits: JointLimits) -> None:
-    """Draw how far the joint may go, where that is near to what it does."""
+    """Draw the limits of a joint that are close to its motion."""
     low, high = axes.get_ylim()
     margin = max(5.0, 0.25 * (high - low))
     near = [degrees(end) for end in (limits.lower, limits.upper) if low - margin <= degrees(end) <= high + margin]

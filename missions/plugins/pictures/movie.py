@@ -1,7 +1,7 @@
-"""Pictures one after another, into a film or a folder: for whatever films something.
+"""Writes pictures one after another to a film or a folder.
 
-Films show people: only their owner can read them. The library that writes films tells nobody of a full disk: what
-became of one is found out here.
+Films show people: only their owner can read them. OpenCV's writer does not report a full disk, so this module checks
+the free space and the written file.
 """
 
 import os
@@ -22,42 +22,42 @@ from drivers.pictures.decode import silence_opencv
 from missions.cli.outputs import check_folder
 
 CODECS = {".webm": "VP80", ".mp4": "vp09", ".avi": "MJPG"}
-"""By the ending of a film, codecs of OpenCV's wheels; browsers play the first two, of which VP8 is written quicker.
+"""OpenCV codec by film suffix. Browsers play the first two; VP8 is faster to write.
 
-Any other name is a folder of pictures.
+Any other suffix means a folder of pictures.
 """
 
 MIN_FREE_BYTES = 8_000_000
-"""Bytes of the disk that stay free: the library holds back up to five megabytes of a film until it is closed."""
+"""Bytes of the disk that stay free: OpenCV buffers up to five megabytes of a film until it is closed."""
 
 PICTURES_PER_CHECK = 25
-"""Pictures of a film from one look at the room on the disk to the next."""
+"""Number of pictures between two checks of the free disk space."""
 
 
 def check_output(path: Path, option: str) -> None:
-    """Raise click.UsageError for a place where no film can be made, or where one would take the place of something.
+    """Raise click.UsageError if a film cannot be written there, or would replace an existing file.
 
-    ``option`` is what the user wrote before it.
+    ``option`` is the option's name, for the message.
     """
     if path.suffix in CODECS:
         if not path.parent.is_dir():
-            made = f"mkdir -p {shlex.quote(str(path.parent))}"
-            raise click.UsageError(f"{option}: {path.parent}: no such folder\n  try: {made}")
+            remedy = f"mkdir -p {shlex.quote(str(path.parent))}"
+            raise click.UsageError(f"{option}: {path.parent}: no such folder\n  try: {remedy}")
     elif path.is_file():
         raise click.UsageError(f"{option}: {path} is a file; end it in {', '.join(CODECS)}, or name a folder")
     elif path.is_dir() and any(path.iterdir()):
         raise click.UsageError(f"{option}: the folder {path} is not empty")
     else:
         check_folder(
-            path, option, f"{option} {shlex.quote(str(path.with_suffix('.webm')))}, or a name without an ending"
+            path, option, f"{option} {shlex.quote(str(path.with_suffix('.webm')))}, or a folder name without a suffix"
         )
 
 
 class Movie:
-    """Writes pictures of one size to ``path``: a film of ``rate`` pictures a second or, for any other name, a folder.
+    """Writes pictures of one size to ``path``: a film of ``rate`` pictures a second or, for other suffixes, a folder.
 
-    ``error`` says from when on, or after all, it could not be written, and what to type; empty while all is well.
-    Raises click.UsageError, naming the ``option``, where it cannot even be begun.
+    ``error`` has the time of the first failed picture, or of the failed film, and a remedy; empty without an error.
+    Raises click.UsageError, which names ``option``, if it cannot be started.
     """
 
     def __init__(self, path: Path, *, rate: float, option: str) -> None:
@@ -65,7 +65,7 @@ class Movie:
         self._rate = rate
         self._option = option
         self._writer: cv2.VideoWriter | None = None
-        self._partial_path = path  # the film until it is whole
+        self._partial_path = path  # the film while it is written
         self._is_complete = False
         self.pictures = 0
         self.error = ""
@@ -85,7 +85,7 @@ class Movie:
             return
         self._writer.release()
         if not self.error and not self._is_readable():
-            self._fail("it cannot be read to its end")
+            self._fail("the written file is damaged")
         if self.error and self._path.exists():
             self._partial_path.unlink(missing_ok=True)
             self.error = f"{self.error}\n  {self._path} is the earlier film; the new one was removed"
@@ -97,16 +97,16 @@ class Movie:
 
     @property
     def is_written(self) -> bool:
-        """Whether any of its pictures are at its path."""
+        """Whether any pictures were written."""
         return self._is_complete if self.is_film else self.pictures > 0
 
     @property
     def is_film(self) -> bool:
-        """Whether it is a film, in which every picture stays for as long as any other; else it is a folder."""
+        """Whether it is a film, with a fixed picture rate, instead of a folder."""
         return self._path.suffix in CODECS
 
     def write(self, picture: Image) -> None:
-        """Add one picture; none once there is trouble."""
+        """Add one picture; ignored after an error."""
         if self.error:
             return
         if not self.is_film:
@@ -114,13 +114,13 @@ class Movie:
         else:
             self._writer = self._writer or self._open_writer(picture)
             if self.pictures % PICTURES_PER_CHECK == 0 and _free_bytes(self._path.parent) < MIN_FREE_BYTES:
-                self._fail("there is no more room on the disk")
+                self._fail("the disk is full")
                 return
             self._writer.write(picture)
         self.pictures += not self.error
 
     def _write_picture(self, picture: Image) -> None:
-        """Write a picture into the folder."""
+        """Write a picture to the folder."""
         done, packed = cv2.imencode(".jpg", picture)
         try:
             save_file(
@@ -132,10 +132,10 @@ class Movie:
             self._fail(error.strerror or str(error))
 
     def _open_writer(self, first: Image) -> cv2.VideoWriter:
-        """Return what writes the film, into a file that only its owner can read. Raises click.UsageError."""
+        """Return an OpenCV writer for a file that only its owner can read. Raises click.UsageError."""
         try:
             number, beside = tempfile.mkstemp(self._path.suffix, f".{self._path.stem[:100]}.", self._path.parent)
-            os.close(number)  # the library opens it anew, and leaves its rights alone
+            os.close(number)  # OpenCV reopens it, and keeps its permissions
             self._partial_path = Path(beside)
         except OSError as error:
             raise self._usage_error(error) from error
@@ -148,7 +148,7 @@ class Movie:
         return writer
 
     def _is_readable(self) -> bool:
-        """Say whether the last picture of the closed film can be read, at its time."""
+        """Return whether the last picture of the closed film can be read, at its time."""
         with _mute_opencv():
             video = cv2.VideoCapture(str(self._partial_path))
             video.set(cv2.CAP_PROP_POS_FRAMES, self.pictures - 1)
@@ -170,14 +170,14 @@ class Movie:
 
 
 def _free_bytes(folder: Path) -> int:
-    """Return how many bytes the disk of a folder has left."""
+    """Return the free bytes of the disk of a folder."""
     disk = os.statvfs(folder)
     return disk.f_bavail * disk.f_frsize
 
 
 @contextmanager
 def _mute_opencv() -> Iterator[None]:
-    """Keep what OpenCV says on stderr from the terminal: past its own levels, that WebM has no number for VP8."""
+    """Hide OpenCV's messages on stderr inside the context: it always warns that WebM has no number for VP8."""
     silence_opencv()
     before, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)

@@ -1,4 +1,4 @@
-"""The option of `mission run` for films of simulated runs."""
+"""Option of `mission run` for films of simulated runs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +10,10 @@ from missions.request import CLOCK, RunOptions, RunRequest
 
 @dataclass(frozen=True, kw_only=True)
 class FilmOptions(RunOptions):
-    """Where the film of a run goes."""
+    """Options of a run's film."""
 
     film: Path | None = option(
-        "Film the camera's view and the room from above: into a .webm, or a folder of pictures.",
+        "Film the camera's view and the room from above, to a .webm file or a folder of pictures.",
         "path",
         metavar="FILE",
         group=CLOCK,
@@ -27,4 +27,4 @@ class FilmOptions(RunOptions):
     def check(self, request: RunRequest) -> None:
         """Raise ValueError for a film in real time."""
         if self.film is not None and request.simulation != "fast":
-            raise ValueError("--film is made in simulated time: add --simulate fast")
+            raise ValueError("--film needs simulated time: add --simulate fast")

@@ -1,6 +1,6 @@
-"""The plan of a world as SVG: the room with its measures, what stands in it, who is there and where they walk.
+"""Plan of a world as SVG: the room with its dimensions, objects, people and their paths.
 
-x goes to the right and y up, as on the robot's own map; one metre is ``UNITS_PER_METRE`` units of the drawing.
+x points right and y up, as on the robot's map; one metre is ``UNITS_PER_METRE`` units of the drawing.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from drivers.sim.world import SimulatedWorld
 from drivers.sim.world_objects import Rover, WorldBall, WorldBox
 
 UNITS_PER_METRE = 100
-"""Units of the drawing to a metre."""
+"""Drawing units per metre."""
 
 _STYLE = """
 text { font: 15px "DejaVu Sans", sans-serif; fill: #33353a; text-anchor: middle; paint-order: stroke;
@@ -53,7 +53,7 @@ _DEFINITIONS = """<defs>
 
 @dataclass(frozen=True, slots=True)
 class PlanFrame:
-    """How large the drawing of a world is, where in it the robot starts, and where it looks then (degrees)."""
+    """Size of the drawing of a world, and the robot's start position and heading (degrees) in it."""
 
     width: float
     height: float
@@ -63,25 +63,25 @@ class PlanFrame:
 
 
 def plan_frame(world: SimulatedWorld) -> PlanFrame:
-    """Return the size of the plan of ``world``, and the place and heading of the robot's start on it."""
+    """Return the size of the plan of ``world``, and the position and heading of the robot's start in it."""
     drawn = _PlanDrawing(world, 0.0)
     start = world.start
     return PlanFrame(drawn.width, drawn.height, *drawn.to_drawing((start.x, start.y)), degrees(start.heading))
 
 
 def plan_svg(name: str, world: SimulatedWorld, summary: str = "", time: float = 0.0) -> str:
-    """Return an SVG document that shows ``world`` as it is at ``time`` seconds."""
+    """Return an SVG document of ``world`` at ``time`` seconds."""
     return _PlanDrawing(world, time).document(name, summary)
 
 
 class _PlanDrawing:
-    """One plan that is being drawn. Places are in metres."""
+    """Drawing of one plan. Positions are in metres."""
 
     def __init__(self, world: SimulatedWorld, time: float) -> None:
         self._world = world
         self._time = time
         room = world.room
-        self._left, self._top, self._bottom = 90, 100, 90  # units around the room: measures, title, scale
+        self._left, self._top, self._bottom = 90, 100, 90  # margins in units: dimensions, title, scale
         self.width = room.length * UNITS_PER_METRE + 2 * self._left
         self.height = room.width * UNITS_PER_METRE + self._top + self._bottom
         size = {
@@ -92,7 +92,7 @@ class _PlanDrawing:
         self._svg = ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
 
     def document(self, name: str, summary: str) -> str:
-        """Draw all of it."""
+        """Return the complete drawing."""
         self._add("title").text = name
         self._add("style").text = _STYLE
         self._add("defs")
@@ -137,7 +137,7 @@ class _PlanDrawing:
         else:
             self._disc((solid.x, solid.y), solid.radius, "thing", thing.colour)
             lowest = solid.y - solid.radius
-        half = len(thing.name) * 0.045  # metres of its name, about
+        half = len(thing.name) * 0.045  # approximate half width of the name in metres
         if solid.nearest_offset(solid.x + half, solid.y) == solid.nearest_offset(solid.x - half, solid.y) == (0.0, 0.0):
             self._text(thing.name, (solid.x, solid.y), "on" if sum(thing.colour) > 330 else "on light")
         else:
@@ -167,7 +167,7 @@ class _PlanDrawing:
         self._text("robot", (start.x, start.y - BASE_RADIUS - 0.12))
 
     def _measures(self) -> None:
-        """Draw the lengths of the room along two of its walls, what its corners are called, and a scale."""
+        """Draw the dimensions along two walls, the corners' names, and a scale."""
         (x_low, x_high), (y_low, y_high) = self._world.room.extent()
         low, left = y_low - 0.22, x_low - 0.22
         self._line((x_low, low), (x_high, low), "line both")
@@ -186,7 +186,7 @@ class _PlanDrawing:
     # --- shapes, in metres --------------------------------------------------------------------------------------------
 
     def to_drawing(self, place: FloorPosition) -> tuple[float, float]:
-        """Return where a place is in the drawing."""
+        """Return a position in drawing units."""
         (x_low, _), (_, y_high) = self._world.room.extent()
         return self._left + (place[0] - x_low) * UNITS_PER_METRE, self._top + (y_high - place[1]) * UNITS_PER_METRE
 
@@ -212,7 +212,7 @@ class _PlanDrawing:
         self._line(place, (place[0] + length * cos(heading), place[1] + length * sin(heading)), "nose")
 
     def _path(self, stops: Sequence[FloorPosition]) -> None:
-        """Draw a walk, an arrow at the end of each leg; one that is walked both ways, once."""
+        """Draw a path with an arrow at the end of each leg; a leg walked both ways is drawn once."""
         drawn: set[tuple[FloorPosition, FloorPosition]] = set()
         for start, end in pairwise(stops):
             if not {(start, end), (end, start)} & drawn:

@@ -1,6 +1,6 @@
-"""Our SVG pictures as PNG, for papers, slides and chats. Needs the extra ``plots``: resvg, and Matplotlib for its font.
+"""SVG drawings as PNG. Needs the extra ``plots``: resvg, and Matplotlib for its font.
 
-No font of the machine is used: the same picture gives the same PNG everywhere.
+No fonts of the machine are used, so the PNG is the same everywhere.
 """
 
 from math import sqrt
@@ -8,19 +8,19 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 PLOTS_MISSING = "a picture needs Matplotlib\n  try: pip install 'missiontree[plots]'"
-"""The error message for plots without the extra."""
+"""Error message without the extra ``plots``."""
 
 DEFAULT_ZOOM = 2.0
-"""Pixels of a PNG to a unit of the SVG."""
+"""Pixels of a PNG per unit of the SVG."""
 
 MAX_PIXELS = 40_000_000
-"""A larger picture is drawn smaller: drawing takes seconds, and many programs do not open more."""
+"""Maximum number of pixels; larger drawings are scaled down, since many programs do not open larger ones."""
 
 FONTS = ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf")
 
 
 def png(svg: str, *, zoom: float = DEFAULT_ZOOM) -> bytes:
-    """Return ``svg`` as a PNG, ``zoom`` times as large. Raises ImportError without the extra ``plots``."""
+    """Return ``svg`` as a PNG, scaled by ``zoom``. Raises ImportError without the extra ``plots``."""
     from matplotlib import get_data_path  # noqa: PLC0415 - an extra, and slow to import
     from resvg_py import svg_to_bytes  # noqa: PLC0415 - an extra
 
@@ -30,6 +30,6 @@ def png(svg: str, *, zoom: float = DEFAULT_ZOOM) -> bytes:
 
 
 def max_zoom(svg: str) -> float:
-    """Return how many times as large a picture can be drawn."""
-    root = ET.fromstring(svg)  # noqa: S314 - our own picture
+    """Return the largest zoom of a drawing."""
+    root = ET.fromstring(svg)  # noqa: S314 - our own drawing
     return sqrt(MAX_PIXELS / (float(root.attrib["width"]) * float(root.attrib["height"])))

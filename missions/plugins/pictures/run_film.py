@@ -1,6 +1,6 @@
-"""A film of a run in simulated time: what the camera sees, beside the room from above and the robot's face.
+"""Film of a run in simulated time: the camera's view, a plan of the room, and the robot's face.
 
-A robot in physics is shown itself, too; without a camera, in the place of what that would see.
+A robot in physics is drawn too; without a camera, it takes the place of the camera's view.
 """
 
 from collections.abc import Iterator
@@ -29,10 +29,10 @@ FRAME_RATE = 12.5
 
 
 class RunFilm:
-    """Films ``twins`` into a file or, for any other name, into a folder of numbered pictures.
+    """Films ``twins`` to a file; if its suffix is not that of a film, to a folder of numbered pictures.
 
-    Its camera is one of its own, in the place of the robot's: filming changes nothing of the run.
-    Raises click.UsageError where the film cannot be written.
+    It has a camera of its own, so filming does not change the run. Raises click.UsageError if the film cannot be
+    written.
     """
 
     def __init__(self, path: Path, twins: Twins) -> None:
@@ -47,12 +47,12 @@ class RunFilm:
 
     @property
     def error(self) -> str:
-        """From when on it could not be written, and why; empty while all is well."""
+        """Error text with the time of the first picture that could not be written; empty without an error."""
         return self._movie.error
 
     @property
     def is_written(self) -> bool:
-        """Whether any of its pictures are at its path."""
+        """Whether any pictures were written."""
         return self._movie.is_written
 
     def __enter__(self) -> Self:
@@ -70,10 +70,10 @@ class RunFilm:
         self._movie.__exit__(kind, error, trace)
 
     def _body_camera(self) -> "BodyCamera | None":
-        """Return what draws the robot's body; None for a robot without physics."""
+        """Return the camera that draws the robot's body; None for a robot without physics."""
         if self._twins.scene is None:
             return None
-        from drivers.sim.rigid.body_camera import BodyCamera  # noqa: PLC0415 - for physics alone
+        from drivers.sim.rigid.body_camera import BodyCamera  # noqa: PLC0415 - only for physics
 
         return BodyCamera(self._twins.scene, (self._twins.lens.width, self._twins.lens.height))
 
@@ -97,13 +97,13 @@ class RunFilm:
 
 @contextmanager
 def film_run(options: FilmOptions, session: RunSession) -> Iterator[None]:
-    """Film a run in simulated time. Raises click.UsageError for a film that cannot be made.
+    """Film a run in simulated time inside the context. Raises click.UsageError if the film cannot be started.
 
-    A film that cannot be written to its end is reported; the run goes on.
+    A later write error is reported, and the run goes on.
     """
     path, twins = options.film, session.runner.twins
     if path is None or twins is None:
-        raise click.UsageError("--film is made in simulated time: add --simulate fast")
+        raise click.UsageError("--film needs simulated time: add --simulate fast")
     check_output(path, "--film")
     film = RunFilm(path, twins)
     session.outputs.append(lambda: film.path if film.is_written else None)

@@ -1,6 +1,6 @@
-"""A mission's tree as SVG: cards from left to right, each with its kind, arguments, modifiers and line of the file.
+"""A mission's tree as SVG: cards with kind, arguments, modifiers and line number, from left to right.
 
-Nothing in it depends on the machine or the day. Statuses have a sign and a border of their own beside their colour.
+The drawing does not depend on machine or date. Statuses have signs and borders in addition to colours.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -101,14 +101,14 @@ text { fill: #e5e9ee } .page { fill: #12161b } .summary { fill: #a3aeba } .momen
 
 
 class SvgCanvas:
-    """A document, or a group within one, to which shapes are added; what is added later lies on top."""
+    """SVG document or group to which shapes are added; later shapes lie on top."""
 
     def __init__(self, element: ET.Element) -> None:
         self._element = element
 
     @classmethod
     def new_page(cls, name: str, wide: int, high: int) -> "SvgCanvas":
-        """Return an empty page; ``name`` is what a program reads out, or shows in its title."""
+        """Return an empty page; ``name`` is its title for programs and screen readers."""
         size = {"viewBox": f"0 0 {wide} {high}", "width": str(wide), "height": str(high)}
         canvas = cls(ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", "role": "img", **size}))
         canvas.tooltip(name)
@@ -117,12 +117,12 @@ class SvgCanvas:
         return canvas
 
     def document(self) -> str:
-        """Return all of it."""
+        """Return the SVG text."""
         ET.indent(self._element)
         return ET.tostring(self._element, encoding="unicode") + "\n"
 
     def group(self, kind: str, x: int = 0, y: int = 0) -> "SvgCanvas":
-        """Return a group whose places count from ``x``, ``y``."""
+        """Return a group with its origin at ``x``, ``y``."""
         group = self._add("g")
         if kind:
             group.set("class", kind)
@@ -131,11 +131,11 @@ class SvgCanvas:
         return SvgCanvas(group)
 
     def tooltip(self, text: str) -> None:
-        """Say what this is, to those who point at it."""
+        """Add a tooltip."""
         self._add("title").text = _clean(text)
 
     def text(self, kind: str, text: str, x: int, y: int) -> None:
-        """Write ``text`` from ``x`` on, its base line at ``y``; nothing where there is none."""
+        """Add ``text`` with its baseline at ``x``, ``y``; an empty text adds nothing."""
         if text:
             written = self._add("text", x=str(x), y=str(y))
             written.set("class", kind)
@@ -147,7 +147,7 @@ class SvgCanvas:
         self._add("rect", x=str(x), y=str(y), **size).set("class", kind)
 
     def path(self, kind: str, path: str) -> None:
-        """Draw a path, in the words of SVG."""
+        """Draw a path, in SVG notation."""
         self._add("path", d=path).set("class", kind)
 
     def disc(self, kind: str, x: int, y: int, radius: int) -> None:
@@ -159,7 +159,7 @@ class SvgCanvas:
 
 
 def _clean(text: str) -> str:
-    """Return ``text`` without what XML cannot hold."""
+    """Return ``text`` without characters that XML forbids."""
     return "".join(letter if letter in "\t\n" or letter.isprintable() else "\ufffd" for letter in text)
 
 
@@ -167,14 +167,14 @@ MARGIN, HEADER, LEGEND, MOMENT_WIDTH = 28, 88, 50, 140
 """Pixels around the tree, above it for the title, below it for the legend, and beside the title for the moment."""
 
 TITLE_SIZE, SUMMARY_SIZE = 22, 13
-"""The sizes of the fonts of the header."""
+"""Font sizes of the header."""
 
 CORNER_RADIUS, LINK_OFFSET = 8, 20
-"""The radius of the corners of links, and how far below a card's upper edge they begin and end."""
+"""Radius of the corners of links, and distance of their ends from the upper edge of a card."""
 
 Kind = Literal["composite", "condition", "action", "mission"]
 KINDS: Mapping[Kind, str] = {"composite": "", "condition": CONDITION_SYMBOL, "action": ACTION_SYMBOL, "mission": "▣"}
-"""The four sorts of node, and their signs; each composite has its own."""
+"""The four kinds of node and their signs; each composite has its own."""
 
 _LINK_ORDER: Mapping[Status, int] = {
     "idle": 0,
@@ -184,11 +184,11 @@ _LINK_ORDER: Mapping[Status, int] = {
     "suspended": 4,
     "running": 5,
 }
-"""Which links lie on top where several share a way."""
+"""Drawing order of links by status, where several share a path."""
 
 
 def svg(drawing: TreeDrawing) -> str:
-    """Return the picture of a tree: with statuses, where it shows a moment of a run."""
+    """Return the drawing of a tree, with statuses if it shows a moment of a run."""
     layout, live = lay_out(drawing), is_live(drawing)
     wide = _page_width(drawing, layout, PAGE_WIDTH)
     canvas = SvgCanvas.new_page(drawing.mission, wide + 2 * MARGIN, HEADER + layout.height + LEGEND)
@@ -203,7 +203,7 @@ def svg(drawing: TreeDrawing) -> str:
 
 
 def svg_pair(comparison: TreeComparison) -> str:
-    """Return the picture of two missions side by side, what belongs together at one height, and what differs marked."""
+    """Return the drawing of two missions side by side, corresponding nodes at the same height, differences marked."""
     left, right = lay_out_pair(comparison)
     left_wide, right_wide = (
         _page_width(comparison.left, left, PAIR_PAGE_WIDTH),
@@ -228,19 +228,19 @@ def svg_pair(comparison: TreeComparison) -> str:
 
 
 def kind_of(box: TreeBox) -> Kind:
-    """Return to which of the four sorts of node a box belongs."""
+    """Return which of the four kinds of node a box has."""
     leaves: Mapping[str, Kind] = {CONDITION_SYMBOL: "condition", ACTION_SYMBOL: "action"}
     return "mission" if box.kind == MISSION else leaves.get(box.symbol, "composite")
 
 
 def _page_width(drawing: TreeDrawing, layout: TreeLayout, max_width: int) -> int:
-    """Return how wide a tree is with its header, which may be no wider than ``most``."""
+    """Return the width of a tree with its header; the header is no wider than ``most``."""
     title = ceil(text_width(drawing.mission, TITLE_SIZE, bold=True)) + MOMENT_WIDTH
     return max(layout.width, title, min(ceil(text_width(drawing.summary, SUMMARY_SIZE)), max_width))
 
 
 def _header(canvas: SvgCanvas, drawing: TreeDrawing, x: int, wide: int) -> None:
-    """Write what the mission is called, what it is for, and which moment of it this is."""
+    """Write the mission's name and summary, and the time of the moment."""
     canvas.text("title", drawing.mission, x, MARGIN + 18)
     canvas.text("summary", truncate(drawing.summary, SUMMARY_SIZE, wide), x, MARGIN + 40)
     if drawing.time is not None:
@@ -259,7 +259,7 @@ def _legend(canvas: SvgCanvas, y: int, samples: Sequence[tuple[str, str, str]]) 
 
 
 class _TreeDrawing:
-    """One tree that is being drawn; ``changes`` say by key what differs from the tree beside it."""
+    """Drawing of one tree; ``changes`` has by key the differences from the tree beside it."""
 
     def __init__(self, canvas: SvgCanvas, live: bool, changes: Mapping[str, Change]) -> None:
         self._canvas = canvas
@@ -267,7 +267,7 @@ class _TreeDrawing:
         self._changes = changes
 
     def draw(self, layout: TreeLayout) -> None:
-        """Draw panels, links, and the cards upon them."""
+        """Draw panels, links, and the cards on top of them."""
         for panel in layout.panels:
             self._canvas.rect("panel", panel.x, panel.y, panel.width, panel.height)
             self._canvas.text("within", panel.label, panel.x + INSET, panel.y + 17)
@@ -277,7 +277,7 @@ class _TreeDrawing:
             self._card(each)
 
     def _link(self, link: CardLink) -> None:
-        """Draw the way from a node to its child: it leaves at the right, or at the foot, and forks before the child."""
+        """Draw a link from the right or the bottom of a node to its child; it branches just before the child."""
         parent, child = link.parent, link.child
         x, y = parent.x + parent.width, parent.y + LINK_OFFSET
         end_x, end_y = child.x, child.y + LINK_OFFSET
@@ -313,7 +313,7 @@ class _TreeDrawing:
 
 
 def _write_text(node: SvgCanvas, line: CardText, x: int, y: int, status: Status) -> None:
-    """Write one text of a card; a modifier stands on a pill, and a symbol in the middle of its place."""
+    """Write one text of a card; a modifier stands on a pill, a symbol is centred."""
     if line.part == "badge":
         node.rect(f"pill {line.status}", x - BADGE_PADDING, y - 13, line.width + 2 * BADGE_PADDING, 18, radius=9)
     middle = x + line.width // 2 if line.part == "symbol" else x
@@ -321,7 +321,7 @@ def _write_text(node: SvgCanvas, line: CardText, x: int, y: int, status: Status)
 
 
 def _tooltip_lines(box: TreeBox) -> Iterator[str]:
-    """Yield all that is known of a node, of which a card may show less."""
+    """Yield all facts of a node, of which a card may show fewer."""
     yield f"{box.title} ({box.file}, line {box.line})"
     yield from (f"{name}: {text}" for name, text in box.arguments.items())
     if box.keep_as:
@@ -333,6 +333,6 @@ def _tooltip_lines(box: TreeBox) -> Iterator[str]:
 
 
 def _band_path(x: int, y: int, high: int) -> str:
-    """Return the outline of the left end of a card, on which its symbol stands."""
+    """Return the SVG path of the left end of a card, which holds its symbol."""
     flat, down = BAND_WIDTH - CORNER_RADIUS, high - 2 * CORNER_RADIUS
     return f"M{x + BAND_WIDTH} {y}h-{flat}q-{CORNER_RADIUS} 0 -{CORNER_RADIUS} {CORNER_RADIUS}v{down}q0 {CORNER_RADIUS} {CORNER_RADIUS} {CORNER_RADIUS}h{flat}z"

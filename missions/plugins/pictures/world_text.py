@@ -1,4 +1,4 @@
-"""A world in words: the room, what stands in it, who is there and what they do."""
+"""Description of a world in text: room, objects, people and their motion."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,7 +9,7 @@ from config.world_items import ActConfig, BoxConfig, PersonConfig, RoverConfig, 
 
 
 def describe_world(world: WorldConfig) -> Iterator[str]:
-    """Yield what a world file describes, a line for each thing."""
+    """Yield the content of a world file, one line for each object."""
     yield f"{world.name}: {world.summary}" if world.summary else world.name
     room = f"{_metres(world.length)} by {_metres(world.width)}, {_metres(world.height)} high"
     (x, y), along, across = world.centre, world.length / 2, world.width / 2
@@ -32,7 +32,7 @@ def describe_world(world: WorldConfig) -> Iterator[str]:
 
 
 def _object_lines(world: WorldConfig) -> Iterator[str]:
-    """Yield what stands about, and where the floor ends."""
+    """Yield lines for the objects and the edges of the floor."""
     for wall in world.walls:
         yield _line(
             "wall", f"from {_place(*wall.start)} to {_place(*wall.end)}, {_metres(wall.height or world.height)} high"

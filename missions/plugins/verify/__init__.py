@@ -1,1 +1,1 @@
-"""A model checker for missions: every run that leaves, conditions and time can lead to, up to a bound."""
+"""Model checker for missions: explores all runs for all results of leaves, conditions and timings, up to a bound."""

@@ -1,8 +1,8 @@
-"""Values that an exploration cannot know: what the robot senses, what leaves find out, and what follows from these.
+"""Abstract values: sensor data, results of leaves, and expressions that depend on them.
 
-What follows from params and constants is calculated as in a run; the rest is a choice, an error among its options
-where the expression can raise one. So nothing that a run could do is left out, and some things may be added that no
-run does: two conditions on one unknown variable may contradict each other.
+Values that follow from params and constants are computed as in a run; others are choices, including an error if the
+expression can raise one. So the exploration covers all possible runs, and may add impossible ones: two conditions on
+one unknown variable may contradict each other.
 """
 
 import ast
@@ -21,20 +21,20 @@ from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.plugins.verify.choices import Oracle
 
 PLAIN_TYPES = frozenset((bool, int, float, str))
-"""Types whose values hold no others: most of what is looked at."""
+"""Types whose values contain no other values, checked first for speed."""
 
 MAX_COUNT = 3
-"""Whole numbers beyond this are not told apart: a mission that counts must not count for ever."""
+"""Largest whole number that is kept exactly, so that a counting mission has finitely many states."""
 
 MIN_UNBOUNDED_ROUNDS = 2
-"""Rounds that a count beyond MAX_COUNT has at least; how many more is a choice."""
+"""Minimum rounds of a count beyond MAX_COUNT; the number of further rounds is a choice."""
 
 MAX_TEXT_LENGTH = 20
-"""Characters of a text that is kept."""
+"""Maximum length of a text that is kept exactly, in characters."""
 
 
 class Unknown:
-    """A value that some leaf has found out, or a caller will give."""
+    """Unknown value, for example a leaf's result or a param from the caller."""
 
     def __repr__(self) -> str:
         return "unknown"
@@ -44,17 +44,17 @@ UNKNOWN = Unknown()
 
 
 class UnboundedCount(int):
-    """A count beyond what is told apart: any run after ``min_rounds`` of them may be the last."""
+    """Count without an upper bound: any round after ``min_rounds`` may be the last."""
 
     oracle: Oracle
     min_rounds: int
 
     @classmethod
     def of(cls, oracle: Oracle, min_rounds: int) -> Self:
-        """Return one that asks ``oracle``."""
-        made = cls(min_rounds)
-        made.oracle, made.min_rounds = oracle, min_rounds
-        return made
+        """Return a count whose end is a choice of ``oracle``."""
+        count = cls(min_rounds)
+        count.oracle, count.min_rounds = oracle, min_rounds
+        return count
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, int) or isinstance(other, UnboundedCount):
@@ -67,17 +67,15 @@ class UnboundedCount(int):
 
 @dataclass(frozen=True, slots=True)
 class AbstractList(ListMembers):
-    """The members of a list of which nobody knows how many there are, or that are too many to be told apart."""
+    """Members of a list of unknown or unbounded length."""
 
     rounds: UnboundedCount
 
     @property
     def count(self) -> int:
-        """See Members."""
         return self.rounds
 
     def member(self, place: int) -> object:
-        """See Members."""
         del place
         return UNKNOWN
 
@@ -85,7 +83,7 @@ class AbstractList(ListMembers):
 
 
 class TopValue:
-    """An unknown value that may be the same as any other: whether it is, is a choice."""
+    """Unknown value that may equal any other value: each comparison is a choice."""
 
     def __init__(self, oracle: Oracle) -> None:
         self._oracle = oracle
@@ -98,7 +96,7 @@ class TopValue:
 
 
 class NondetSensor:
-    """One part of the robot's state: its flags are choices each time that they are read."""
+    """Part of the robot's state whose flags are a new choice at each read."""
 
     def __init__(self, oracle: Oracle, part: str) -> None:
         self._oracle = oracle
@@ -112,7 +110,7 @@ class NondetSensor:
 
 
 def reads_sensor(read: NameReference) -> bool:
-    """Say whether what an expression reads is something that a sensor reports."""
+    """Return whether an expression's variable is reported by a sensor."""
     value = state_value(read.name, read.member)
     return read.name in ROBOT_STATE and not (value is not None and value.is_always_known)
 
@@ -123,10 +121,10 @@ def _describe_reading(name: str, value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class NondetValue(Value):
-    """A value that is computed where all that it reads is known, and else one of ``options``.
+    """Value that is computed if all its variables are known, and otherwise a choice of ``options``.
 
-    ``never_computed`` ones are never computed. ``abstraction`` says what to make of a value that was. Of one that is ``only_checked`` alone
-    nothing matters but whether all that it reads is set.
+    If ``never_computed``, it is always a choice. ``abstraction`` is applied to a computed value. If ``only_checked``,
+    the only effect is an error for an unset variable.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -135,14 +133,14 @@ class NondetValue(Value):
     only_checked: bool = False
     abstraction: Callable[[object], object] = lambda found: found
     needed: frozenset[str] = field(init=False)
-    """What it surely reads. This and what follows is worked out once, and asked tens of thousands of times."""
+    """Variables that it certainly reads. Precomputed, since it is used tens of thousands of times."""
     sensed: bool = field(init=False)
     sensors: Sequence[str] = field(init=False)
-    """Those that have to report: it is a choice whether they do."""
+    """Sensors that must report; whether they do is a choice."""
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Work out what is the same each time."""
+        """Precompute the constant fields."""
         reads = self.template.reads if self.template is not None else ()
         values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
         sensed = any(value is None or not value.options for value in values)
@@ -153,7 +151,6 @@ class NondetValue(Value):
             object.__setattr__(self, name, value)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
-        """See missions.language.expressions.Value."""
         if not self.never_computed:
             self._check_set(scope)
         for sensor in self.sensors:
@@ -169,13 +166,13 @@ class NondetValue(Value):
         return found
 
     def _check_set(self, scope: Mapping[str, object]) -> None:
-        """Raise ExpressionError for a variable that has to be there, and is not."""
+        """Raise ExpressionError for a required variable that is not set."""
         for name in self.needed:
             if name not in scope:
                 raise ExpressionError(f"'{name}' is not set")
 
     def _reads_unknown(self, scope: Mapping[str, object]) -> bool:
-        """Say whether something that it reads is unknown here."""
+        """Return whether a variable that it reads is unknown in ``scope``."""
         reads = self.template.reads if self.template is not None else ()
         return self.sensed or any(contains_unknown(scope.get(read.name)) for read in reads)
 
@@ -187,7 +184,7 @@ class NondetValue(Value):
 
 
 def expression_text(value: Value) -> str:
-    """Return an expression as it is written."""
+    """Return an expression as written."""
     formula = value.template
     if formula is None:
         return str(value.constant)
@@ -197,7 +194,7 @@ def expression_text(value: Value) -> str:
 
 
 def contains_unknown(value: object) -> bool:
-    """Say whether a value, or something in it, is unknown."""
+    """Return whether a value is or contains an unknown value."""
     if value is UNKNOWN:
         return True
     if value is None or type(value) in PLAIN_TYPES:
@@ -208,7 +205,7 @@ def contains_unknown(value: object) -> bool:
 
 
 def widen(found: object) -> object:
-    """Return a value that was computed, or UNKNOWN where there could be too many of its kind."""
+    """Return a computed value, or UNKNOWN if its type could produce too many values."""
     if found is None or isinstance(found, bool | UnboundedCount):
         return found
     if isinstance(found, int):
@@ -219,9 +216,9 @@ def widen(found: object) -> object:
 
 
 def may_fail(value: Value) -> bool:
-    """Say whether computing it can raise; a conversion can, except to true or false.
+    """Return whether computing a value can raise. A conversion can, except to a truth value.
 
-    Of variables by the rule of ``check``. What is sensed may be missing, which ``==``, ``not``, ``and``, ``or`` take.
+    Variables follow the rules of ``check``. Sensor data may be missing, which ``==``, ``not``, ``and``, ``or`` accept.
     """
     formula = value.template
     if formula is None:

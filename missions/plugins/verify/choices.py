@@ -1,4 +1,4 @@
-"""Choices: what a tick could not know, asked one after another and answered by a script that tries every answer."""
+"""Nondeterministic choices within a step, enumerated by scripts that cover every combination of options."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 Script = tuple[int, ...]
-"""The answers of one step, by their places among the options."""
+"""Choices of one step, as indices of the options."""
 
 
 @dataclass(frozen=True, slots=True)
 class NondetChoice:
-    """One choice as it was made: how many options there were, which was taken, and how to say that."""
+    """One choice: the number of options, the index taken, and a function that describes it."""
 
     options: int
     index: int
@@ -25,7 +25,7 @@ class NondetChoice:
 
 
 class Oracle:
-    """Answers by a script, and with the first option where that has come to its end; ``choices`` keeps what was asked."""
+    """Makes choices from a script, and takes the first option after its end; ``choices`` records them."""
 
     def __init__(self) -> None:
         self.choices: list[NondetChoice] = []
@@ -33,12 +33,12 @@ class Oracle:
         self._script: Script = ()
 
     def follow(self, script: Script) -> None:
-        """Begin a step whose first answers are those of ``script``."""
+        """Begin a step whose first choices are those of ``script``."""
         self._script = script
         self.choices, self._reports = [], {}
 
     def choose(self, options: Sequence[T], describe: Callable[[T], str]) -> T:
-        """Return one of ``options``; ``describe`` puts it into words for a trace, none where it is not worth any."""
+        """Return one of ``options``; ``say`` describes it for a trace, with an empty text if it is not worth showing."""
         if len(options) == 1:
             return options[0]
         place = len(self.choices)
@@ -47,23 +47,23 @@ class Oracle:
         return options[taken]
 
     def sensor_reports(self, sensor: str) -> bool:
-        """Say whether a sensor reports in this step: a choice, made once for all who ask."""
+        """Return whether a sensor reports in this step: a choice made once per step."""
         if sensor not in self._reports:
             self._reports[sensor] = self.choose((True, False), partial(_describe_silence, sensor))
         return self._reports[sensor]
 
     @property
     def all_sensors_report(self) -> bool:
-        """True while every sensor that was asked in this step reports."""
+        """Whether every sensor read in this step reports."""
         return all(self._reports.values())
 
     @property
     def script(self) -> Script:
-        """The answers that were given."""
+        """Indices chosen in this step."""
         return tuple(choice.index for choice in self.choices)
 
     def next_script(self) -> Script | None:
-        """Return the script to follow next, so that every combination comes up once; None after the last."""
+        """Return the script to follow next, so that every combination occurs once; None after the last."""
         for place in range(len(self.choices) - 1, -1, -1):
             choice = self.choices[place]
             if choice.index + 1 < choice.options:

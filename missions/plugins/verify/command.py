@@ -1,4 +1,4 @@
-"""``mission verify``: every run of a mission that leaves, conditions and time can lead to, up to a bound."""
+"""``mission verify``: checks all runs of a mission, up to a bound."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +30,7 @@ from missions.plugins.verify.verdicts import MAX_STATES, TIME_LIMIT, verify
     default=MAX_STATES,
     show_default=True,
     metavar="STATES",
-    help="Give up after so many states; what was not decided by then counts as not proved.",
+    help="Maximum number of states; rules undecided by then count as not proved.",
 )
 @click.option(
     "--limit",
@@ -38,10 +38,10 @@ from missions.plugins.verify.verdicts import MAX_STATES, TIME_LIMIT, verify
     default=quantity_text(TIME_LIMIT, "duration"),
     show_default=True,
     metavar="TIME",
-    help="Give up a mission after so long; what is certain by then is said.",
+    help="Time limit for each mission; certain results are reported.",
 )
 @robot_option
-@click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for editors and other programs.")
+@click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 @params_option
 @behaviours_option
 def command(
@@ -53,10 +53,10 @@ def command(
     params: dict[str, str],
     files: tuple[Path, ...],
 ) -> int:
-    """Prove that missions can end, reach all their nodes, stop cleanly, and keep their `properties`.
+    """Verify that missions can end, reach all their nodes, stop cleanly, and keep their `properties`.
 
-    Takes names, files or folders; all that ship with MissionTree when none is given. Exits with 0 when all is proved,
-    with 1 when something is refuted or not decided, and with 2 for a mission that `mission check` refuses.
+    Arguments are names, files or folders; by default all missions shipped with MissionTree. Exit codes: 0 all is
+    proved; 1 a rule is refuted or undecided; 2 `mission check` rejects a mission.
     """
     robots = robots_for(robot)
     leaves = leaf_loader(files)
@@ -84,7 +84,7 @@ def _verify_mission(
     bound: int,
     limit: float,
 ) -> VerificationReport | None:
-    """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
+    """Verify one mission; return None, after printing its errors on stderr, if it cannot be read."""
     try:
         plan, able = load_mission_for(name, params, robots, leaves(name))
     except InvalidFileError as error:

@@ -1,4 +1,4 @@
-"""The exploration: every state that a run can come to, breadth first, so that the way to each is a shortest one."""
+"""Breadth-first exploration of all states of a mission, so that the path to each state is a shortest one."""
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
@@ -19,20 +19,19 @@ GOING, HALTING, RESTED = "going", "halting", "rested"
 """A run that is ticked; one that was told to stop and is not at rest yet; one that is."""
 
 MAX_TIMED_VARIANTS = 10
-"""States that differ in their times alone, up to which all that is known of these is kept."""
+"""Maximum number of states that differ only in time bounds; beyond that, time bounds are made coarser."""
 
 
 MAX_TRANSITIONS_PER_STATE = 40
-"""Transitions for each state of the bound: many leaves that run at once make many of one state."""
+"""Transitions allowed per state of the bound: many parallel leaves give each state many transitions."""
 
 
 @dataclass(slots=True)
 class ExploredState:
-    """One state of the exploration: what is going on in it, and the step by which it was come to first.
+    """An explored state, and the step by which it was first reached.
 
-    ``kind`` is GOING, HALTING, RESTED, or for a run that has ended "success" or "failure". ``state`` is None once
-    nothing follows. ``successors`` are the places to which a step leads; ``completes_round`` says that a step from here completes a
-    round of a ``repeat: forever``.
+    ``kind`` is GOING, HALTING, RESTED, or "success" or "failure" for a run that has ended. ``state`` is None if no step
+    follows. ``completes_round`` means that a step from here completes a round of a ``repeat: forever``.
     """
 
     kind: str
@@ -48,7 +47,7 @@ class ExploredState:
 
 @dataclass(frozen=True, slots=True)
 class FirstViolation:
-    """A rule that was broken first here: by a step from ``place`` with these answers, towards ``kind``."""
+    """First violation of a rule: by a step from the state ``place`` with this script; a halt if ``halted``."""
 
     violation: Violation
     place: int
@@ -57,9 +56,9 @@ class FirstViolation:
 
 
 class StateSpace:
-    """What an exploration has come to. ``open`` are the places from which it was not followed to the end.
+    """Explored state space. ``open`` are the states that were not completely expanded.
 
-    It has room for ``bound`` states, and goes on until ``late`` says that its time is over.
+    The exploration ends at ``bound`` states, or when ``late`` returns true.
     """
 
     def __init__(self, model: MissionModel, bound: int, is_late: Callable[[], bool] = lambda: False) -> None:
@@ -77,21 +76,21 @@ class StateSpace:
 
     @property
     def is_complete(self) -> bool:
-        """Say whether nothing was left out."""
+        """Whether the exploration is complete."""
         return not self.open and not self.model.shuffler.is_sampled
 
     @property
     def explored_depth(self) -> int:
-        """Ticks from the start up to which every run was followed."""
+        """Number of ticks from the start up to which all runs were explored."""
         return min((self.places[number].depth for number in self.open), default=self.depth)
 
     @property
     def depth(self) -> int:
-        """Steps to the place that is farthest from the start."""
+        """Steps from the start to the farthest state."""
         return self.places[-1].depth
 
     def explore(self) -> None:
-        """Follow every choice from every state, until there is no new one, no room or no time."""
+        """Explore all choices from every state, until no new state, no room or no time is left."""
         self._add(GOING, -1, ())
         while self._frontier:
             number = self._frontier.popleft()
@@ -100,7 +99,7 @@ class StateSpace:
             self._expand(number, halted=True)
 
     def _is_full(self) -> bool:
-        """Say whether there is no room left, or no time."""
+        """Return whether the bound of states or the time limit is reached."""
         self.out_of_time = self.out_of_time or self._is_late()
         return (
             self.out_of_time
@@ -109,7 +108,7 @@ class StateSpace:
         )
 
     def _expand(self, number: int, *, halted: bool) -> None:
-        """Take every step of one kind from a place."""
+        """Take every step of one kind from a state."""
         script: Script | None = ()
         while script is not None:
             if self._is_full():
@@ -126,7 +125,7 @@ class StateSpace:
             script = self.model.oracle.next_script()
 
     def step(self, number: int, script: Script, *, halted: bool) -> str:
-        """Take one step from a place, with these answers; return of what kind the place is that it leads to."""
+        """Take one step from a state with the choices of a script; return the kind of the state reached."""
         model = self.model
         state = self.places[number].state
         if state is not None:
@@ -142,7 +141,7 @@ class StateSpace:
         return kind
 
     def _add(self, kind: str, predecessor: int, script: Script) -> int:
-        """Return the number of the place that the model is at, a new one where there is none like it."""
+        """Return the number of the model's present state, adding it if it is new."""
         model = self.model
         live, happened = frozenset(model.watch.live_leaves), model.watch.happened
         goes_on = kind in (GOING, HALTING)
@@ -166,14 +165,14 @@ class StateSpace:
         return number
 
     def path_to(self, number: int) -> list[int]:
-        """Return the places from the start to one, both included."""
+        """Return the states from the start to this one, both included."""
         way = [number]
         while (before := self.places[way[-1]].predecessor) >= 0:
             way.append(before)
         return way[::-1]
 
     def reachable_from(self, number: int) -> set[int]:
-        """Return the places that can follow on one, itself included."""
+        """Return the states reachable from one, itself included."""
         found, rest = {number}, [number]
         while rest:
             new = self.places[rest.pop()].successors - found
@@ -182,7 +181,7 @@ class StateSpace:
         return found
 
     def can_reach(self, goals: Iterable[int]) -> set[int]:
-        """Return the places from which one of ``goals`` can be reached, themselves included."""
+        """Return the states from which one of ``goals`` can be reached, the goals included."""
         before: defaultdict[int, list[int]] = defaultdict(list)
         for number, place in enumerate(self.places):
             for later in place.successors:
@@ -201,7 +200,7 @@ _KINDS: dict[Status, str] = {RUNNING: GOING, SUCCESS: "success", FAILURE: "failu
 
 
 def is_halt_step(place: ExploredState) -> bool:
-    """Say whether a place was come to by a halt instead of a tick."""
+    """Return whether a state was reached by a halt instead of a tick."""
     return place.kind in (HALTING, RESTED)
 
 
@@ -212,23 +211,23 @@ def is_halt_step(place: ExploredState) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class TraceStep:
-    """One step of a run: whether it was a halt instead of a tick, what was given, and which nodes changed to what."""
+    """One step of a trace: tick or halt, its choices, and the status changes of nodes."""
 
     halted: bool
     choices: tuple[str, ...]
     changed: Mapping[str, str]
 
     def __str__(self) -> str:
-        given = "; ".join(("told to stop", *self.choices) if self.halted else self.choices) or "nothing new"
+        choices = "; ".join(("told to stop", *self.choices) if self.halted else self.choices) or "no change"
         changed = ", ".join(f"{who} {status}" for who, status in self.changed.items())
-        return f"{given} -> {changed}" if changed else given
+        return f"{choices} -> {changed}" if changed else choices
 
 
 RunTrace = tuple[TraceStep, ...]
 
 
 def trace_to(space: StateSpace, place: int) -> RunTrace:
-    """Return the run, a shortest one, that leads to a place."""
+    """Return a shortest trace to a state."""
     way = space.path_to(place)
     return tuple(
         _replay_step(space, before, space.places[after].script, halted=is_halt_step(space.places[after]))
@@ -237,7 +236,7 @@ def trace_to(space: StateSpace, place: int) -> RunTrace:
 
 
 def trace_to_violation(space: StateSpace, violation: FirstViolation) -> RunTrace:
-    """Return the run that ends with the step in which something was found."""
+    """Return the trace that ends with the step of a violation."""
     return (
         *trace_to(space, violation.place),
         _replay_step(space, violation.place, violation.script, halted=violation.halted),
@@ -247,19 +246,19 @@ def trace_to_violation(space: StateSpace, violation: FirstViolation) -> RunTrace
 def _replay_step(space: StateSpace, before: int, script: Script, *, halted: bool) -> TraceStep:
     space.step(before, script, halted=halted)
     model = space.model
-    given = tuple(said for choice in model.oracle.choices if (said := str(choice)))
+    choices = tuple(text for choice in model.oracle.choices if (text := str(choice)))
     last = {node: status for node, status in model.watch.changes if _is_reported(node) or status is IDLE}
     changed = {describe_node(node): "halted" if status is IDLE else status_word(node) for node, status in last.items()}
-    return TraceStep(halted, given, changed)
+    return TraceStep(halted, choices, changed)
 
 
 def _is_reported(node: Node) -> bool:
-    """Say whether a change of a node is news: what leaves do has been given."""
+    """Return whether a trace shows the changes of a node; changes of leaves already follow from the choices."""
     return not isinstance(node, Leaf)
 
 
 def describe_node(node: Node) -> str:
-    """Say which node is meant: its name, a modifier's word, and the line."""
+    """Return a description of a node: name, a modifier's word, and line."""
     composite = isinstance(node, Leaf) or len(node.children) != 1 or node.kind == "mission"
     return f"{node.name if composite else node.kind} (line {node.line})"
 
@@ -269,7 +268,7 @@ PROVED, REFUTED, UNDECIDED = "proved", "refuted", "not decided"
 
 @dataclass(frozen=True, slots=True)
 class RuleFinding:
-    """Where a rule is broken, and a shortest run that shows it; None for what no run ever does."""
+    """Position of a broken rule, and a shortest trace to it; without a trace for a behaviour that no run shows."""
 
     fault: Diagnostic
     run: RunTrace | None = None
@@ -277,7 +276,7 @@ class RuleFinding:
 
 @dataclass(frozen=True, slots=True)
 class RuleVerdict:
-    """What came out for one rule; of one that is not decided, ``so_far`` says what is certain all the same."""
+    """Verdict on one rule; for an undecided rule, ``so_far`` describes the certain part."""
 
     rule: str
     outcome: str
@@ -290,9 +289,9 @@ class RuleVerdict:
 
 @dataclass(frozen=True, slots=True)
 class VerificationReport:
-    """All verdicts on a mission, and how far it was explored: states, transitions, ticks from the start.
+    """All verdicts on a mission, and the extent of the exploration: states, transitions, ticks from the start.
 
-    ``left_out`` says why not everything was explored, where that is so.
+    ``left_out`` describes the unexplored part, if any.
     """
 
     file: str
@@ -328,10 +327,10 @@ class VerificationReport:
             for number, turn in enumerate(finding.run or (), start=1):
                 yield f"  {number:4d}. {turn}"
         if self.left_out:
-            yield f"  not everything was explored: {self.left_out}"
+            yield f"  not fully explored: {self.left_out}"
 
     def as_dict(self) -> dict[str, object]:
-        """Return it as plain data, for editors and other programs; line and column count from 1."""
+        """Return the report as plain data for other programs; line and column count from 1."""
         return {
             "file": self.file,
             "mission": self.mission,

@@ -1,8 +1,8 @@
-"""Live variables: which of them a run may still read before something stores them anew.
+"""Live variables: those that a run may still read before they are stored again.
 
-The backward data-flow analysis of compilers, over a tree: what follows on a node is known by how it ends, so each node
-is given what is live after its success and after its failure, and says what is live before it. A variable that is not
-live decides nothing any more, whatever its value: states that differ in it alone have the same future.
+This is the backward data-flow analysis of compilers on a tree: each node gets the variables that are live after its
+success and after its failure, and returns those live before it. A variable that is not live has no effect: states that
+differ only in it have the same future.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -30,7 +30,7 @@ NO_NAMES: Names = frozenset()
 
 
 class LiveAfter(NamedTuple):
-    """What is live after each end of a node."""
+    """Live variables after each end of a node."""
 
     success: Names
     failure: Names
@@ -39,14 +39,14 @@ class LiveAfter(NamedTuple):
 PASSIVE_MODIFIERS = frozenset(
     word for word, kind in MODIFIERS.items() if kind.value != "duration" and not kind.repeats and not kind.every_tick
 )
-"""Modifiers that run only while their child does, and leave it alone: what is live then, the child knows."""
+"""Modifiers that run only with their child and do not act on it: the live variables are those of the child."""
 
 
 def live_while_running(tree: Step) -> Mapping[str, Names]:
-    """Return for each node, by its key, the variables of its own mission that are live while it runs.
+    """Return, by node key, the variables of the node's own mission that are live while it runs.
 
-    Those of a parent are the ones that it may lead to itself; its children that run say the rest. ``tree`` has the
-    steps of stand-ins (see missions.plugins.verify.model), since what a stand-in does not read is not read.
+    A parent has only those that it may itself lead to; its running children have the others. ``tree`` has the abstract
+    steps (see missions.plugins.verify.model), since a stand-in reads fewer variables.
     """
     analysis = LivenessAnalysis()
     while analysis.has_grown:
@@ -56,7 +56,7 @@ def live_while_running(tree: Step) -> Mapping[str, Names]:
 
 
 class LivenessAnalysis:
-    """One pass over the tree after another, until none ``has_grown`` what the one before found to be live before a node."""
+    """Repeated passes over the tree, until no pass adds a live variable."""
 
     def __init__(self) -> None:
         self.running: dict[str, Names] = {}
@@ -64,7 +64,7 @@ class LivenessAnalysis:
         self._known: dict[str, Names] = {}
 
     def live_before(self, step: Step, key: str, live_after: LiveAfter) -> Names:
-        """Return what is live before ``step`` starts, and note what is while it and those below it run."""
+        """Return the variables live before ``step`` starts, and record those live during it and the steps below it."""
         children = tuple(
             partial(self.live_before, child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)
         )
@@ -88,7 +88,7 @@ class LivenessAnalysis:
             found = reads | _before_modifier(step.kind, children[0], live_after, again)
             running = NO_NAMES if step.kind in PASSIVE_MODIFIERS else found
         else:
-            # Where a parallel counts, any end of a child may go before either end of the parallel.
+            # In a counting parallel, any end of a child may precede either end of the parallel.
             ends = LiveAfter(*(live_after.success | live_after.failure,) * 2) if step.arguments else live_after
             kind = COMPOSITES[step.kind]
             found = reads | _before_composite(kind, children, ends, again)
@@ -100,17 +100,17 @@ class LivenessAnalysis:
 
 
 Child = Callable[[LiveAfter], Names]
-"""A child as its parent sees it: what is live before it, from what is live after its ends."""
+"""Analysis of a child: returns the variables live before it, given those live after its ends."""
 
 
 def names_read(values: Iterable[Value]) -> Names:
-    """Return the variables that computing these values reads, if it were only to fail."""
-    asked = (value for value in values if not (isinstance(value, NondetValue) and value.never_computed))
-    return frozenset(read.name for value in asked if value.template is not None for read in value.template.reads)
+    """Return the variables read by these values, including by those whose reading can only fail."""
+    computed = (value for value in values if not (isinstance(value, NondetValue) and value.never_computed))
+    return frozenset(read.name for value in computed if value.template is not None for read in value.template.reads)
 
 
 def _stored_names(step: Step) -> Names:
-    """Return what a success of ``step`` surely stores in its own mission."""
+    """Return the variables that a success of ``step`` always stores in its own mission."""
     if step.output_variable is not None:
         return frozenset((step.output_variable,))
     if step.kind == MISSION:
@@ -122,15 +122,15 @@ def _before_modifier(word: str, child: Child, live_after: LiveAfter, again: Name
     kind = MODIFIERS[word]
     known = {SUCCESS: live_after.success, FAILURE: live_after.failure, RESTART: again}
     success, failure = (NO_NAMES.union(*(known[way] for way in ways)) for ways in (kind.success, kind.failure))
-    skips = SUCCESS in kind.early_ends or kind.remembers  # it can succeed while its child runs, or without it
+    skips = SUCCESS in kind.early_ends or kind.remembers  # it can succeed without an end of its child
     return child(LiveAfter(success, failure)).union(live_after.failure, live_after.success if skips else NO_NAMES)
 
 
 def _before_composite(kind: CompositeKind, children: tuple[Child, ...], live_after: LiveAfter, again: Names) -> Names:
     if kind.at_once:
-        # What one child stores before it reads it is not live for its sake, whoever else stores it in between.
+        # A variable that a child stores before reading it is not live for that child, despite writes of others.
         return NO_NAMES.union(*(child(live_after) for child in children))
-    if kind.reactive or kind.order == "in any order":  # each may follow on each
+    if kind.reactive or kind.order == "in any order":  # any child may follow any other
         ends = live_after.success | live_after.failure | again
         return ends.union(*(child(LiveAfter(ends, ends)) for child in children))
     before = live_after.success if kind.passes == SUCCESS else live_after.failure

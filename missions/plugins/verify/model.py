@@ -1,4 +1,4 @@
-"""The model: a mission's own nodes over stand-ins for its leaves, whose whole state can be taken and put back."""
+"""Model of a mission: its own nodes with stand-ins for the leaves; its complete state can be saved and restored."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
@@ -59,13 +59,13 @@ DURATION_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if kind.
 COUNT_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "count")
 
 OTHER_CASE = "anything else"
-"""What a ``switch`` finds that is none of its cases."""
+"""Value of a ``switch`` that matches none of its cases."""
 
 
 def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozenset[str]) -> Step:
-    """Return ``step``, and all below it, for a model that asks ``oracle`` and is followed by ``watch``.
+    """Return ``step`` and the steps below it with choices of ``oracle``, observed by ``watch``.
 
-    ``names`` are the variables that something sets in its mission.
+    ``names`` are the variables that are set in its mission.
     """
     inner = step.children[0].variables if step.kind == MISSION else names
     children = tuple(abstract_step(child, oracle, watch, inner) for child in step.children)
@@ -81,30 +81,30 @@ def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozens
 
 
 def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[str]) -> dict[str, Value]:
-    """Return the arguments that matter: what a leaf stores, and what can keep one from starting that cannot fail."""
+    """Return the relevant arguments: stored values, and those that can prevent the start of a leaf that never fails."""
     if leaf.open_ended:
         return {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):
-        asked = {
+        relevant = {
             name: value
             for name, value in step.arguments.items()
             if always_read_names(value) & names or _reads_sensor(value)
         }
         return {
             f"argument_{name}": replace(_nondet_value(value, oracle), only_checked=True)
-            for name, value in asked.items()
+            for name, value in relevant.items()
         }
     computed = {name: value for name, value in step.arguments.items() if value.template is not None}
     return {f"argument_{name}": _nondet_value(value, oracle) for name, value in computed.items()}
 
 
 def _reads_sensor(value: Value) -> bool:
-    """Say whether a value is computed from what a sensor reports."""
+    """Return whether a value depends on sensor data."""
     return value.template is not None and any(map(reads_sensor, value.template.reads))
 
 
 def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
-    """Return what a modifier, a switch or a sub-mission is given."""
+    """Return the abstract value of a setting of a modifier, a switch or a sub-mission."""
     if step.kind == MISSION:
         return _abstract_stored(value, oracle)
     if step.kind in COUNT_MODIFIERS:
@@ -158,23 +158,23 @@ def _abstract_count(value: Value, oracle: Oracle) -> Value:
 def _abstract_members(value: Value, oracle: Oracle) -> Value:
     many = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS))
 
-    def kept(found: object) -> object:
+    def abstract(found: object) -> object:
         return many if isinstance(found, ListMembers) and found.count > MAX_COUNT else found
 
     if value.template is None:
-        return Value(kept(value.constant))
+        return Value(abstract(value.constant))
     unknown = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, 0))
     return NondetValue(
         template=value.template,
         convert=value.convert,
         oracle=oracle,
         options=(unknown,),
-        abstraction=kept,
+        abstraction=abstract,
     )
 
 
 def durations(tree: Step) -> frozenset[float]:
-    """Return the times that a run can wait for, in seconds."""
+    """Return all durations in seconds for which a run can wait."""
     found = set()
     for step in tree.walk():
         value = step.arguments.get("value")
@@ -189,7 +189,7 @@ def durations(tree: Step) -> frozenset[float]:
 
 
 def missing_params(plan: Plan) -> frozenset[str]:
-    """Return the params that only a caller can give, and that this one did not."""
+    """Return the params that only a caller can give, and that are not given here."""
     reads = {
         read.name
         for step in steps_in_scope(plan.tree)
@@ -210,15 +210,15 @@ def missing_params(plan: Plan) -> frozenset[str]:
 # all orders).
 
 _MERGED_STATUS = {OnFailureModifier: SUCCESS, OnSuccessModifier: FAILURE}
-"""The modifiers for which success and failure are the same, and what they make of both."""
+"""Modifiers with the same result on success and failure, and that result."""
 
 
 def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMonitor]) -> None:
-    """Let the stand-ins among ``nodes`` leave out what comes to the same, as far as no monitor asks for them."""
-    asked = frozenset[Node]().union(*(monitor.subject | monitor.other | monitor.counts for monitor in monitors))
+    """Reduce the outcomes of stand-ins to distinguishable ones, unless a monitor observes them."""
+    observed = frozenset[Node]().union(*(monitor.subject | monitor.other | monitor.counts for monitor in monitors))
     for node in nodes:
         if type(node) in _MERGED_STATUS:
-            leaf = _reducible_leaf(node, asked)
+            leaf = _reducible_leaf(node, observed)
             if leaf is not None and leaf.output_variable is None:
                 leaf.merges_ends = True
     for node in nodes:
@@ -226,30 +226,30 @@ def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMon
             free = [
                 leaf
                 for child in node.members
-                if (leaf := _reducible_leaf(child, asked)) is not None and _is_independent(child, leaf)
+                if (leaf := _reducible_leaf(child, observed)) is not None and _is_independent(child, leaf)
             ]
             for leaf in free[1:]:
                 leaf.leader = free[0]
 
 
 def _reducible_leaf(node: Node, observed: frozenset[Node]) -> StandIn | None:
-    """Return the leaf of which ``node`` makes something each time that it ends, and keeps nothing; None if not so."""
+    """Return the leaf below the modifiers of ``node`` whose result is not stored; None if a monitor observes it."""
     while isinstance(node, InvertModifier | OnFailureModifier | OnSuccessModifier) and node not in observed:
         node = node.child
     return node if type(node).__base__ is StandIn and isinstance(node, StandIn) and node not in observed else None
 
 
 def _is_independent(child: Node, leaf: StandIn) -> bool:
-    """Say whether a leaf keeps nothing, stops at once, and may go on as well as end, so that ``child`` succeeds."""
+    """Return whether a leaf stores nothing, stops at once, and may both run on and end with ``child`` succeeding."""
     statuses = {outcome.status for outcome in leaf.outcomes}
-    if leaf.sensor:  # it fails by itself once that is silent for too long
+    if leaf.sensor:  # it fails by itself when the sensor is silent for too long
         return False
     can = {RUNNING} <= statuses and SUCCESS in {_modified_status(child, status) for status in statuses - {RUNNING}}
     return can and leaf.output_variable is None and not (leaf.computed or leaf.lingers) and leaf.stops
 
 
 def _modified_status(node: Node, status: object) -> object:
-    """Return what the modifiers from ``node`` on make of the status of the leaf within."""
+    """Return the status of the modifiers from ``node`` on for a status of the leaf inside."""
     if not isinstance(node, Modifier):
         return status
     below = _modified_status(node.child, status)
@@ -260,9 +260,9 @@ def _modified_status(node: Node, status: object) -> object:
 
 
 def variable_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozenset[str]]:
-    """Return for each node the variables that it reads when it starts, as far as something in its mission sets them.
+    """Return for each node the variables that it reads at its start and that its mission sets.
 
-    Those whose failure does no harm are left out.
+    Variables whose absence does no harm are left out.
     """
     read = dict(_read_variables(tree, "1", tree.variables))
     return {node: names for node in nodes if (names := read.get(node.key))}
@@ -282,7 +282,7 @@ def _read_variables(step: Step, key: str, names: frozenset[str]) -> Iterator[tup
 
 
 class ScopeSnapshots:
-    """Takes and puts back variables: ``variables`` of the mission itself, whose ``nodes`` were built from ``tree``."""
+    """Saves and restores variables: ``variables`` of the mission itself, whose ``nodes`` were built from ``tree``."""
 
     def __init__(self, tree: Step, nodes: Sequence[Node], variables: Scope) -> None:
         self._nodes = nodes
@@ -291,20 +291,20 @@ class ScopeSnapshots:
         self._live_in: dict[Rows, tuple[frozenset[str] | None, ...]] = {}
 
     def take(self, rows: Rows) -> tuple[Row, ...]:
-        """Return what is live of each scope; ``rows`` stand for the state that the nodes are in."""
+        """Return the live variables of each scope; ``rows`` are the state of the nodes."""
         if rows not in self._live_in:
             self._live_in[rows] = self._live_now()
         each = zip(self._scopes, self._live_in[rows], strict=True)
         return tuple(freeze(scope if live is None else _select(scope, live)) for scope, live in each)
 
     def restore(self, rows: Sequence[Row]) -> None:
-        """Give every scope what was taken of it, and nothing else."""
+        """Restore the variables of every scope; others are removed."""
         for scope, row in zip(self._scopes, rows, strict=True):
             scope.clear()
             scope.update(thaw(row))
 
     def _live_now(self) -> tuple[frozenset[str] | None, ...]:
-        """Return the variables of each scope that are live; None for all, before the start and while a halt goes on."""
+        """Return the live variables of each scope; None for all, before the start and during a halt."""
         halting = any(isinstance(node, Parent) and node.ending is not None for node in self._nodes)
         if halting or self._nodes[0].status is not RUNNING:
             return (None,) * len(self._scopes)
@@ -320,12 +320,12 @@ def _select(scope: Scope, names: frozenset[str]) -> Mapping[str, object]:
 
 
 MAX_ORDERED_CHILDREN = 5
-"""Children of a random composite up to which all their orders are tried; of more, only some, and that is told."""
+"""Maximum number of children of a random composite for which all orders are explored; beyond, only some are."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelState:
-    """All that decides how a run goes on: the nodes' fields, live variables, what monitors remember, and the times."""
+    """Everything that determines the future of a run: node fields, live variables, monitor memory, and times."""
 
     rows: Rows
     variables: tuple[Row, ...]
@@ -335,7 +335,7 @@ class ModelState:
 
 
 class MissionModel:
-    """A mission ready to be explored. ``is_sampled`` says that not every order of a random composite is tried."""
+    """A mission ready to be explored."""
 
     def __init__(self, plan: Plan, sensor_timeout: float = SENSOR_TIMEOUT) -> None:
         self.oracle = Oracle()
@@ -376,18 +376,18 @@ class MissionModel:
         self.watch.check_tick()
 
     def halt(self) -> bool:
-        """Tell the tree to halt, or ask it again; True once it is at rest."""
+        """Halt the tree, or continue a halt; return whether it is at rest."""
         self.run.tick += 1
         return self.root.halt()
 
     def state(self) -> ModelState:
-        """Take the present state, in a form in which states that have the same future are equal."""
+        """Return the present state in canonical form: states with the same future are equal."""
         rows, instants = self._snapshots.take()
         times = self.timing.zone.advance(instants)
         return ModelState(rows, self._scopes.take(rows), self.watch.happened, self.watch.moving, times)
 
     def restore(self, state: ModelState) -> None:
-        """Put a state back, and begin a step from it."""
+        """Restore a state, and begin a step from it."""
         self.timing.set(state.times)
         self._snapshots.restore(state.rows)
         for node in self.nodes:
@@ -396,12 +396,12 @@ class MissionModel:
         self.watch.begin(state.happened, state.moving)
 
     def coarsen(self, state: ModelState) -> ModelState:
-        """Return ``state`` with less known about its times."""
+        """Return ``state`` with coarser time bounds."""
         return replace(state, times=extrapolate(state.times, self._seconds))
 
 
 class Shuffler(Random):
-    """Where the order of a random composite comes from: a choice among all orders, as far as they are few."""
+    """Random source of random composites: a choice among all orders, if there are few; otherwise among some."""
 
     def __init__(self, oracle: Oracle) -> None:
         super().__init__(0)

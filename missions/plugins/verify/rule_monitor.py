@@ -1,4 +1,4 @@
-"""What is seen during a step: leaves that start and end, and whatever breaks a rule or a property."""
+"""Monitor of a step: leaves that start and end, and violations of rules and properties."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class PropertyMonitor:
-    """One property, with the leaves that its names stand for, and the nodes whose success counts.
+    """Monitor of one property: the leaves named in it, and the nodes whose success counts.
 
-    A name stands for every node of that name, and so for all the leaves below it; an actuator for the leaves that
-    drive it. "Never A while B" and "without" ask which leaves run; "before" and "after" remember in ``happened`` that
-    B has succeeded, "always eventually" that A has started.
+    A node's name means all leaves below the nodes of that name; an actuator means the leaves that drive it. "Never A
+    while B" and "without" check running leaves; "before" and "after" remember in ``happened`` that B has succeeded,
+    "always eventually" that A has started.
     """
 
     promise: MissionProperty
@@ -36,11 +36,10 @@ class PropertyMonitor:
 
     @property
     def rule(self) -> str:
-        """What it is called in verdicts: its text."""
+        """Name in verdicts: the text of the property."""
         return self.promise.text
 
     def on_start(self, leaf: "StandIn", live_leaves: "Sequence[StandIn]") -> str:
-        """Hear of a leaf that starts while ``live_leaves`` ones run; return what is broken, or nothing."""
         form = self.promise.form
         if form == "while":
             return self._overlap(leaf, live_leaves)
@@ -55,7 +54,7 @@ class PropertyMonitor:
         return ""
 
     def _overlap(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
-        """Return who runs at the same time as ``leaf`` and must not."""
+        """Return a text for a forbidden leaf that runs at the same time as ``leaf``, or an empty text."""
         for mine, theirs in ((self.subject, self.other), (self.other, self.subject)):
             clash = next((other for other in live if other in theirs), None)
             if leaf in mine and clash is not None:
@@ -63,23 +62,21 @@ class PropertyMonitor:
         return ""
 
     def on_success(self, node: Node) -> None:
-        """Hear of a node that has succeeded."""
         self.happened = self.happened or node in self.counts
 
     def check_tick(self, live_leaves: "Sequence[StandIn]") -> str:
-        """Hear which leaves run after a tick; return what is broken, or nothing."""
         if self.promise.form != "without" or any(leaf in self.other for leaf in live_leaves):
             return ""
         alone = next((leaf for leaf in live_leaves if leaf in self.subject), None)
         return "" if alone is None else f"{alone.label} runs, and nothing of {self.promise.other} does"
 
     def is_stopped(self, live: Iterable[Leaf]) -> bool:
-        """Say whether nothing of the subject runs."""
+        """Return whether no leaf of the subject runs."""
         return not any(leaf in self.subject for leaf in live)
 
 
 def make_monitor(promise: MissionProperty, nodes: Sequence[Node]) -> PropertyMonitor:
-    """Return the monitor of a property of the tree that ``nodes`` are."""
+    """Return the monitor of a property of the tree with ``nodes``."""
     remembers = promise.form in ("before", "after")
     return PropertyMonitor(
         promise,
@@ -90,13 +87,13 @@ def make_monitor(promise: MissionProperty, nodes: Sequence[Node]) -> PropertyMon
 
 
 def _nodes_named(name: str, nodes: Sequence[Node]) -> list[Node]:
-    """Return the nodes that a name stands for: the behaviours themselves, not the modifiers that share their names."""
+    """Return the nodes of a name: behaviours only, since their modifiers share the name."""
     nodes = [node for node in nodes if not isinstance(node, Modifier)]
     return [node for node in nodes if node.name == name or (isinstance(node, Leaf) and node.kind == name)]
 
 
 def _leaves_named(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:
-    """Return the leaves that a name stands for."""
+    """Return the leaves of a name."""
     named = _nodes_named(name, nodes)
     return frozenset(
         leaf
@@ -112,7 +109,7 @@ EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET = "alone", "clean", "set"
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A rule or property that was broken: which, in what words, and by which node."""
+    """Violation of a rule or property by a node, with a message."""
 
     rule: str
     message: str
@@ -120,37 +117,36 @@ class Violation:
 
 
 class Monitor(Protocol):
-    """Follows one property along a run; ``happened`` is all that it needs to remember."""
+    """Monitor of one property along a run; ``happened`` is its only memory."""
 
     happened: bool
 
     @property
     def rule(self) -> str:
-        """What it is called in verdicts."""
+        """Name in verdicts."""
         ...
 
     def on_start(self, leaf: "StandIn", live_leaves: "Sequence[StandIn]") -> str:
-        """Hear of a leaf that starts while ``live_leaves`` ones run; return what is broken, or nothing."""
+        """Handle the start of a leaf while ``live`` leaves run; return a violation text, or an empty one."""
         ...
 
     def on_success(self, node: Node) -> None:
-        """Hear of a node that has succeeded."""
+        """Handle the success of a node."""
         ...
 
     def check_tick(self, live_leaves: "Sequence[StandIn]") -> str:
-        """Hear which leaves run after a tick; return what is broken, or nothing."""
+        """Check the leaves that run after a tick; return a violation text, or an empty one."""
         ...
 
 
 @dataclass
 class RuleMonitor:
-    """Follows one step, from the past that it is given: what monitors remember, and what was left moving.
+    """Monitors one step, given the past: memory of the monitors, and actuators left moving.
 
-    ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``completed_round`` says so. ``timed_nodes`` are the
-    nodes that wait for a time, each with the status that shows that it is over; ``expired`` those of which it ever was.
-    ``reached`` are the nodes that some run comes to while all sensors report.
-    ``reads`` has the variables that nodes read when they start, and without which they fail. ``stand_ins`` are the
-    classes of the leaves, by what these have in common.
+    ``rounds`` are the nodes under a ``repeat: forever``; the success of one sets ``completed_round``. ``timed_nodes``
+    are the nodes that wait for a time, with the status that shows its end; ``expired`` those that ever reached it.
+    ``reached`` are the nodes reached by any run while all sensors report. ``reads`` has the variables that nodes need
+    at their start. ``stand_ins`` caches the classes of leaves.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -169,7 +165,7 @@ class RuleMonitor:
     _acting: "dict[StandIn, None]" = field(default_factory=dict)
 
     def set_leaves(self, leaves: "Sequence[StandIn]") -> None:
-        """Take the leaves that are to be followed."""
+        """Set the leaves to observe."""
         self.leaves = list(leaves)
         self._acting.clear()
 
@@ -183,23 +179,23 @@ class RuleMonitor:
 
     @property
     def happened(self) -> tuple[bool, ...]:
-        """What the monitors remember."""
+        """Memory of the monitors."""
         return tuple(monitor.happened for monitor in self.monitors)
 
     @property
     def live_leaves(self) -> "list[StandIn]":
-        """The leaves that have started, and have neither ended nor come to rest."""
+        """Leaves that have started, and have neither ended nor come to rest."""
         return [leaf for leaf in self.leaves if leaf.is_acting]
 
     # --- called by the stand-ins and the nodes ------------------------------------------------------------------------
 
     def on_status_change(self, node: Node) -> None:
-        """Hear of a node whose status has changed; the observer of the run."""
+        """Handle a node's new status; the observer of the run."""
         self.changes.append((node, node.status))
         if node.status is not IDLE and self.oracle.all_sensors_report:
             self.reached.add(node)
         if self.timed_nodes.get(node) is node.status and all(child.status is not FAILURE for child in node.children):
-            self.expired.add(node)  # of a timeout: it is not the child that has failed
+            self.expired.add(node)  # the timeout itself has failed, not its child
         if node.status is FAILURE:
             for name in sorted(self.reads.get(node, frozenset()) - node.scope.keys()):
                 if f"'{name}' is not set" in node.feedback_message:
@@ -212,7 +208,7 @@ class RuleMonitor:
                 monitor.on_success(node)
 
     def on_start(self, leaf: "StandIn") -> None:
-        """Hear of a leaf that starts."""
+        """Handle the start of a leaf."""
         if self.oracle.all_sensors_report:
             self.reached.add(leaf)
         self.moving -= leaf.drives
@@ -231,17 +227,17 @@ class RuleMonitor:
             self._add_broken(monitor, monitor.on_start(leaf, live), leaf)
 
     def on_left_moving(self, leaf: "StandIn") -> None:
-        """Hear of a leaf that was halted and stops nothing."""
+        """Handle a halted leaf that does not stop its parts."""
         self.moving |= leaf.drives
 
     def add_violation(self, leaf: "StandIn", message: str) -> None:
-        """Hear of a leaf that was not started and ended once each."""
+        """Add a violation: a leaf that was not started and ended exactly once each."""
         self.violations.append(Violation(REST_AFTER_END, f"{leaf.label} {message}", leaf))
 
     # --- after the step -----------------------------------------------------------------------------------------------
 
     def check_tick(self) -> None:
-        """Look at what runs after a tick."""
+        """Check the running leaves after a tick."""
         for leaf in self.leaves:
             if leaf.status is not RUNNING and (leaf.live or leaf.is_acting):
                 self.add_violation(leaf, "was not told to stop when it ended")
@@ -251,7 +247,7 @@ class RuleMonitor:
             self._add_broken(monitor, broken, next(iter(live), self.leaves[0]))
 
     def check_rest(self) -> None:
-        """Look at what is left once the tree has ended, or has come to rest after a halt."""
+        """Check the remaining leaves at the end of the tree, or at rest after a halt."""
         for leaf in self.live_leaves:
             self.violations.append(Violation(REST_AFTER_END, f"{leaf.label} still runs", leaf))
         for part in sorted(self.moving):

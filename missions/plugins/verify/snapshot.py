@@ -1,4 +1,4 @@
-"""Snapshots of the nodes and of variables: hashable, and equal where the future is."""
+"""Snapshots of nodes and variables: hashable, and equal if the future is equal."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,28 +17,28 @@ from missions.plugins.verify.symbolic_time import Instant, SymbolicClock
 
 Row = tuple[Any, ...]
 Rows = tuple[int, ...]
-"""For each node the number of its row: its status, by its place in STATUSES, and the fields that count."""
+"""Row number of each node. A row has the node's status, as an index of STATUSES, and its relevant fields."""
 
 STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE)
 
 
 class ZoneInstant(NamedTuple):
-    """An instant in a state: its place in the state's zone, and the seconds after it."""
+    """Instant in a state: its index in the state's zone, and an offset in seconds."""
 
     place: int
     offset: float
 
 
 UNKNOWN_INSTANT = ZoneInstant(-1, 0.0)
-"""The present instant, for one from which a time is waited for that nobody knows: all comparisons of it are choices."""
+"""Placeholder for an instant with a wait of unknown length: all comparisons are choices."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeFields:
-    """What is kept of one node: the names of its fields, and for those that mean nothing at rest a value to put.
+    """Fields of one node in a snapshot: their names, and the values to restore at rest.
 
-    ``resting_rows`` has the numbers of the rows of a node that keeps nothing from a run of it, by the places of its
-    statuses: most nodes of most states are such.
+    ``resting_rows`` caches, by status index, the row numbers of a node without lasting fields: most nodes of most
+    states.
     """
 
     node: Node
@@ -50,13 +50,13 @@ class NodeFields:
 
     @property
     def is_initial(self) -> bool:
-        """Say whether what would last beyond a run is as it was before the first."""
+        """Whether all fields that last beyond a run have their initial values."""
         node = self.node
         return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
 
     @classmethod
     def of(cls, node: Node, parent: int | None) -> "NodeFields":
-        """Take what ``node`` has now as what it has at rest; ``parent`` is the place of its parent among the nodes."""
+        """Return the fields of ``node``, with its present values as initial ones; ``parent`` is its parent's index."""
         running, lasting = declared_state(type(node))
         names = tuple(name for name in sorted(running | lasting) if name != "result" or not _recomputes_result(node))
         at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
@@ -65,7 +65,7 @@ class NodeFields:
 
 
 class Snapshots:
-    """Takes and puts back what decides the future of ``nodes``, the nodes of a tree that has not begun."""
+    """Saves and restores the relevant fields of ``nodes``, the nodes of a tree that has not begun."""
 
     def __init__(self, nodes: Sequence[Node], timing: SymbolicClock) -> None:
         self._timing = timing
@@ -73,12 +73,14 @@ class Snapshots:
         self._parts = [NodeFields.of(node, parents.get(node)) for node in nodes]
         self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
-        self._fields: list[tuple[dict[str, Any], dict[str, ZoneInstant]]] = []  # by numbers: plain values, and instants
+        self._fields: list[
+            tuple[dict[str, Any], dict[str, ZoneInstant]]
+        ] = []  # by row number: plain values, and instants
 
     def take(self) -> tuple[Rows, dict[int, float]]:
-        """Return the rows, and the places of the instants that they refer to, in the order of their numbers.
+        """Return the rows, and the zone indices of the instants in them, in the order of their numbers.
 
-        With each comes the longest time that is waited for from it on, in seconds.
+        Each instant maps to the longest wait from it, in seconds.
         """
         instants: dict[int, float] = {}
         running: list[bool] = []
@@ -87,7 +89,7 @@ class Snapshots:
             status = part.node.status
             runs = status is RUNNING
             running.append(runs)
-            # How a node has ended matters to a parent that runs, and to nobody else.
+            # The end status of a node matters only while its parent runs.
             known = runs or part.parent is None or running[part.parent]
             place = _status_index(status) if known else 0
             if runs or not part.is_initial:
@@ -99,7 +101,7 @@ class Snapshots:
         return tuple(rows), instants
 
     def _row(self, part: NodeFields, place: int, instants: dict[int, float], *, runs: bool) -> int:
-        """Return the number of the row that a node has now."""
+        """Return the number of a node's present row."""
         node = part.node
         row: list[object] = [place]
         for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
@@ -108,7 +110,7 @@ class Snapshots:
         return self._number(tuple(row), part.names)
 
     def _number(self, row: Row, names: tuple[str, ...]) -> int:
-        """Return the number that stands for a row: states are compared often, and mostly made of old rows."""
+        """Return the number of a row. Numbers make the frequent comparisons of states fast."""
         number = self._numbers.get((names, row))
         if number is None:
             number = self._numbers[names, row] = len(self._fields)
@@ -119,7 +121,7 @@ class Snapshots:
         return number
 
     def restore(self, rows: Rows) -> None:
-        """Give every node its fields."""
+        """Restore the fields of every node."""
         for fields, number in zip(self._own, rows, strict=True):
             plain, instants = self._fields[number]
             fields.update(plain)
@@ -128,7 +130,7 @@ class Snapshots:
 
 
 def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the attributes that a class and its bases declare: those of a run, and those that last."""
+    """Return the attributes declared by a class and its bases: those of a run, and those that last beyond it."""
     declared = [vars(each) for each in kind.__mro__]
     running, lasting = (
         frozenset().union(*(each.get(name, ()) for each in declared)) for name in ("run_state", "lasting_state")
@@ -137,19 +139,19 @@ def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
 
 
 def _status_index(status: Status) -> int:
-    """Return the place of a status; found by comparing, since the hash of an enum is slow."""
+    """Return the index of a status, by comparison: hashing an enum is slow."""
     if status is RUNNING:
         return 1
     return 2 if status is SUCCESS else 3 if status is FAILURE else 0
 
 
 def _recomputes_result(node: Node) -> bool:
-    """Say whether a leaf's result is another at each tick before it is read, as of all that need no time to stop."""
+    """Return whether a leaf computes its result at each tick before it is read, like all leaves that stop at once."""
     return isinstance(node, StandIn) and not node.lingers
 
 
 def _row_value(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
-    """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
+    """Return a value in a row: instants by number, counts capped where larger ones have the same effect."""
     if isinstance(value, Instant):
         wait = _wait_seconds(node, name)
         if wait is None:
@@ -157,7 +159,7 @@ def _row_value(value: object, node: Node, name: str, instants: dict[int, float])
         instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
         return ZoneInstant(list(instants).index(value.place), value.offset)
     if isinstance(value, str):
-        return ""  # words for people
+        return ""  # a text without effect
     if isinstance(value, tuple):
         return tuple(_row_value(each, node, name, instants) for each in value)
     if type(value) is int and isinstance(node, RetryModifier | RepeatModifier | ForEach) and name != "setting":
@@ -166,10 +168,10 @@ def _row_value(value: object, node: Node, name: str, instants: dict[int, float])
 
 
 def _wait_seconds(node: Node, name: str) -> float | None:
-    """Return how long ``node`` waits from an instant on that it keeps; None where that is known only when it starts.
+    """Return how long ``node`` waits from a stored instant on; None if that is known only at its start.
 
-    A suspended node waits for the sensor timeout, and a timeout that gave up to be asked again. Another modifier waits
-    for its setting, which it forgets at rest while a cooldown goes on; what a leaf keeps is the end of a wait itself.
+    A suspended node waits for the sensor timeout, and so does a timeout that gave up. Other modifiers wait for their
+    setting, which they drop at rest even during a cooldown; a leaf stores the end of its wait itself.
     """
     if name == "_silent_since":
         return node.run.sensor_timeout
@@ -182,30 +184,30 @@ def _wait_seconds(node: Node, name: str) -> float | None:
 
 
 def _rounds(node: RetryModifier | RepeatModifier | ForEach) -> object:
-    """Return how often a node does its child; None for ever."""
+    """Return how often a node runs its child; None for ever."""
     return node.setting.count if isinstance(node, ForEach) else node.setting
 
 
 def _max_count(node: RetryModifier | RepeatModifier | ForEach) -> int:
-    """Return the count beyond which one more makes no difference."""
+    """Return the largest count that must be distinguished."""
     rounds = _rounds(node)
     return rounds.min_rounds if isinstance(rounds, UnboundedCount) else 0
 
 
 class FrozenValue(NamedTuple):
-    """A variable's value: its type, since 1 equals true, and the value itself, with lists and mappings as tuples."""
+    """Frozen value of a variable: its type, since 1 equals true, and its value, with lists and mappings as tuples."""
 
     kind: type
     value: object
 
 
 def freeze(scope: Mapping[str, object]) -> Row:
-    """Return variables in a form that can be compared and kept."""
+    """Return variables in a hashable form."""
     return tuple((name, _freeze_value(scope[name])) for name in sorted(scope))
 
 
 def thaw(row: Iterable[Any]) -> dict[str, object]:
-    """Return the variables that ``freeze`` kept."""
+    """Return the variables stored by ``freeze``."""
     return {name: _thaw_value(value) for name, value in row}
 
 

@@ -1,4 +1,4 @@
-"""Stand-ins for leaves: what each may do at a tick is a choice, within what the real one says of itself."""
+"""Stand-ins for leaves: their results at each tick are choices, within the declarations of the real leaf."""
 
 import ast
 import inspect
@@ -17,29 +17,29 @@ from missions.plugins.verify.rule_monitor import RuleMonitor
 
 
 class TickOutcome(NamedTuple):
-    """What a leaf does at a tick: its status, and whether there is something for its ``as`` to keep."""
+    """Possible result of a leaf at a tick: its status, and whether ``as`` has a result to store."""
 
     status: Status
     has_result: bool
 
 
 EARLY_RESULT = TickOutcome(RUNNING, has_result=True)
-"""A leaf that has found something, and goes on."""
+"""A leaf that has a result and keeps running."""
 
 STATUS_VERBS = {RUNNING: "runs", SUCCESS: "succeeds", FAILURE: "fails"}
 
 SENSOR_NAMES = {"range": "range finder", "ros2": "topic"}
-"""How the sensors of conditions are called, where that is not the name of the part."""
+"""Names of condition sensors that differ from the name of the part."""
 
 FIXED_STATUSES = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
-"""The leaves that always do the same at once."""
+"""Leaves that always return the same status at once."""
 
 
 class StandIn(Leaf):
-    """A leaf that may run, succeed or fail; ``outcomes`` holds which of these. It keeps the claims of the real one.
+    """Leaf that may run, succeed or fail, as listed in ``outcomes``; it has the claims of the real leaf.
 
-    Where its failure ``merges_ends`` its success, it never fails; one with a ``leader`` goes on as long as that does
-    (see missions.plugins.verify.model).
+    If ``merges_ends``, it never fails, since failure has the same effect as success; with a ``leader``, it runs as long
+    as that (see missions.plugins.verify.model).
     """
 
     run_state: ClassVar[tuple[str, ...]] = ("live",)
@@ -56,14 +56,13 @@ class StandIn(Leaf):
     leader: "StandIn | None" = None
 
     def initialise(self) -> None:
-        """Tell that it starts."""
         if self.live:
             self.watch.add_violation(self, "was started again before it was told to stop")
         self.live = True
         self.watch.on_start(self)
 
     def update(self) -> Status:
-        """Do one of the things that it may do; suspended while the sensor that it asks does not report."""
+        """Return one of the outcomes, by choice; suspended while the leaf's sensor does not report."""
         if self.sensor and not self.oracle.sensor_reports(self.sensor):
             return self.suspend(self.sensor)
         known = self.output_variable is not None and self.scope.get(self.output_variable) is UNKNOWN
@@ -78,7 +77,7 @@ class StandIn(Leaf):
         return status
 
     def terminate(self, new_status: Status) -> None:
-        """Tell that it has stopped, as far as the real one stops anything."""
+        """Report that the leaf has stopped, if the real leaf stops its parts."""
         if not self.live:
             self.watch.add_violation(self, "was told to stop twice")
         self.live = False
@@ -86,15 +85,15 @@ class StandIn(Leaf):
             self.watch.on_left_moving(self)
 
     def halting(self) -> bool:
-        """Take more time to stop, or not, where the real one may."""
+        """Return whether stopping takes more time: a choice, if the real leaf allows it."""
         return self.lingers and self.oracle.choose((False, True), self._describe_halting)
 
     def _count_unticked_time(self) -> None:
-        """Do nothing: a pause decides nothing in a tree, and its clock would add states and choices."""
+        """Do nothing: a pause has no effect on a tree, and its clock would add states and choices."""
 
     @property
     def can_end(self) -> bool:
-        """Say whether it may ever succeed or fail."""
+        """Whether it may ever succeed or fail."""
         return any(outcome.status is not RUNNING for outcome in self.outcomes)
 
     def _describe_outcome(self, outcome: TickOutcome) -> str:
@@ -105,33 +104,30 @@ class StandIn(Leaf):
 
 
 class SetStandIn(StandIn):
-    """The leaf that sets variables, which it does as in a run."""
+    """Stand-in for the leaf that sets variables; it sets them as in a run."""
 
     def update(self) -> Status:
-        """Set the variables."""
         self.scope.update(self.values)
         return SUCCESS
 
 
 class WaitStandIn(StandIn):
-    """The leaf that waits: it is over after its ``seconds``, and neither sooner nor later than the next tick."""
+    """Stand-in for the leaf that waits: it ends at the first tick after its ``seconds``."""
 
     run_state = ("_until",)
     seconds: ClassVar[float]
     _until = 0.0
 
     def initialise(self) -> None:
-        """Begin to wait."""
         super().initialise()
         self._until = self.run.now() + self.seconds
 
     def update(self) -> Status:
-        """Wait."""
         return SUCCESS if self.run.now() >= self._until else RUNNING
 
 
 def wait_seconds(step: Step) -> float | None:
-    """Return how long the leaf of a step takes, in seconds; None for one of which that is not known."""
+    """Return the duration of a step's leaf in seconds; None if unknown."""
     if step.leaf is None or not issubclass(step.leaf, Wait) or step.arguments["duration"].template is not None:
         return None
     known = step.arguments["duration"].constant
@@ -139,9 +135,9 @@ def wait_seconds(step: Step) -> float | None:
 
 
 def stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type[StandIn]:
-    """Return the class of a stand-in for the leaf of a step: the same one for steps that are alike.
+    """Return the stand-in class for the leaf of a step; equal steps share a class.
 
-    A class for each step would make ``isinstance`` slow, which asks all subclasses of an abstract class.
+    A class for each step would make ``isinstance`` slow, which checks all subclasses of an abstract class.
     """
     alike = step.leaf, wait_seconds(step), outcomes(step)
     if alike not in watch.stand_ins:
@@ -176,7 +172,7 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
 
 
 def outcomes(step: Step) -> tuple[TickOutcome, ...]:
-    """Return all that the leaf of a step may do at a tick."""
+    """Return the possible results of a step's leaf at a tick."""
     real = step.leaf or Leaf
     if real in FIXED_STATUSES:
         return (TickOutcome(FIXED_STATUSES[real], False),)
@@ -192,7 +188,7 @@ def outcomes(step: Step) -> tuple[TickOutcome, ...]:
 
 
 def sensor_of(leaf: type[Leaf]) -> str:
-    """Return the sensor that a condition asks, as messages call it; empty for any other leaf."""
+    """Return the sensor of a condition, as named in messages; empty for any other leaf."""
     part = min(leaf.needs, default="") if leaf.instant and not leaf.drives else ""
     return SENSOR_NAMES.get(part, part)
 
@@ -202,7 +198,7 @@ def _statuses_in(value: object) -> list[Status]:
 
 
 def always_returns_true(function: object) -> bool:
-    """Say whether all that a method ever returns is a plain true, as far as its source shows that."""
+    """Return whether a method's source shows that it only returns True."""
     body = _function_tree(function)
     returns = [node.value for node in ast.walk(body) if isinstance(node, ast.Return)] if body else []
     ends = body is not None and isinstance(body.body[-1], ast.Return)
@@ -210,7 +206,7 @@ def always_returns_true(function: object) -> bool:
 
 
 def does_nothing(function: object) -> bool:
-    """Say whether a method plainly does nothing, as far as its source shows that."""
+    """Return whether a method's source shows that it does nothing."""
     body = _function_tree(function)
     idle = (ast.Pass, ast.Delete)
     return body is not None and all(

@@ -1,6 +1,6 @@
-"""Time as the nodes see it while they are explored: instants and spans that ask the zone, or a choice, when compared.
+"""Symbolic time of an exploration: comparisons of instants and durations use a zone, or a choice.
 
-They are floats only so that whatever shows a time in a message can do so; their own value means nothing.
+Instants and durations are floats only so that messages can format them; their float value has no meaning.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ from missions.plugins.verify.choices import Oracle
 # its bounds, so one state of the exploration stands for infinitely many real ones, and no timing is left out.
 
 Bound = tuple[float, int]
-"""Seconds, and 1 where exactly so much is possible, 0 where it must be less."""
+"""Upper bound on a difference: seconds, and 1 if the bound itself is allowed, 0 if the difference must be less."""
 
 UNBOUNDED: Bound = (inf, 0)
 ZERO_BOUND: Bound = (0.0, 1)
@@ -26,27 +26,27 @@ Rows = tuple[tuple[Bound, ...], ...]
 
 
 def add_bounds(a: Bound, b: Bound) -> Bound:
-    """Return the bound on a way of two steps; rounded, so that sums of the same seconds are the same."""
+    """Return the sum of two bounds, rounded, so that sums of the same seconds compare as equal."""
     return round(a[0] + b[0], 6), a[1] & b[1]
 
 
 class Zone:
-    """Bounds on the differences of instants, changed in place while a tick asks."""
+    """Difference bounds on instants (a DBM), changed in place during a step."""
 
     def __init__(self, rows: Iterable[Iterable[Bound]]) -> None:
         self.bounds = [list(row) for row in rows]
 
     @property
     def now(self) -> int:
-        """The place of the present instant, the last."""
+        """Index of the present instant, the last."""
         return len(self.bounds) - 1
 
     def allows(self, i: int, j: int, bound: Bound) -> bool:
-        """Say whether i can be later than j by no more than ``bound``."""
+        """Return whether instant i can be later than j by at most ``bound``."""
         return add_bounds(bound, self.bounds[j][i]) >= ZERO_BOUND
 
     def constrain(self, i: int, j: int, bound: Bound) -> None:
-        """Let i be later than j by no more than ``bound``, and draw all conclusions."""
+        """Add the constraint that instant i is later than j by at most ``bound``, and tighten all others."""
         rows = self.bounds
         if bound >= rows[i][j]:
             return
@@ -57,10 +57,9 @@ class Zone:
                 row[k] = min(row[k], add_bounds(way, rest))
 
     def advance(self, keep: Mapping[int, float]) -> Rows:
-        """Return the zone of some time after now, with the instants ``keep`` alone, in that order, and a new now.
+        """Return the zone at an unknown later time, with the instants ``keep`` only, in that order, and a new now.
 
-        How long ago one of them was does not matter beyond the longest time that anything waits for from it on: that
-        is what ``keep`` holds of each.
+        ``keep`` maps each instant to the longest wait from it: ages beyond that are not distinguished.
         """
         old = self.bounds
         rows = [[*(old[i][j] for j in keep), old[i][self.now]] for i in keep]
@@ -74,13 +73,13 @@ class Zone:
 
 
 INITIAL_ZONE: Rows = ((ZERO_BOUND,),)
-"""The zone before the first tick: nothing has happened yet."""
+"""Zone before the first tick."""
 
 
 def extrapolate(rows: Rows, seconds: Sequence[float]) -> Rows:
     """Return a larger zone whose bounds are among ``seconds`` (sorted), 0, and their negatives.
 
-    What it takes off are sums, such as how often 2 s go into a minute, that could go on for too many steps.
+    This removes sums, such as the multiples of 2 s within a minute, which would give too many states.
     """
     steps = [*(-second for second in reversed(seconds)), 0.0, *seconds]
 
@@ -93,14 +92,14 @@ def extrapolate(rows: Rows, seconds: Sequence[float]) -> Rows:
 
 
 class SymbolicClock:
-    """The clock of an exploration (a drivers.clock.Clock) and all that is known about instants in one step."""
+    """Clock of an exploration (a drivers.clock.Clock), with the zone of the present step."""
 
     def __init__(self, oracle: Oracle) -> None:
         self.oracle = oracle
         self.set(INITIAL_ZONE)
 
     def set(self, rows: Rows) -> None:
-        """Begin a step at which ``rows`` are known."""
+        """Begin a step with the zone ``rows``."""
         self.zone = Zone(rows)
         self._now = Instant(self, self.zone.now)
 
@@ -109,7 +108,7 @@ class SymbolicClock:
         return self._now
 
     def has_elapsed(self, later: int, earlier: int, seconds: float) -> bool:
-        """Say whether so much time lies between two instants: what follows from what is known, else a choice."""
+        """Return whether ``seconds`` have passed between two instants: implied by the zone, otherwise a choice."""
         zone = self.zone
         enough = (-seconds, 1)  # earlier - later <= -seconds
         short = (seconds, 0)  # later - earlier < seconds
@@ -126,16 +125,16 @@ class SymbolicClock:
 
 
 class UnknownTime(float):
-    """A time that nobody knows: every comparison of it is a choice."""
+    """Unknown time: every comparison is a choice."""
 
     oracle: Oracle
 
     @classmethod
     def of(cls, oracle: Oracle) -> Self:
-        """Return one that asks ``oracle``. It is shown as a second."""
-        made = cls(1.0)
-        made.oracle = oracle
-        return made
+        """Return an unknown time with choices of ``oracle``; messages show it as one second."""
+        time = cls(1.0)
+        time.oracle = oracle
+        return time
 
     def __sub__(self, other: float) -> float:
         return self
@@ -144,22 +143,22 @@ class UnknownTime(float):
         return self.is_over()
 
     def is_over(self) -> bool:
-        """Choose whether it is over."""
+        """Return a new choice: whether the time is over."""
         return self.oracle.choose((False, True), lambda yes: "the time is over" if yes else "")
 
 
 class Instant(float):
-    """A moment: the instant at ``place`` in the zone, and some seconds after it."""
+    """Instant at ``place`` in the zone plus an offset in seconds."""
 
     timing: SymbolicClock
     place: int
     offset: float
 
     def __new__(cls, timing: SymbolicClock, place: int, offset: float = 0.0) -> Self:
-        """Make one; a float takes its value when it is made."""
-        made = super().__new__(cls, 0.0)
-        made.timing, made.place, made.offset = timing, place, offset
-        return made
+        """Create an instant; a float takes its value at creation."""
+        instant = super().__new__(cls, 0.0)
+        instant.timing, instant.place, instant.offset = timing, place, offset
+        return instant
 
     def __add__(self, seconds: float) -> float:
         return seconds if isinstance(seconds, UnknownTime) else Instant(self.timing, self.place, self.offset + seconds)
@@ -177,7 +176,7 @@ class Instant(float):
 
 
 class SymbolicDuration(float):
-    """The time between two instants, and some seconds more."""
+    """Duration between two instants plus an offset in seconds."""
 
     timing: SymbolicClock
     later: int
@@ -185,10 +184,10 @@ class SymbolicDuration(float):
     more: float
 
     def __new__(cls, timing: SymbolicClock, later: int, earlier: int, more: float) -> Self:
-        """Make one; a float takes its value when it is made."""
-        made = super().__new__(cls, 0.0)
-        made.timing, made.later, made.earlier, made.more = timing, later, earlier, more
-        return made
+        """Create a duration; a float takes its value at creation."""
+        duration = super().__new__(cls, 0.0)
+        duration.timing, duration.later, duration.earlier, duration.more = timing, later, earlier, more
+        return duration
 
     def __ge__(self, seconds: float) -> bool:
         if isinstance(seconds, UnknownTime):

@@ -1,4 +1,4 @@
-"""The judge: what an exploration proves and refutes, rule by rule, and where a run is lost for good."""
+"""Verdicts of an exploration, rule by rule: proved, refuted or undecided."""
 
 from collections.abc import Callable, Iterable
 from math import inf
@@ -34,7 +34,7 @@ ENDS = ("success", "failure")
 
 
 class RuleChecker:
-    """Reads verdicts from an exploration that is done."""
+    """Derives verdicts from a finished exploration."""
 
     def __init__(self, space: StateSpace, plan: Plan) -> None:
         self._space = space
@@ -45,7 +45,7 @@ class RuleChecker:
         self._shallow = f"true of all runs of up to {ticks}" if space.open and space.explored_depth else ""
 
     def verdicts(self) -> list[RuleVerdict]:
-        """Return all verdicts: the rules for every mission first, then its own properties."""
+        """Return all verdicts: first the rules for every mission, then its own properties."""
         nodes = len(self._space.model.nodes)
         return [
             self._check_termination(),
@@ -95,7 +95,7 @@ class RuleChecker:
         return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
 
     def _partial_verdict(self, rule: str, count: int, missed: int) -> RuleVerdict:
-        """Return the verdict on a rule that asks each of ``count`` nodes for something that some run shows."""
+        """Return the verdict on a rule about each of ``count`` nodes, of which ``missed`` lack an example."""
         return (
             RuleVerdict(rule, UNDECIDED, so_far=f"true of {count - missed} so far")
             if missed
@@ -186,7 +186,7 @@ class RuleChecker:
         return RuleVerdict(monitor.rule, REFUTED, (RuleFinding(fault),))
 
     def _check_eventually(self, monitor: PropertyMonitor, good: list[bool]) -> RuleVerdict:
-        places = self._space.places  # a halt from outside is no way for a mission to keep its promise
+        places = self._space.places  # an end by a halt from outside does not count
         goals = (n for n, is_good in enumerate(good) if is_good and places[n].kind not in (HALTING, RESTED))
         lost = self._first_state_without(goals, lambda kind: kind == GOING or kind in ENDS)
         if lost is None:
@@ -198,7 +198,7 @@ class RuleChecker:
         return RuleVerdict(monitor.rule, REFUTED, (RuleFinding(fault, trace_to(self._space, lost)),))
 
     def _check_safety(self, key: str, rule: str, mark: Mark | None = None) -> RuleVerdict:
-        """Return the verdict on a rule that a single step can break."""
+        """Return the verdict on a safety rule, which a single step can break."""
         found = self._space.violations.get(key)
         if found is None:
             return RuleVerdict(rule, self._unproved, so_far=self._shallow)
@@ -210,15 +210,15 @@ class RuleChecker:
     # --- where a run is lost ------------------------------------------------------------------------------------------
 
     def _first_state_without(self, goals: Iterable[int], matters: Callable[[str], bool]) -> int | None:
-        """Return the place nearest to the start from which none of ``goals`` can be reached, whatever was left out."""
+        """Return the state nearest to the start from which no goal is reachable, even through unexplored states."""
         if self._space.model.shuffler.is_sampled:
-            return None  # an order that was not tried could lead there
+            return None  # an unexplored order could lead there
         can = self._space.can_reach((*goals, *self._space.open))
         places = enumerate(self._space.places)
         return next((number for number, place in places if matters(place.kind) and number not in can), None)
 
     def _bottom_component(self, place: int) -> int:
-        """Return a place, reachable from this one, to which every run from it comes back again and again."""
+        """Return a reachable state to which every run from it always returns."""
         while True:
             back = self._space.can_reach((place,))
             onward = [n for n in self._space.reachable_from(place) if self._space.places[n].kind == GOING]
@@ -228,7 +228,7 @@ class RuleChecker:
             place = min(left)
 
     def _node_without_end(self, place: int) -> Node:
-        """Return the node that keeps a run going: a leaf that has no end, else the innermost endless loop that runs."""
+        """Return the innermost running node that prevents the end: a leaf without end, else an endless loop."""
         state = self._space.places[place].state
         if state is not None:
             self._space.model.restore(state)
@@ -239,7 +239,7 @@ class RuleChecker:
 
 
 def _seconds(step: Step) -> float | None:
-    """Return the time that a step waits for, where that is known."""
+    """Return the waiting time of a step in seconds; None if unknown."""
     value = step.arguments.get("value") or step.arguments.get("duration")
     return value.constant if value is not None and isinstance(value.constant, float) else None
 
@@ -252,7 +252,7 @@ def _steps_by_key(step: Step, key: str) -> Iterable[tuple[str, Step]]:
 
 
 def _unwrap_modifiers(step: Step) -> Step:
-    """Return the behaviour itself inside its modifiers: where a person looks for it."""
+    """Return the behaviour inside its modifiers, where a user looks for it."""
     while "value" in step.arguments and step.leaf is None and len(step.children) == 1:
         step = step.children[0]
     return step
@@ -261,10 +261,10 @@ def _unwrap_modifiers(step: Step) -> Step:
 # From a checked mission to a report on it.
 
 MAX_STATES = 10_000
-"""States after which an exploration gives up; the shipped missions have a few hundred at most."""
+"""Maximum number of states; the shipped missions have a few hundred at most."""
 
 TIME_LIMIT = 60.0
-"""Seconds after which it gives up."""
+"""Time limit in seconds."""
 
 
 def verify(
@@ -275,10 +275,10 @@ def verify(
     limit: float = TIME_LIMIT,
     sensor_timeout: float = SENSOR_TIMEOUT,
 ) -> VerificationReport:
-    """Explore a mission and return what that proves and refutes.
+    """Explore a mission and return the report.
 
-    It goes on to ``bound`` states and for ``limit`` seconds at most, by ``clock``. The robot waits for its sensors for
-    ``sensor_timeout`` seconds.
+    The exploration is limited to ``bound`` states and ``limit`` seconds by ``clock``. The robot waits for its sensors
+    for ``sensor_timeout`` seconds.
     """
     began = clock.now()
     space = StateSpace(MissionModel(plan, sensor_timeout), bound, lambda: clock.now() - began >= limit)
@@ -292,11 +292,11 @@ def verify(
 
 
 def _describe_omissions(space: StateSpace, limit: float) -> str:
-    """Say what was not explored, and what to do about it."""
+    """Return a text on the unexplored part, and the option that helps."""
     if space.open:
         more = (
             f"--limit '{quantity_text(10 * limit, 'duration')}'" if space.out_of_time else f"--bound {10 * space.bound}"
         )
         when = f"after {quantity_text(limit, 'duration')} " if space.out_of_time else ""
-        return f"{when}{len(space.open)} of {len(space.places)} states were not followed to the end; try {more}"
+        return f"{when}{len(space.open)} of {len(space.places)} states were not fully explored; try {more}"
     return "" if space.is_complete else "not every order of a random composite with many children was tried"

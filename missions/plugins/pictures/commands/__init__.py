@@ -1,1 +1,1 @@
-"""The command that draws a simulated world."""
+"""Command that draws a simulated world."""

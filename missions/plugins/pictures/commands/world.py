@@ -1,4 +1,4 @@
-"""``mission show`` of a world: what its file describes, as text, as a plan, or as the robot's camera sees it."""
+"""``mission show`` of a world: its content as text, as a plan, or as the robot's camera sees it."""
 
 import shlex
 from pathlib import Path
@@ -21,23 +21,23 @@ from missions.plugins.pictures.png import png
 from missions.plugins.pictures.world_text import describe_world
 
 PNG_ZOOM = 1.5
-"""Pixels of a PNG to a unit of the plan."""
+"""Pixels of a PNG per unit of the plan."""
 
 FORMS = (".svg", ".png")
 
 
 def show_world(name: str, output: Path | None, time: float, robot: str, *, camera: bool) -> None:
-    """Print what is in a world, or draw it into ``output``: from above, or as the ``camera`` of a robot sees it."""
+    """Print the content of a world, or draw it to ``output``: from above, or as the ``camera`` of a robot sees it."""
     config = load_world(find_file("worlds", name))
     if output is None:
         if camera:
-            raise click.UsageError(f"--camera draws a picture: say where, such as -o {config.name}.png")
+            raise click.UsageError(f"--camera needs an output file, such as -o {config.name}.png")
         for line in describe_world(config):
             click.echo(line)
         click.echo(f"\nTo draw it: mission show {name} -o {config.name}.svg")
         return
     if output.suffix not in FORMS or (camera and output.suffix != ".png"):
-        raise click.UsageError(f"'{output}': the name must end in {'.png' if camera else ' or '.join(FORMS)}")
+        raise click.UsageError(f"'{output}': the file name must end in {'.png' if camera else ' or '.join(FORMS)}")
     if output.suffix == ".svg":
         data = _plan(config, time).encode()
     elif camera:
@@ -65,7 +65,7 @@ def _plan_png(svg: str, output: Path) -> bytes:
 
 
 def _camera_view(config: WorldConfig, robot: RobotConfig, time: float) -> Image:
-    """Draw what the camera sees while the robot stands where it starts and its head looks ahead."""
+    """Return the camera's view from the robot's start pose with the head straight ahead."""
     if robot.camera is None:
         raise click.UsageError(f"{robot.name} has no camera: choose another --robot")
     world, camera = build_world(config), robot.camera.upright()

@@ -1,1 +1,1 @@
-"""The tree as one page of HTML that needs nothing beside it: to look at, to search and to fold."""
+"""Trees as self-contained HTML pages with search and folding."""

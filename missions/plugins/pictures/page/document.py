@@ -1,11 +1,11 @@
-"""A whole page in one file: it carries its style, script and data, and its policy forbids it to ask any other host.
+"""HTML page in one file, with style, script and data inside; its security policy blocks all network access.
 
-The report is made of the same parts as the page of a mission::
+A page is composed of parts::
 
     body = join(tag("h1", "..."), tools(drawing), tree(drawing, label="Mission greet"), ...)
     document("Report of greet", body, data={"changes": ...}, assets=[REPORT / "report.css", REPORT / "report.js"])
 
-``page.css`` and ``page.js`` always come first. What ``page.js`` offers to a script after it stands at its top.
+``page.css`` and ``page.js`` always come first. The top of ``page.js`` lists its functions for later scripts.
 """
 
 import base64
@@ -21,27 +21,27 @@ from importlib.resources.abc import Traversable
 
 
 class Markup(str):
-    """Text that is HTML already."""
+    """Text that is already HTML."""
 
     __slots__ = ()
 
 
 def join(*parts: str) -> Markup:
-    """Return parts one after another; those that are no markup yet are escaped."""
+    """Return the concatenated parts; those that are not markup are escaped."""
     return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in parts))
 
 
 def tag(element: str, *content: str, **attributes: str | int | bool | None) -> Markup:
     """Return an element with its end tag: ``tag("b", name, class_="kind", data_key="1.2")``.
 
-    Names of attributes lose a final underscore, and the others become hyphens. An attribute that is None or False is
-    left out, one that is True stands without a value.
+    Attribute names lose a final underscore; other underscores become hyphens. None or False omits an attribute, True
+    writes it without a value.
     """
     return Markup(f"{start_tag(element, **attributes)}{join(*content)}</{element}>")
 
 
 def start_tag(element: str, **attributes: str | int | bool | None) -> Markup:
-    """Return only the start tag: all there is of ``input`` and ``meta``."""
+    """Return only the start tag, for void elements such as ``input`` and ``meta``."""
     written = (
         f" {name.rstrip('_').replace('_', '-')}" + ("" if value is True else f'="{escape(str(value))}"')
         for name, value in attributes.items()
@@ -51,18 +51,18 @@ def start_tag(element: str, **attributes: str | int | bool | None) -> Markup:
 
 
 PAGE_FOLDER = files(__name__.rpartition(".")[0])
-"""The folder of ``page.css`` and ``page.js``."""
+"""Folder of ``page.css`` and ``page.js``."""
 
 ICON = "data:,"
-"""No icon. A page without one makes browsers ask for ``/favicon.ico``."""
+"""Empty icon, so that browsers do not request ``/favicon.ico``."""
 
 
 def document(
     title: str, body: Markup, *, data: Mapping[str, object] | None = None, assets: Sequence[Traversable] = ()
 ) -> str:
-    """Return the page. ``data`` is what its script finds as ``missiontree.data``: plain JSON.
+    """Return the page. Its script finds ``data`` as ``missiontree.data``: plain JSON.
 
-    ``assets`` are more files to carry, styles (``.css``) and scripts (``.js``), in their order.
+    ``assets`` are further styles (``.css``) and scripts (``.js``), in order.
 
     Raises:
         ValueError: ``data`` holds a number that JSON does not have, infinite or not a number.
@@ -86,13 +86,13 @@ def document(
 
 
 def without_assets(page: str) -> str:
-    """Return a page with the name of each asset in its place, ``{page.css}``: so it can be compared with a golden."""
+    """Return a page with each asset replaced by its name, ``{page.css}``, to compare it with a golden file."""
     named = re.sub(r'(<(style|script) data-file="([^"]*)">).*?(</\2>)', r"\1{\3}\4", page, flags=re.DOTALL)
     return re.sub(r"sha256-[A-Za-z0-9+/=]+", "{hash}", named)
 
 
 def _content_policy(scripts: Sequence[Traversable]) -> str:
-    """Allow these very scripts, styles and pictures within the page, and nothing from anywhere."""
+    """Return the content security policy: only these scripts, and inline styles and pictures; no other sources."""
     hashes = (base64.b64encode(hashlib.sha256(_text(script).encode()).digest()).decode() for script in scripts)
     allowed = " ".join(f"'sha256-{digest}'" for digest in hashes)
     return (
@@ -102,7 +102,7 @@ def _content_policy(scripts: Sequence[Traversable]) -> str:
 
 
 def _inline_asset(element: str, asset: Traversable) -> Markup:
-    """Return a style or script with its text as it is: HTML knows no escapes within them."""
+    """Return a style or script element with unescaped text: HTML has no escapes inside them."""
     return tag(element, Markup(_text(asset)), data_file=asset.name)
 
 
@@ -111,6 +111,6 @@ def _text(asset: Traversable) -> str:
 
 
 def _json(data: Mapping[str, object]) -> Markup:
-    """Return data for the script. Without a ``<`` in it, nothing can end the element; JSON has an escape for it."""
+    """Return data for the script, with each ``<`` escaped, so that it cannot end the element."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return join(tag("script", Markup(text), type="application/json", id="data"))

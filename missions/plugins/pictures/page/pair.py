@@ -1,4 +1,4 @@
-"""The page of two missions: one tree of pairs, the left mission's node at the left and the right one's at the right."""
+"""Pages of one mission, and of two missions as one tree of pairs, side by side."""
 
 from missions.plugins.pictures.compare import CHANGES, NodePair, TreeComparison
 from missions.plugins.pictures.page.document import Markup, document, join, tag
@@ -13,19 +13,19 @@ def page(drawing: TreeDrawing) -> str:
     title = f"Mission {drawing.mission}"
     count = drawing.root.nodes
     facts = [drawing.file, f"{count} nodes" if count > 1 else "1 node"]
-    facts += [f"as it stood{time_suffix(drawing)}"] if drawing.time is not None else []
+    facts += [f"state{time_suffix(drawing)}"] if drawing.time is not None else []
     return document(title, join(header(title, drawing.summary, facts), tools(drawing), tree(drawing, label=title)))
 
 
 def time_suffix(drawing: TreeDrawing) -> str:
-    """Return " at 5.00 s" for a drawing of a moment of a run, nothing for one of a mission at rest."""
+    """Return " at 5.00 s" for a drawing of a moment of a run; otherwise an empty text."""
     return "" if drawing.time is None else f" at {drawing.time:.2f} s"
 
 
 def header(title: str, summary: str, facts: list[str]) -> Markup:
-    """Return the head of a page: what it is of, in a sentence, and a line of facts."""
-    said = tag("p", summary) if summary else ""
-    return tag("header", tag("h1", title), said, tag("p", " · ".join(facts), class_="facts"))
+    """Return the head of a page: title, summary, and a line of facts."""
+    paragraph = tag("p", summary) if summary else ""
+    return tag("header", tag("h1", title), paragraph, tag("p", " · ".join(facts), class_="facts"))
 
 
 def pair_page(comparison: TreeComparison) -> str:
@@ -34,7 +34,7 @@ def pair_page(comparison: TreeComparison) -> str:
     title = f"{left.mission} and {right.mission}" if left.mission != right.mission else f"{left.mission}, two versions"
     bar = toolbar(
         button("Next change", data_next='[data-change]:not([data-change="same"])'),
-        button("Fold what is the same", data_fold="[data-alike]"),
+        button("Fold equal parts", data_fold="[data-alike]"),
         unfold_button(),
     )
     sides = tag("div", *(tag("b", f"{each.file}{time_suffix(each)}") for each in (left, right)), class_="sides")
@@ -48,9 +48,9 @@ def pair_page(comparison: TreeComparison) -> str:
 
 
 def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], level: int = 0) -> Markup:
-    """Return the item of a pair, at the ``times`` of its two sides.
+    """Return the list item of a pair, with the ``times`` of its two sides.
 
-    Its key is its place in this tree: the two nodes have keys of their own.
+    Its key is its path in this tree, since the two nodes have different keys.
     """
     children = [
         _item(child, f"{key}.{number}", times, level + 1) for number, child in enumerate(pair.children, start=1)
@@ -76,7 +76,7 @@ def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], le
 
 
 def _pair_side(box: TreeBox | None, time: float | None, *, hidden: bool = False) -> Markup:
-    """Return one side of a pair; to the ear only if it does not say the other's ``again``."""
+    """Return one side of a pair; hidden from screen readers if it repeats the other (``again``)."""
     return tag(
         "div",
         card(box, time) if box is not None else _screen_reader_text("nothing"),

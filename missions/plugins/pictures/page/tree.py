@@ -1,6 +1,6 @@
-"""The tree of a mission as nested lists: an outline that can be read without script, or drawn from left to right.
+"""A mission's tree as nested lists: an outline that is readable without script, or drawn from left to right.
 
-Style and script find all that they need by its roles and attributes. A page has one tree, and ``tools`` for it.
+Style and script use its roles and attributes. A page has one tree, with its ``tools``.
 """
 
 import json
@@ -18,7 +18,7 @@ from missions.trees.drawing_builder import legend
 
 
 def card(box: TreeBox, time: float | None = None) -> Markup:
-    """Return the lines of a card. At a ``time`` it says how the node stands, and for how long."""
+    """Return the lines of a card. With a ``time``, they include the node's status and its age."""
     return join(*_card_lines(box, time))
 
 
@@ -63,12 +63,12 @@ def _title(box: TreeBox, *, live: bool) -> Markup:
 
 
 def _age(status: Status, seconds: float) -> str:
-    """Return for how long it has been running, or when that ended, as the script of a report writes it too."""
+    """Return the running time, or the time since the end, as the report's script writes it too."""
     return f"{seconds:.1f} s" if status in ("running", "suspended") else f"{seconds:.1f} s ago"
 
 
 def _state(status: Status, reason: str, age: str) -> Markup:
-    """Return how it stands: the word, for how long, and why, as ``showStates`` of the script writes them too."""
+    """Return status, age and reason, as ``showStates`` of the script writes them too."""
     return tag(
         "span",
         tag("span", status, class_="word"),
@@ -83,7 +83,7 @@ def _sign(status: Status) -> Markup:
 
 
 def _badge(badge: Badge, *, live: bool) -> Markup:
-    """Return a modifier. What it says for itself counts; as to all else it stands as what it modifies."""
+    """Return a modifier with its own message; its status is otherwise that of the node."""
     text = f"{badge.kind} {badge.text}".strip()
     if not live:
         return tag("span", text, class_="badge", title=f"line {badge.line}")
@@ -97,18 +97,18 @@ def _badge(badge: Badge, *, live: bool) -> Markup:
 # What stands above a tree: search, fold, layout, zoom, and the legend. The script that works them shows them.
 
 STATUSES: Mapping[Status, str] = {
-    "idle": "is not being asked",
-    "running": "is at work",
+    "idle": "is idle",
+    "running": "is running",
     "suspended": "waits for a sensor that does not report",
-    "success": "has done it, or says yes",
+    "success": "succeeded, or true",
     "skipped": "was not started: its condition was false",
-    "failure": "could not do it, or says no",
+    "failure": "failed, or false",
 }
-"""What each status says of a node."""
+"""Text of each status."""
 
 
 def tools(drawing: TreeDrawing) -> Markup:
-    """Return the tools for ``tree(drawing)``, and a legend of the signs in it."""
+    """Return the toolbar for ``tree(drawing)``, and a legend of its signs."""
     missions = any(box.mission and box.children for box in drawing.root.walk())
     fold = button("Fold sub-missions", data_fold="[data-mission]") if missions else ""
     return join(
@@ -136,17 +136,17 @@ def toolbar(*buttons: str) -> Markup:
 
 
 def button(text: str, **attributes: str | bool | None) -> Markup:
-    """Return a button; the script knows by its attributes what it does."""
+    """Return a button; its attributes tell the script its action."""
     return tag("button", text, type="button", **attributes)
 
 
 def unfold_button() -> Markup:
-    """Return the button that unfolds all."""
+    """Return the button that unfolds all nodes."""
     return button("Unfold all", data_unfold=True)
 
 
 def _legend(drawing: TreeDrawing) -> Markup:
-    """Return what the signs mean, those that are in the drawing."""
+    """Return the legend of the signs in the drawing."""
     used = {box.symbol for box in drawing.root.walk()}
     rows = [(sign, word, what) for sign, word, what in legend() if sign in used]
     rows += [(sign, status, STATUSES[status]) for status, sign in SIGNS.items() if drawing.time is not None]
@@ -157,9 +157,9 @@ def _legend(drawing: TreeDrawing) -> Markup:
 
 
 def tree(drawing: TreeDrawing, *, label: str) -> Markup:
-    """Return the tree; ``label`` is its name to a screen reader.
+    """Return the tree; ``label`` is its name for screen readers.
 
-    A drawing that has a ``time`` says how each node stands, and ``missiontree.showStates`` may change that later.
+    A drawing with a ``time`` includes the status of each node, which ``missiontree.showStates`` may change later.
     """
     live = drawing.time is not None
     return window(
@@ -168,9 +168,9 @@ def tree(drawing: TreeDrawing, *, label: str) -> Markup:
 
 
 def window(root: Markup, *, label: str, layout: str, above: str = "") -> Markup:
-    """Return the window in which the tree of a ``root`` scrolls, with a line ``above`` it that stays in view.
+    """Return the scrolling window of the tree ``root``, with a fixed line ``above`` it.
 
-    ``layout`` is its class in the style: "outline", which the script may turn into "spread", or "pairs".
+    ``layout`` is its style class: "outline", which the script may change to "spread", or "pairs".
     """
     signs = json.dumps(SIGNS, ensure_ascii=False)
     listed = tag("ul", root, role="tree", aria_label=label, class_=layout, data_signs=signs)
@@ -180,7 +180,7 @@ def window(root: Markup, *, label: str, layout: str, above: str = "") -> Markup:
 def item(
     key: str, content: Markup, children: Sequence[Markup], *, first: bool, **attributes: str | bool | None
 ) -> Markup:
-    """Return an item of a tree, named by its content. The ``first`` is where the keyboard enters the tree."""
+    """Return a tree item, named by its content. The ``first`` item takes the keyboard focus."""
     fold = tag("span", class_="fold", aria_hidden="true") if children else ""
     return tag(
         "li",
