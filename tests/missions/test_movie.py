@@ -82,7 +82,7 @@ def test_a_film_ends_in_time_where_the_disk_gets_full(tmp_path: Path, monkeypatc
     monkeypatch.setattr(movie, "_free_bytes", lambda _: next(rooms, 1000))
     path = tmp_path / "film.webm"
     film = filmed(path, 3 * PICTURES_PER_CHECK)
-    assert film.error.startswith(f"{path}: ends after 50 pictures, 4.0 s, or before: there is no more room on the disk")
+    assert film.error.startswith(f"{path}: ends after 50 pictures, 4.0 s, or before: the disk is full")
     assert frames(path) == 2 * PICTURES_PER_CHECK, "what is there can be seen"
 
 
@@ -91,7 +91,7 @@ def test_a_film_that_cannot_be_read_to_its_end_is_told(tmp_path: Path, ending: s
     path = tmp_path / f"film{ending}"
     with files_of_at_most(100_000):
         film = filmed(path, 60)
-    assert "it cannot be read to its end" in film.error
+    assert "the written file is damaged" in film.error
 
 
 def test_a_film_that_could_not_be_written_leaves_the_earlier_one_and_is_not_called_written(tmp_path: Path) -> None:
