@@ -204,7 +204,7 @@ def test_what_the_doctor_found_last_stands_beside_the_missions(
     browser: Browser, served: Served, kept: Callable[[Path], Path]
 ) -> None:
     what = f"10.1 V is little {HOSTILE}"
-    ailing = {"part": "arm", "about": "elbow", "what": what, "verdict": "warning", "cure": "charge the battery"}
+    ailing = {"part": "arm", "about": "elbow", "message": what, "verdict": "warning", "fix": "charge the battery"}
     kept(checkup_file()).write_text(
         json.dumps({"at": "2026-11-23T14:05:09", "robot": "my_kit", "ailing": [ailing]}), encoding="utf-8"
     )

@@ -254,7 +254,7 @@ function checkup_lines(told) {
   if (!told) return ["No check-up yet: mission doctor"];
   const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;
   if (!told.ailing.length) return [`No problems found (${of}).`];
-  const lines = told.ailing.map(({ part, about, what, verdict, cure }) =>
-    el("li", null, el("b", null, `${verdict}: ${plain(part)}, ${about}`), ` ${what}`, el("br"), cure ? `Try: ${cure}` : ""));
+  const lines = told.ailing.map(({ part, about, message, verdict, fix }) =>
+    el("li", null, el("b", null, `${verdict}: ${plain(part)}, ${about}`), ` ${message}`, el("br"), fix ? `Try: ${fix}` : ""));
   return [`mission doctor, ${of}:`, el("ul", null, ...lines)];
 }
