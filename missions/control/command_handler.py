@@ -177,9 +177,9 @@ class CommandHandler:
             case DriveCommand() | LookCommand():
                 self._move_by_hand(client, command)
             case InjectFaultCommand():
-                self._fault_injector().strike(command.what)
+                self._fault_injector().inject(command.what)
             case ListFaultsCommand():
-                told: Mapping[str, object] = self._fault_injector().told()
+                told: Mapping[str, object] = self._fault_injector().examples_answer()
                 return told
             case ListTuningCommand():
                 return self._tuning.as_dict()

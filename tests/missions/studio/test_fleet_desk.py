@@ -72,14 +72,14 @@ def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> 
     class Slow:
         fleet = FleetKeys(fleet="trial")
 
-        def meet(self) -> None:
+        def discover(self) -> None:
             looks.set()
             in_time.append(met.wait(PATIENCE))
 
         def members(self) -> Mapping[Any, Any]:
             return {}
 
-        def missing(self) -> list[str]:
+        def missing_robots(self) -> list[str]:
             return []
 
         def stop(self, by: str) -> tuple[Mapping[Any, Any], list[str]]:

@@ -253,7 +253,7 @@ def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
             trial, "BASE_LIMITS", replace(BASE_LIMITS, angular_acceleration=BASE_LIMITS.angular_acceleration / 2)
         )
         for module in (lag_estimator, motion_prediction):
-            monkeypatch.setattr(module, "ramped", lambda rate, told, most: ramp(rate, told, 2 * most))
+            monkeypatch.setattr(module, "ramp", lambda rate, told, most: ramp(rate, told, 2 * most))
     step, walk = (Scenario(path.__name__, path, learning_time=LEARNING_TIME) for path in (standing_path, walking_path))
     sways = Scenario("sways", swinging_path(2.0), learning_time=LEARNING_TIME, seconds=9.0, settled_from=3.0)
     for body in TrackingBody if wrong == "base" else (TrackingBody.HEAD, TrackingBody.BOTH):

@@ -29,7 +29,7 @@ IGNORED = frozenset(
         "_unticked",  # as the next two: when actuators come to rest, which a stand-in does not have
         "_unticked_since",
         "_paused",
-        "_since",  # how long a leaf has run, which no stand-in asks
+        "_started_at",  # how long a leaf has run, which no stand-in asks
     }
 )
 
