@@ -24,7 +24,9 @@ def test_who_watches_is_told_soon_again_while_the_robot_moves_or_somebody_drives
     news: dict[str, object], pause: float
 ) -> None:
     clock = ManualClock()
-    outlet: Any = SimpleNamespace(take_changes=lambda more: {**more, **news}, is_watched=True, has_event_listeners=False)
+    outlet: Any = SimpleNamespace(
+        take_changes=lambda more: {**more, **news}, is_watched=True, has_event_listeners=False
+    )
     others: Any = SimpleNamespace(status=dict, is_watched=False)
     audience = Broadcaster("1", others, outlet, others, others, clock, {})
     clock.advance(1.0)

@@ -108,9 +108,7 @@ def test_a_search_that_fails_is_told_once_and_not_taken_for_no_run(
         for _ in range(2):
             robot._update()
             assert (robot.read_telemetry().runs, robot.read_telemetry().mission) == (True, "")
-    assert [each.getMessage() for each in caplog.records] == [
-        f"a run may have been missed: {doubt.warnings[0].reason}"
-    ]
+    assert [each.getMessage() for each in caplog.records] == [f"a run may have been missed: {doubt.warnings[0].reason}"]
     robot._update()
     assert robot.read_telemetry().runs is False
 
