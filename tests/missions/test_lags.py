@@ -87,7 +87,7 @@ def test_what_is_hardly_known_is_not_kept(rodney: RobotConfig) -> None:
 def test_a_delay_that_jitters_is_impossible_or_in_doubt_is_not_kept(rodney: RobotConfig) -> None:
     for camera in (-0.098, -0.07, 0.26):
         learn(rodney, camera=camera)
-    for name, value in (("jitter", 0.02), ("distrusted", True)):
+    for name, value in (("jitter", 0.02), ("is_distrusted", True)):
         lags = LearntDelays(rodney, simulated=False)
         lags.delay.seconds, lags.delay.spread, lags.delay.informative_pairs = 0.042, 0.003, MIN_SAMPLES
         setattr(lags.delay, name, value)

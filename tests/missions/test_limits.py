@@ -9,7 +9,7 @@ import pytest
 SCRIPT = """
 from pathlib import Path
 from behaviours.catalogue import LEAVES
-from config.diagnostics import InvalidFileError, Source
+from config.diagnostics import InvalidFileError, SourceText
 from missions.language.document import check_plan
 
 texts = {
@@ -25,10 +25,10 @@ texts = {
 }
 for name, text in texts.items():
     try:
-        check_plan(Source("worst.yaml", text), LEAVES, {})
+        check_plan(SourceText("worst.yaml", text), LEAVES, {})
         print(name, "read")
     except InvalidFileError as error:
-        print(name, len(error.faults), "mistakes")
+        print(name, len(error.diagnostics), "mistakes")
 status = Path("/proc/self/status")  # not getrusage, whose peak begins with that of the process that forked this one
 print(next(int(line.split()[1]) // 1024 for line in status.read_text().splitlines() if line.startswith("VmHWM")))
 """

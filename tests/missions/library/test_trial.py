@@ -110,7 +110,7 @@ def test_an_installed_package_is_named_and_skipped(
         [EntryPoint("mine", of, vocabulary.ENTRY_POINT_GROUP), EntryPoint("base.mine", of, drivers.ENTRY_POINT_GROUP)]
     )
     for module in (vocabulary, drivers):
-        monkeypatch.setattr(module, "offered", lambda group: points.select(group=group))
+        monkeypatch.setattr(module, "entry_points_of", lambda group: points.select(group=group))
     checked = command(capsys, "check", "m.yaml")
     assert (checked.code, checked.out) == (0, "m.yaml: good (m, 1 node)\n")
     assert f"entry point mine = {of}" in checked.err

@@ -175,7 +175,7 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
         (BLINK.replace('tag = "blink"', ""), "wrong.py:1:1: there is no behaviour in it"),
         (
             BLINK.replace('"blink"', '"drive"'),
-            "wrong.py:7:7: Blink: the word 'drive' is taken by Drive of behaviours.driving.motion",
+            "wrong.py:7:7: Blink: the word 'drive' is taken by DriveLeaf of behaviours.driving.motion",
         ),
         (BLINK.replace('"blink"', '"sequence"'), "Blink: the word 'sequence' means something else in missions"),
         (BLINK.replace('"blink"', '"Blink it"'), "Blink: the word 'Blink it' must be small letters"),

@@ -56,7 +56,7 @@ def test_the_schema_refuses_what_it_does_not_know() -> None:
     ("where", "value", "words"),
     [
         (("format",), "missiontree-tree/9", f"its format is 'missiontree-tree/9', not '{FORMAT}'"),
-        (("tree",), None, "'tree' must be an object (Box), got None"),
+        (("tree",), None, "'tree' must be an object (TreeBox), got None"),
         (("tree", "line"), "3", "'tree.line' must be a whole number within 1 and "),
         (
             ("tree", "status"),
