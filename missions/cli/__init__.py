@@ -1,1 +1,1 @@
-"""The ``mission`` command, one module a subcommand."""
+"""The ``mission`` command, with one module for each subcommand."""

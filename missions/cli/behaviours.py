@@ -1,4 +1,4 @@
-"""``mission list behaviours`` and ``mission show`` of one: the catalogue, from the leaves' own declarations."""
+"""Catalogue of behaviours, for ``mission list behaviours`` and ``mission show NAME``."""
 
 import inspect
 import json
@@ -21,7 +21,10 @@ from missions.library.vocabulary import load_leaves
 
 
 def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
-    """Print all about a behaviour, or about another word of the language. Raises click.UsageError without one."""
+    """Print the catalogue entry of a behaviour or another word of the language.
+
+    Raises click.UsageError if it is unknown.
+    """
     leaves = load_leaves(folder_behaviour_files(files), files)
     if name in leaves:
         if as_json:
@@ -33,12 +36,12 @@ def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
     else:
         hint = unknown_word_hint(name, leaves, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False)
         raise click.UsageError(
-            f"no behaviour '{name}'" + (f"; {hint}" if hint else "; `mission list behaviours` has all")
+            f"unknown behaviour '{name}'" + (f"; {hint}" if hint else "; `mission list behaviours` lists all")
         )
 
 
 def list_behaviours(files: Sequence[Path], *, as_json: bool) -> None:
-    """Print a line on each behaviour, and on every other word of the language; or all of the behaviours as JSON."""
+    """Print one line for each word of the language; as JSON, print the behaviours with their arguments."""
     leaves = load_leaves(folder_behaviour_files(files), files)
     if as_json:
         click.echo(json.dumps([_as_dict(leaf) for leaf in leaves.values()], indent=2))
@@ -47,12 +50,12 @@ def list_behaviours(files: Sequence[Path], *, as_json: bool) -> None:
 
 
 def is_word(name: str, files: Sequence[Path]) -> bool:
-    """Say whether a behaviour, or another word of the language, has this name."""
+    """Return whether ``name`` is a behaviour or another word of the language."""
     return name in load_leaves(files) or name in word_help()
 
 
 def word_help() -> Mapping[str, str]:
-    """Return what every word of the language does that is no leaf."""
+    """Return the help of each word of the language that is not a leaf."""
     beside = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
     return {word: kind.help for word, kind in BRANCHES.items()} | beside | modifiers
@@ -62,16 +65,16 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
     shown = console(highlight=True)
     for title, rows in (
         ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in leaves.items()}),
-        ("Composites, each with a list of behaviours", {word: (kind.help, "") for word, kind in COMPOSITES.items()}),
-        ("Others that have behaviours below them", {word: (kind.help, "") for word, kind in OTHER_PARENTS.items()}),
-        ("Beside a parallel", {word: (f"{text} ({takes})", "") for word, (takes, text) in COUNTS.items()}),
+        ("Composites, with a list of children", {word: (kind.help, "") for word, kind in COMPOSITES.items()}),
+        ("Other nodes with children", {word: (kind.help, "") for word, kind in OTHER_PARENTS.items()}),
+        ("Keys beside a parallel", {word: (f"{text} ({takes})", "") for word, (takes, text) in COUNTS.items()}),
         ("Modifiers, beside a behaviour", {word: (f"{m.help} ({m.takes})", "") for word, m in MODIFIERS.items()}),
     ):
         table = Table("", "", "claims" if title == "Behaviours" else "", title=title, title_justify="left", box=None)
         for word, (text, claims) in rows.items():
             table.add_row(f"[bold]{word}[/bold]", text, claims)
         shown.print(table)
-    shown.print("\n`mission show NAME` has all about one.")
+    shown.print("\n`mission show NAME` shows the details.")
 
 
 def _describe(leaf: type[Leaf]) -> None:
@@ -89,10 +92,6 @@ def _describe(leaf: type[Leaf]) -> None:
     for argument in leaf.arguments.values():
         principal = "; may stand alone" if argument.principal else ""
         click.echo(f"    {argument.name}: {requirements_text(argument)}{principal}\n        {argument.help}")
-    if leaf.example:
-        click.echo("\n  example:")
-        for line in leaf.example.splitlines():
-            click.echo(f"    {line}")
 
 
 def _as_dict(leaf: type[Leaf]) -> dict[str, object]:

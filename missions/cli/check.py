@@ -1,4 +1,4 @@
-"""``mission check``: every mistake in missions, before anything moves."""
+"""``mission check``: report all errors in missions before a run."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -24,13 +24,13 @@ from missions.library.shipped import shipped_missions
 @click.command(epilog="Example: mission check greet patrol")
 @click.argument("names", type=MISSION, nargs=-1, metavar="[MISSION]...")
 @robot_option
-@click.option("--json", "as_json", is_flag=True, help="Write the mistakes as JSON, for editors and other programs.")
+@click.option("--json", "as_json", is_flag=True, help="Write the errors as JSON, for editors and other programs.")
 @params_option
 @behaviours_option
 def command(
     names: tuple[str, ...], robot: str | None, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
 ) -> int:
-    """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
+    """Check missions and their tests: names, files or folders; without a name, all missions of MissionTree."""
     robots = robots_for(robot)
     leaves = leaf_loader(files)
     found: list[Diagnostic] = []
@@ -47,7 +47,7 @@ def command(
         told = [_as_dict(fault, "error") for fault in found] + [_as_dict(hint, "hint") for hint in hints]
         click.echo(json.dumps(told, indent=2, ensure_ascii=False))
     elif found:
-        click.echo(f"{len(found)} mistake{'s' if len(found) > 1 else ''}", err=True)
+        click.echo(f"{len(found)} error{'s' if len(found) > 1 else ''}", err=True)
     return 2 if found else 0
 
 
@@ -58,9 +58,9 @@ def _check_file(
     leaves: Callable[[str], Mapping[str, type[Leaf]]],
     files: Sequence[Path],
 ) -> tuple[str, Sequence[Diagnostic], Sequence[Diagnostic]]:
-    """Check one mission for the first of ``robots``, or one file of a plug-in, such as tests.
+    """Check one mission, for the first of ``robots`` that can do it, or one file of a plug-in, such as tests.
 
-    Return what to tell, its mistakes, and hints about what is no mistake.
+    Return the line to print, the errors, and the hints.
     """
     try:
         if (found := find_file_kind(Path(name).name)) is not None and found[1].check:
@@ -84,7 +84,7 @@ def _check_file(
 
 
 def _as_dict(fault: Diagnostic, severity: str) -> dict[str, object]:
-    """Return a mistake or a hint as an editor takes it; line and column count from 1."""
+    """Return an error or a hint for editors; line and column count from 1."""
     return {
         "file": fault.source.name,
         "line": fault.mark.line,

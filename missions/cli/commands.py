@@ -1,4 +1,4 @@
-"""The table of all commands, and groups of commands that import them when they are used."""
+"""The table of all commands, and click groups that import a command when it is used."""
 
 import gc
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,14 +13,14 @@ from missions.library.plugins import find_command, load, plugins
 from missions.plugin import COMMAND_GROUPS, LOOK, RUN, SET_UP, CommandEntry
 
 OWN_PROCESS = "alone"
-"""What the context of a command is told where the process is its alone: `missions.control.holders.OWN_PROCESS`."""
+"""Object of the root context if the process runs only this command: the same text as in `missions.control.holders`."""
 
 
 def freeze_garbage_collector() -> None:
-    """Have Python's search for rubbish pass over all that is there now: it is held off until then, and goes on.
+    """Exclude all present objects from garbage collection, and enable it for later ones.
 
-    What is there lasts, and would be searched again and again, in a run within ticks (0.1 s on a Raspberry Pi). Does
-    nothing where the process is not the command's alone.
+    These objects live as long as the process. Searching them again would cost 0.1 s of a tick on a Raspberry Pi. Does
+    nothing if the process does not belong to this command alone.
     """
     context = click.get_current_context(silent=True)
     if context is not None and context.find_root().obj == OWN_PROCESS:
@@ -30,17 +30,17 @@ def freeze_garbage_collector() -> None:
 
 COMMANDS: Mapping[str, CommandEntry] = {
     "run": CommandEntry(RUN, "missions.cli.run:command", "Run a mission: simulated, unless a robot is named."),
-    "stop": CommandEntry(RUN, "missions.cli.stop:command", "Stop what runs on this machine, at once."),
+    "stop": CommandEntry(RUN, "missions.cli.stop:command", "Stop all runs on this machine at once."),
     "list": CommandEntry(LOOK, "missions.cli.list:command", "List missions, robots, worlds, behaviours and so on."),
     "show": CommandEntry(LOOK, "missions.cli.show:command", "Show a mission, record, behaviour, world or gait."),
     "check": CommandEntry(LOOK, "missions.cli.check:command", "Check missions without running them."),
     "completion": CommandEntry(SET_UP, "missions.cli.completion:command", "Set up completion with TAB in your shell."),
 }
-"""The commands of the core, in the order of the help; plug-ins have the others. Each is imported when it is used."""
+"""Commands of the core in the order of the help; plug-ins declare the others. Each is imported when it is used."""
 
 
 def declared_commands() -> Iterator[tuple[str, CommandEntry]]:
-    """Yield all commands, without importing any: those of the core, then those of plug-ins."""
+    """Yield the declarations of all commands, core first, without importing the commands."""
     yield from COMMANDS.items()
     for plugin in plugins():
         yield from plugin.commands.items()
@@ -73,11 +73,11 @@ OLD_NAMES: Mapping[str, str] = {
     "servo reboot": "servo torque restart SERVO",
     "servo recover": "servo torque recover",
 }
-"""Commands by their names of before, each with its name of today; a word in capitals is to be filled in."""
+"""Former names of commands, each with its present name; words in capitals are placeholders."""
 
 
 def current_name(words: Sequence[str]) -> str:
-    """Return the command line of today for one of before; empty for words that were no command."""
+    """Return the present command line for a former one; empty if the words were never a command."""
     for size in (2, 1):
         if (new := OLD_NAMES.get(" ".join(words[:size]))) is not None:
             rest = [] if any(word.isupper() for word in new.split()) else words[size:]
@@ -86,17 +86,17 @@ def current_name(words: Sequence[str]) -> str:
 
 
 class SharedOption(click.Option):
-    """An option of several commands of a group: its help is in that of the group."""
+    """An option that several commands of a group share; the help of the group lists it."""
 
 
 shared_option = partial(click.option, cls=SharedOption)
 
 
 class FullHelpCommand(click.Command):
-    """A command whose help shows all of its options with ``--help-all``, and else those that it needs first."""
+    """A command whose help lists only its important options, and all of them with ``--help-all``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments; ``--help-all`` prints the whole help, and ends."""
+        """Parse the arguments; with ``--help-all``, print the full help and exit."""
         if "--help-all" in args[: args.index("--") if "--" in args else len(args)] and not ctx.resilient_parsing:
             ctx.meta[FullHelpCommand.__name__] = True
             click.echo(self.get_help(ctx))
@@ -105,7 +105,7 @@ class FullHelpCommand(click.Command):
 
 
 class SharingCommand(FullHelpCommand):
-    """A command of a group with shared options, which are listed in its own help with ``--help-all`` only."""
+    """A command of a group with shared options; its own help lists those only with ``--help-all``."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
@@ -113,12 +113,12 @@ class SharingCommand(FullHelpCommand):
         self.params = [each for each in self.params if not isinstance(each, SharedOption)]
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """Return all parameters, those that are shared and the one for help too."""
+        """Return all parameters, including the shared options and the help option."""
         *own, helping = super().get_params(ctx)
         return [*own, *self.shared, helping]
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write its own options, and the names of those that it shares."""
+        """Write the options of the command, and the names of the shared options."""
         shared = [] if FullHelpCommand.__name__ in ctx.meta else self.shared
         shown = [each for each in self.get_params(ctx) if each not in shared and not isinstance(each, click.Argument)]
         rows = [each.get_help_record(ctx) for each in shown]
@@ -127,36 +127,36 @@ class SharingCommand(FullHelpCommand):
         if shared:
             names = ", ".join(each.opts[0] for each in shared)
             formatter.write_paragraph()
-            formatter.write_text(f"Options of all these commands: {names} (--help-all)")
+            formatter.write_text(f"Shared options of these commands: {names} (--help-all)")
 
 
 class LazyGroup(click.Group):
-    """A group with subcommands of plug-ins, too, which are imported when they are used.
+    """A click group that imports its subcommands, also those of plug-ins, when they are used.
 
-    They are declared below the name of the group. An old name of a subcommand is answered with the new one. The help
-    has the options that its own commands share.
+    Subcommands are declared below the name of the group. A former name of a subcommand is answered with the present
+    one.
     """
 
     command_class = SharingCommand
 
     @property
     def path(self) -> tuple[str, ...]:
-        """The words behind ``mission`` that lead to it."""
+        """Words after ``mission`` that lead to this group."""
         return tuple(str(self.name).split())
 
     @property
     def lazy_commands(self) -> Mapping[str, CommandEntry]:
-        """Its subcommands that are declared in a table, by their last words."""
+        """Declarations of the subcommands that are imported on demand, by their last words."""
         found = {tuple(name.split()): each for name, each in declared_commands()}
         return {words[-1]: each for words, each in found.items() if words[:-1] == self.path}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names: those that are imported already, then the others."""
+        """Return the names of the subcommands: the imported ones, then the others."""
         del ctx
         return [*self.commands, *self.lazy_commands]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one subcommand; None for an unknown name."""
+        """Import and return a subcommand; None if the name is unknown."""
         if own := super().get_command(ctx, cmd_name):
             return own
         name = " ".join((*self.path, cmd_name))
@@ -176,7 +176,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the subcommand; say what may be meant by an unknown one."""
+        """Return the subcommand; for an unknown one, fail with a suggestion."""
         word = args[0]
         if not word.startswith("-") and self.get_command(ctx, word) is None:
             meant = current_name([*self.path, *args]) or f"mission {self.suggestion(ctx, word)}"
@@ -184,13 +184,13 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def suggestion(self, ctx: click.Context, word: str) -> str:
-        """Return the words behind ``mission`` that are meant by an unknown ``word``."""
+        """Return the likely words after ``mission`` for an unknown ``word``."""
         from config.diagnostics import closest  # noqa: PLC0415 - as in `guarded`
 
         return " ".join((*self.path, closest(word, self.list_commands(ctx)) or "--help"))
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write its options, those that its commands share, and the list of its commands."""
+        """Write the options shared by the commands of the group, its own options, and the list of commands."""
         shared = {
             option.name: option.get_help_record(ctx)
             for each in self.commands.values()
@@ -202,7 +202,7 @@ class LazyGroup(click.Group):
         super().format_options(ctx, formatter)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list for ``--help``, without importing more."""
+        """Write the list of commands for ``--help`` without importing them."""
         del ctx
         own = [(name, each.get_short_help_str(formatter.width)) for name, each in self.commands.items()]
         with formatter.section("Commands"):
@@ -210,19 +210,19 @@ class LazyGroup(click.Group):
 
 
 class MissionGroup(LazyGroup):
-    """The command itself."""
+    """Root group: the ``mission`` command."""
 
     path = ()
 
     def suggestion(self, ctx: click.Context, word: str) -> str:
-        """Return the words that are meant by an unknown ``word``, which may be the name of a mission."""
+        """Return the likely words for an unknown ``word``, which may be the name of a mission."""
         from missions.library.shipped import shipped_missions  # noqa: PLC0415 - as in `guarded`
 
         is_mission = word in shipped_missions() or word.endswith(".yaml")
         return f"run {word}" if is_mission else super().suggestion(ctx, word)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the lists for ``--help``, with the second columns of all below each other."""
+        """Write the commands for ``--help`` by topic, with aligned columns."""
         del ctx
         commands = self.lazy_commands
         widest = max(map(len, commands))

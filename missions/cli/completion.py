@@ -1,4 +1,4 @@
-"""``mission completion``: the names that a shell completes behind ``mission``, and how it comes to know them."""
+"""``mission completion``: shell completion for bash, zsh and fish."""
 
 import os
 import shlex
@@ -23,11 +23,11 @@ from missions.library.folders import data_folder
 SHELLS = ("bash", "zsh", "fish")
 
 ZSH_PRELUDE = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n"
-"""A zsh that was never set up has no completion at all."""
+"""Start of the script for zsh: it loads the completion system, which a fresh zsh does not do."""
 
 
 class BashCompletion(BashComplete):
-    """Completion for bash, which takes ``to=Anna`` for three words and puts no quotes around what it completes."""
+    """Completion for bash, which splits ``to=Anna`` into three words and does not quote completed words."""
 
     source_template = BashComplete.source_template.replace(
         "COMPREPLY+=($value)",
@@ -35,7 +35,7 @@ class BashCompletion(BashComplete):
     )
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the one that is completed, and that one, with what "=" parted put together."""
+        """Return the words before the one to complete, and that one; words that bash split at "=" are joined again."""
         words = [""]
         for word in [*split_arg_string(os.environ["COMP_WORDS"]), ""][: int(os.environ["COMP_CWORD"]) + 1]:
             if word == "=" or words[-1].endswith("="):
@@ -45,14 +45,14 @@ class BashCompletion(BashComplete):
         return words[2:-1], words[-1]
 
     def format_completion(self, item: CompletionItem[Any]) -> str:
-        """Return an item as the script reads it: of ``to=Anna`` only what stands behind the sign, as bash wants it."""
+        """Return an item for the script; of ``to=Anna`` only the part after "=", as bash expects."""
         value = str(item.value)
         value = value.partition("=")[2] or value
         return f"{item.type},{shlex.quote(value) if item.type == 'plain' else value}"
 
 
 class ZshCompletion(ZshComplete):
-    """Completion for zsh, which is not to put a space behind ``to=``."""
+    """Completion for zsh, without a space after ``to=``."""
 
     source_template = ZshComplete.source_template.replace(
         "_describe -V unsorted completions_with_descriptions -U",
@@ -67,20 +67,20 @@ for each in (BashCompletion, ZshCompletion):
 
 @click.group(epilog="Example: mission completion install")
 def command() -> None:
-    """Let the shell complete commands, options, missions, robots, worlds, people, params and gestures with TAB."""
+    """Set up completion of commands, options, missions, robots, worlds, people, params and gestures with TAB."""
 
 
 @command.command(epilog="Example: mission completion show zsh")
 @click.argument("shell", type=click.Choice(SHELLS))
 def show(shell: str) -> None:
-    """Print the script that a shell needs."""
+    """Print the completion script of a shell."""
     click.echo(completion_script(shell), nl=False)
 
 
 @command.command(epilog="Example: mission completion install --shell bash")
-@click.option("--shell", type=click.Choice(SHELLS), help="Which one, if not that of $SHELL.")
+@click.option("--shell", type=click.Choice(SHELLS), help="Shell; the default is that of $SHELL.")
 def install(shell: str | None) -> int:
-    """Let your shell complete what follows `mission`: a script, and for bash and zsh a line that reads it."""
+    """Install completion for your shell: a script, and for bash and zsh a line that loads it."""
     shell = shell or Path(os.environ.get("SHELL", "")).name
     if shell not in SHELLS:
         raise click.UsageError(
@@ -100,15 +100,13 @@ def install(shell: str | None) -> int:
     added = started is not None and _append_line(
         started, f"[ -r {shlex.quote(str(path))} ] && . {shlex.quote(str(path))}"
     )
-    click.echo(
-        f"terminals that are opened from now on complete `mission`; for this one: source {shlex.quote(str(path))}"
-    )
+    click.echo(f"new terminals complete `mission`; for this one: source {shlex.quote(str(path))}")
     click.echo(f"wrote {path}" + (f", and a line at the end of {started}" if added else ""))
     return SUCCESS
 
 
 def completion_script(shell: str) -> str:
-    """Return the script of a shell."""
+    """Return the completion script of a shell. Raises ValueError for an unknown shell."""
     found = get_completion_class(shell)
     if found is None:
         raise ValueError(shell)
@@ -118,7 +116,7 @@ def completion_script(shell: str) -> str:
 
 
 def _append_line(file: Path, line: str) -> bool:
-    """Add a line to a file that a shell reads when it starts, unless it is there; say whether it was added."""
+    """Append a line to a start file of a shell unless it is present; return whether it was appended."""
     with report_write_errors(file, "--shell"):
         text = file.read_text(encoding="utf-8", errors="surrogateescape") if file.exists() else ""
         if line in text.splitlines():

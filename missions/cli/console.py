@@ -1,4 +1,4 @@
-"""Colours, tables and lines that move, by rich: consoles whose texts hold nothing that a terminal obeys."""
+"""Colours, tables and live lines with rich; control codes within texts are escaped."""
 
 import sys
 from collections.abc import Iterable
@@ -13,26 +13,26 @@ from missions.cli.printable import make_printable, unwrap_stream
 
 
 class PrintableConsole(Console):
-    """A console of rich: its own codes reach the terminal, those within texts are written out."""
+    """A rich console that passes its own control codes to the terminal and escapes those within texts."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Return what is to be written, each text of it made printable."""
+        """Return the segments to write, with printable texts."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else segment._replace(text=make_printable(segment.text))
 
 
 def console(out: TextIO | None = None, *, highlight: bool = False, soft_wrap: bool = False) -> PrintableConsole:
-    """Return a console on ``out``, or on stdout."""
+    """Return a console that writes to ``out``, or to stdout."""
     return PrintableConsole(file=unwrap_stream(out or sys.stdout), highlight=highlight, soft_wrap=soft_wrap)
 
 
 def echo(text: str, style: str, *more: str) -> None:
-    """Print a line on stdout: ``text`` in that style, and ``more`` behind it."""
+    """Print a line on stdout: ``text`` in the given style, then ``more``."""
     console(soft_wrap=True).print(Text.assemble((text, style), *more))
 
 
 class LiveLines:
-    """Lines of a terminal with their colours, and the one below them, which goes with ``stop``."""
+    """Lines on a terminal in colour, with a live line below them that ``stop`` removes."""
 
     is_live = True
 
@@ -41,17 +41,17 @@ class LiveLines:
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
 
     def start(self) -> None:
-        """Begin to show the line below, and what others print, above it."""
+        """Start showing the live line; other output appears above it."""
         self._live.start()
 
     def stop(self) -> None:
-        """End that."""
+        """Remove the live line."""
         self._live.stop()
 
     def print(self, *parts: str | tuple[str, str]) -> None:
-        """Write a line of texts, each with its style or plain."""
+        """Write a line of texts, each plain or with a style."""
         self._console.print(Text.assemble(*parts))
 
     def show(self, line: str) -> None:
-        """Draw the line below, cut off where the terminal ends."""
+        """Replace the live line, cut off at the width of the terminal."""
         self._live.update(Text(line, no_wrap=True, overflow="ellipsis"), refresh=True)

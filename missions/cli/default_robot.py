@@ -1,4 +1,4 @@
-"""Missions read for the robot that will do them: the one that is named, or the one that a run takes if none is."""
+"""Missions loaded for the named robot, or for the one that a run would use."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -18,20 +18,20 @@ from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.target import target_of
 
-robot_option = click.option("--robot", type=ROBOT, help="Check that this robot can do it (a name or a file).")
+robot_option = click.option("--robot", type=ROBOT, help="Robot to check for (name or file).")
 
 
 class NotForThisRobotError(InvalidFileError):
-    """A mission that is right but for the usual robot; its text says so, and which robot can do it."""
+    """A mission that is correct except for the default robot; the text names a robot that can do it."""
 
     def __init__(self, faults: Sequence[Diagnostic], name: str, robot: str, able: str) -> None:
         super().__init__(faults)
         cure = f"robot '{able}' can do it: --robot {able}" if able else "for another robot: --robot NAME"
-        self.args = (f"{self.args[0]}\n  {name} was checked for the usual robot ({robot}); {cure}",)
+        self.args = (f"{self.args[0]}\n  {name} was checked for the default robot ({robot}); {cure}",)
 
 
 def robots_for(robot: str | None) -> list[Path]:
-    """Return the file of the robot that is named; for none, the one that a run takes first, then those that ship.
+    """Return the file of the named robot; without a name, the default robot first, then the others of MissionTree.
 
     Raises UnknownNameError, InvalidFileError.
     """
@@ -44,10 +44,10 @@ def robots_for(robot: str | None) -> list[Path]:
 def load_mission_for(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
 ) -> tuple[Plan, Path]:
-    """Return a mission read for the first of ``robots``, and that robot's file.
+    """Load a mission for the first of ``robots``; return the plan and the file of the robot that fits.
 
-    What ships is good where one of the other robots can do it, whose file is returned then. Raises InvalidFileError,
-    NotForThisRobotError or UnknownNameError.
+    A mission of MissionTree may fit another of the robots. Raises InvalidFileError, NotForThisRobotError or
+    UnknownNameError.
     """
     try:
         return load_mission(name, params=params, robot=load_target(robots[0]), leaves=leaves), robots[0]
@@ -65,9 +65,9 @@ def load_mission_for(
 def _load_for_others(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
 ) -> tuple[Plan, Path | None] | None:
-    """Return the plan with the robot among ``robots`` that can do it; None for one that is right but for the robot.
+    """Return the plan, and the robot among ``robots`` that can do it, or None if no robot can.
 
-    None where it is wrong whatever the robot, or where there is no other robot.
+    Return None if the mission has other errors, or if there is no other robot.
     """
     if not robots:
         return None
@@ -82,5 +82,5 @@ def _load_for_others(
 
 @cache
 def load_target(robot: Path) -> TargetRobot:
-    """Return what the checker must know of the robot of a file. Raises InvalidFileError."""
+    """Return the robot description that the checker uses. Raises InvalidFileError."""
     return target_of(load_robot(robot))

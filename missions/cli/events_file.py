@@ -1,4 +1,4 @@
-"""The file of `mission run --events`."""
+"""The output file of `mission run --events`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -15,9 +15,9 @@ from missions.library.private_files import EarlierFile, open_private
 
 
 class EventsFile:
-    """Events of a run, written to ``path`` by ``lines``, for their owner only.
+    """Writer of the events of a run to ``path``, readable by its owner only; ``lines`` is the listener.
 
-    An earlier file keeps its name where the new one could not be written to its end; ``path`` is another name then.
+    If the new file cannot be written completely, an earlier file keeps its name and ``path`` becomes the new name.
     Raises click.BadParameter.
     """
 
@@ -55,10 +55,10 @@ class EventsFile:
 
 @contextmanager
 def write_events(path: Path, session: RunSession) -> Iterator[None]:
-    """Write the events of a run to ``path``. Raises click.UsageError for a file that the run reads."""
+    """Write the events of a run to ``path``. Raises click.UsageError if the run reads that file."""
     for step in session.runner.plan.tree.walk():
         if Path(step.source.name).exists() and path.exists() and path.samefile(step.source.name):
-            raise click.UsageError(f"--events would write over the mission {path}")
+            raise click.UsageError(f"--events would overwrite the mission {path}")
     with EventsFile(path) as events:
         session.listen(events.lines)
         session.watched_outputs.append(events.file)

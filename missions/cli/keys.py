@@ -1,4 +1,4 @@
-"""Single keys from a terminal, as they are pressed; works over SSH, and leaves the terminal as it was."""
+"""Single key presses from a terminal; works over SSH and restores the terminal."""
 
 import os
 import re
@@ -12,20 +12,20 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 ESCAPE_TIMEOUT = 0.2
-"""Seconds to wait for the rest of an arrow key's three bytes: over a slow line they come one by one."""
+"""Seconds to wait for the rest of an arrow key's three bytes, which arrive one by one over a slow connection."""
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _CURSOR = re.compile(r"(\d{1,5});(\d{1,5})R", re.ASCII)
-"""The answer to where the cursor is, behind its bracket."""
+"""Cursor position report of a terminal, after its bracket."""
 
 _KEY_NAMES = {"\r": "enter", "\n": "enter", "\x1b": "escape", "\x04": "end", "": "end"}
 
 
 class KeyReader:
-    """Reads keys from the terminal behind ``descriptor``, between ``with`` and its end.
+    """Context manager that reads keys from the terminal behind ``descriptor``.
 
-    Ctrl-Z does nothing meanwhile: it would leave the shell with a terminal that does not echo. ``answered`` is called
-    with row and column where the terminal answers where its cursor is.
+    Ctrl-Z is disabled meanwhile, since a suspended process would leave the terminal without echo.
+    ``on_cursor_position`` is called with row and column when the terminal reports its cursor.
     """
 
     def __init__(self, descriptor: int, on_cursor_position: Callable[[int, int], object] | None = None) -> None:
@@ -47,9 +47,9 @@ class KeyReader:
             termios.tcsetattr(self._descriptor, termios.TCSANOW, self._terminal)
 
     def read(self, timeout: float) -> str:
-        """Return a key: a character, "up", "down", "left", "right", "enter", "escape", or "end" at the input's end.
+        """Return a key: a character, "up", "down", "left", "right", "enter", "escape", or "end" at end of input.
 
-        The empty text when none was pressed within ``timeout`` seconds.
+        Return an empty text if no key was pressed within ``timeout`` seconds.
         """
         while self._has_input(timeout):
             key = self._read_byte()
@@ -81,9 +81,9 @@ class KeyReader:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let SIGTERM and a hang-up raise KeyboardInterrupt, as Ctrl-C does, so that whatever is open is closed.
+    """Raise KeyboardInterrupt on SIGTERM and SIGHUP, as on Ctrl-C, so that open devices are closed.
 
-    The first one does, and those after it nothing: kernel and shell may both send one, and closing is not to be cut.
+    Only the first signal raises; kernel and shell may both send one, and closing must not be interrupted.
     """
     before = {number: signal.signal(number, _interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
     try:

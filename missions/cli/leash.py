@@ -1,7 +1,7 @@
-"""What binds a run to others: to the server that has started it, by a leash, and to whoever reads what it writes.
+"""Stops a run when its server is gone (the leash), or when the reader of its output is gone.
 
-A robot that nobody hears of any more is not to drive on: ``mission run ... | head -1`` closes its stdout, which the
-kernel tells at once, not with the next line. A studio beside a run ends by a leash too.
+A robot must not drive on without an observer: ``mission run ... | head -1`` closes the pipe, which poll reports at
+once, not only with the next line. The studio beside a run ends by a leash too.
 """
 
 import json
@@ -19,12 +19,12 @@ from missions.executive.events import Event, Notified, Ticked
 from missions.executive.executive import Executive
 from missions.executive.stream import EventStream, Listener
 
-OUTPUT_CLOSED = "nobody reads any more what it writes"
+OUTPUT_CLOSED = "its output was closed"
 
 
 @contextmanager
 def watch_outputs(files: Iterable[TextIO], on_closed: Callable[[str], object]) -> Iterator[None]:
-    """Call ``gone`` once, from a thread, when the other end of a pipe among ``files`` is closed; files never are."""
+    """Call ``on_closed`` once, from a thread, when the reader of a pipe among ``files`` closes it."""
     numbers = set()
     for file in files:
         with suppress(OSError, ValueError):  # it is none of the system's, or closed
@@ -43,7 +43,7 @@ def watch_outputs(files: Iterable[TextIO], on_closed: Callable[[str], object]) -
 
 
 def watch_outputs_each_tick(files: Iterable[TextIO], on_closed: Callable[[str], object]) -> Listener:
-    """Return a listener that does what ``watch_outputs`` does at each tick, without a thread: for simulated time."""
+    """Return a listener that checks the pipes among ``files`` at each tick, without a thread: for simulated time."""
     poll = select.poll()
     for file in files:
         with suppress(OSError, ValueError):  # as in ``watch_outputs``
@@ -58,7 +58,7 @@ def watch_outputs_each_tick(files: Iterable[TextIO], on_closed: Callable[[str], 
 
 @contextmanager
 def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
-    """Have ``watch`` look at something on a thread of its own; the descriptor that it gets is readable in the end."""
+    """Run ``watch`` in a thread while the context is entered; its descriptor becomes readable at the end."""
     over, end = os.pipe()
     thread = Thread(target=watch, args=(over,), name=name, daemon=True)
     thread.start()
@@ -73,12 +73,12 @@ def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
 SERVER_GONE = "the server has gone"
 
 STOP_TIMEOUT = 5.0
-"""Seconds that a run has to stop once its leash is loose; then it gets a SIGTERM, which its watchdog hears as well."""
+"""Seconds that a run has to stop after its server is gone; then SIGTERM follows, which the watchdog handles too."""
 
 
 @contextmanager
 def stop_with_server(leash: int | None, executive: Executive, stream: EventStream) -> Iterator[None]:
-    """Stop ``executive`` when the pipe ``leash`` ends, and write notices as lines of JSON; nothing without a leash."""
+    """Stop ``executive`` when the pipe ``leash`` is closed, and write notices as JSON lines; no effect if None."""
     if leash is None:
         yield
         return
@@ -88,7 +88,7 @@ def stop_with_server(leash: int | None, executive: Executive, stream: EventStrea
 
 
 def write_notice(event: Event) -> None:
-    """Write what the mission wants to be told, as a line of JSON for the server."""
+    """Write a notice of the mission as a JSON line for the server."""
     if isinstance(event, Notified):
         click.echo(json.dumps({"notice": event.text}))
 

@@ -1,4 +1,4 @@
-"""``mission list``: what there is to run, and what to run it on."""
+"""``mission list``: missions, robots and other files that can be used."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -31,13 +31,13 @@ LISTED_KINDS = (
 
 @click.command(epilog="Example: mission list gestures")
 @click.argument("kind", required=False, type=click.Choice(LISTED_KINDS))
-@click.option("--json", "as_json", is_flag=True, help="Of behaviours: as JSON, with all of their arguments.")
+@click.option("--json", "as_json", is_flag=True, help="Print behaviours as JSON, with all arguments.")
 @behaviours_option
 def command(kind: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
-    """List what ships with MissionTree and what is yours, with a line on each; and the drivers, whoever they are of.
+    """List the files of MissionTree and your own, one line each, and all drivers.
 
-    Motions are those of the TurtleBot course, by number: `mission run 1`. Behind a gesture stand the robots that can do
-    it, and on which arm where that is a further one. `mission show NAME` has more on one.
+    Motions are the exercises of the TurtleBot course, by number: `mission run 1`. After a gesture stand the robots that
+    can do it, with the name of a further arm. `mission show NAME` shows more.
     """
     if kind != "behaviours" and (as_json or files):
         raise click.UsageError("--json and --behaviours are for behaviours: mission list behaviours")
@@ -71,27 +71,27 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
 
 
 def _user_entries(kind: str) -> Iterator[tuple[str, str]]:
-    """Yield the user's own files of a kind; one with mistakes hides none of the others."""
+    """Yield the user's own files of a kind; a file with errors is listed with their number."""
     arms = _arms() if kind == "gestures" else {}
     for name, path in user_files(kind).items():
         try:
             able = f" ({_capable_arms(path, arms)})" if kind == "gestures" else ""
             yield name, f"{_SUMMARIES[kind](path)}{able} ({path})"
         except InvalidFileError as error:
-            yield name, f"has {len(error.diagnostics)} mistakes ({path})"
+            yield name, f"has {len(error.diagnostics)} errors ({path})"
     for told in unreadable_folders(kind):
         click.echo(f"mission: {told}", err=True)
 
 
 def _gestures() -> Iterator[tuple[str, str]]:
-    """Yield every gesture with the robots that can do it."""
+    """Yield each gesture with the robots that can do it."""
     arms = _arms()
     for name, path in shipped_files("gestures").items():
         yield name, f"{load_gesture(path).summary} ({_capable_arms(path, arms)})"
 
 
 def _arms() -> dict[str, JointRanges]:
-    """Return how far the arms of all robots reach, the user's own too: by the robot, a further arm with its name."""
+    """Return the joint ranges of the arms of all robots; a further arm is named after its robot."""
     found = {}
     for name, path in (shipped_files("robots") | user_files("robots")).items():
         with suppress(InvalidFileError):  # which is told in the list of robots
@@ -103,7 +103,7 @@ def _arms() -> dict[str, JointRanges]:
 
 
 def _capable_arms(path: Path, arms: Mapping[str, JointRanges]) -> str:
-    """Say which arms have the joints of a gesture, and reach as far."""
+    """Return the arms that have the joints of a gesture, within their ranges, as text."""
     poses = [pose for _, pose in load_gesture(path).keyframes]
     return (
         ", ".join(arm for arm, reach in arms.items() if not reach.limit_violations(poses)) or "for none of these robots"
@@ -111,7 +111,7 @@ def _capable_arms(path: Path, arms: Mapping[str, JointRanges]) -> str:
 
 
 def _drivers() -> Iterator[tuple[str, str]]:
-    """Yield every driver as robot files name it, and where it is from, or what is wrong with it."""
+    """Yield each driver by its name in robot files, with its origin or its error."""
     table = DriverTable()
     for part, name, driver in table.iter_drivers():
         if isinstance(driver, BrokenDriver):

@@ -1,4 +1,4 @@
-"""What a person sees while a mission runs: a line for each thing done, and a live line for what runs now, and why."""
+"""Display of a run on a terminal: one line for each finished behaviour, and a live line for the running ones."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from missions.cli.console import LiveLines
 
 REFRESH_INTERVAL = 0.1
-"""Seconds between two drawings of the live line."""
+"""Seconds between two updates of the live line."""
 
 READY_NOTICE_DELAY = 2.0
-"""Seconds after which it is worth a line that the parts of the robot are ready."""
+"""Seconds of preparation after which the line "ready" is printed."""
 
 STATUS_SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
@@ -41,38 +41,35 @@ REFLEX_TEXTS = {
     "battery_low": "its battery is low",
     "battery_critical": "its battery is critical",
 }
-"""What a person wants to know at once, in words; cliffs and wheel drops are told as faults."""
+"""Texts for reflexes that are shown at once; cliffs and wheel drops are shown as faults."""
 
 
 Part = str | tuple[str, str]
-"""A piece of a line: a text, or a text and its style."""
+"""A piece of a line: a text, or a text with its style."""
 
 
 class PlainLines:
-    """Lines of a file or a pipe: without colours, and with none below them that is drawn anew."""
+    """Lines in a file or a pipe, without colours and without a live line."""
 
     is_live = False
 
     def __init__(self, out: TextIO) -> None:
         self._out = unwrap_stream(out)
 
-    def start(self) -> None:
-        """Do nothing."""
+    def start(self) -> None: ...
 
-    def stop(self) -> None:
-        """Do nothing."""
+    def stop(self) -> None: ...
 
     def print(self, *parts: Part) -> None:
         """Write a line."""
         self._out.write(make_printable("".join(part if isinstance(part, str) else part[0] for part in parts)) + "\n")
         self._out.flush()
 
-    def show(self, line: str) -> None:
-        """Do nothing."""
+    def show(self, line: str) -> None: ...
 
 
 def lines_on(out: TextIO) -> "PlainLines | LiveLines":
-    """Return the lines of a terminal, or of what is none."""
+    """Return the line writer for a terminal, or for another stream."""
     if not out.isatty():
         return PlainLines(out)
     from missions.cli.console import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
@@ -81,7 +78,7 @@ def lines_on(out: TextIO) -> "PlainLines | LiveLines":
 
 
 class RunDisplay:
-    """A listener that shows a run on a terminal, or as plain lines where there is none."""
+    """Listener that shows a run on a terminal, or as plain lines on another stream."""
 
     def __init__(self, out: TextIO) -> None:
         self._leaves: dict[str, Leaf] = {}
@@ -93,7 +90,7 @@ class RunDisplay:
         self._ready = False
 
     def show_tree(self, root: Node) -> None:
-        """Show the leaves of this tree."""
+        """Set the tree whose leaves are shown."""
         self._leaves = {node.key: node for node in root.iterate() if isinstance(node, Leaf)}
 
     def __enter__(self) -> Self:
@@ -133,7 +130,7 @@ class RunDisplay:
                 pass
 
     def _show_preparing(self) -> None:
-        """Show, until the first tick, which parts of the robot are there."""
+        """Show the connected parts of the robot until the first tick."""
         if not self._ready:
             there = f": {', '.join(self._online_parts)}" if self._online_parts else ""
             self._lines.show(f"  getting ready{there}")
@@ -146,7 +143,7 @@ class RunDisplay:
             self._draw(time)
 
     def _node(self, event: NodeChanged) -> None:
-        """Show a behaviour that has done something: one that ran for a while, and has ended."""
+        """Show a leaf that has ended, or was halted, after it ran for at least a tick."""
         if event.status in ACTIVE:
             self._started.setdefault(event.node, event.t)
             return
@@ -175,7 +172,7 @@ class RunDisplay:
         self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.detail_without_part}{hint}")
 
     def _face(self, values: Mapping[str, object]) -> None:
-        """Show what is seen of the robot's face: for whoever has no display before them."""
+        """Show the mood and the picture of the robot's screen, for users without a display."""
         if "mood" in values:
             self._lines.print(("  face: ", "bold cyan"), str(values["mood"]))
         if values.get("show"):

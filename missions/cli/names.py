@@ -1,4 +1,4 @@
-"""The names that a command line takes (missions, robots, worlds, people...), with what a shell completes them to."""
+"""Click types of names (missions, robots, worlds, people...), with their shell completion."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -12,11 +12,11 @@ from config.diagnostics import InvalidFileError
 from config.library import LISTED_KINDS, OWN_ROBOT, SUFFIXES, UnknownNameError, find_file, kinds_of, shipped_files
 
 FILE = "file"
-"""What tells the shell to complete the names of files itself."""
+"""Type of a completion item that makes the shell complete file names."""
 
 
 class NameType(click.ParamType[str]):
-    """A name of one of some kinds, or a file: the shell is offered the names, and the files of that kind that are here.
+    """A name of one of several kinds, or a file; completion offers names, and matching files of the current folder.
 
     A kind is one of ``config.library.LISTED_KINDS``, "tests", "person" or "behaviour".
     """
@@ -27,12 +27,12 @@ class NameType(click.ParamType[str]):
         self._kinds = kinds
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the text: whether there is such a thing, the command finds out."""
+        """Return the text unchecked; the command looks the name up."""
         del param, ctx
         return str(value)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return what the text may become."""
+        """Return the completions of ``incomplete``."""
         del param
         if incomplete.startswith((".", "/", "~")):
             return [CompletionItem(incomplete, type=FILE)]
@@ -41,26 +41,26 @@ class NameType(click.ParamType[str]):
         return fitting or [CompletionItem(incomplete, type=FILE)]
 
     def _local_files(self) -> Iterator[str]:
-        """Yield the files of this folder that are of its kinds."""
+        """Yield the files of the current folder that are of these kinds."""
         for path in sorted(Path().iterdir()):
             if path.suffix in (*SUFFIXES, ".mcap") and not {*kinds_of(path)}.isdisjoint(self._kinds):
                 yield path.name
 
 
 class ParamsType(click.ParamType[str]):
-    """A param of the mission of this command line, and its value: ``to=Anna``."""
+    """A param of the mission on this command line with its value: ``to=Anna``."""
 
     name = "param"
     VALUES: ClassVar[Mapping[str, str]] = {"person": "person", "gesture": "gestures", "mission": "missions"}
-    """The types of params whose values are names, and of what."""
+    """Kinds of params whose values are names, each with the kind of those names."""
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the text, which the option reads."""
+        """Return the text unchecked; the option parses it."""
         del param, ctx
         return str(value)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the params that begin so, each with "=" behind it; behind "=", its values where they are names."""
+        """Return the matching params, each with "="; after "=", the possible values if they can be listed."""
         del param
         # Commands without params need none of this.
         from behaviours.catalogue import LEAVES  # noqa: PLC0415
@@ -83,14 +83,14 @@ class ParamsType(click.ParamType[str]):
         return []
 
     def _values(self, kind: str, choices: Sequence[str], ctx: click.Context) -> Iterable[str]:
-        """Return the values that a param can have, where they can be listed."""
+        """Return the possible values of a param; empty if they cannot be listed."""
         if kind == "flag":
             return ("true", "false")
         return choices or (names_of(self.VALUES[kind], ctx) if kind in self.VALUES else ())
 
 
 def names_of(kind: str, ctx: click.Context) -> Iterable[str]:
-    """Return all names of a kind. What a kind needs is imported here: a shell asks for one of them."""
+    """Return all names of a kind; imports only the modules of that kind, since a shell completes one at a time."""
     if kind == "missions":
         from missions.library.shipped import shipped_missions  # noqa: PLC0415
 
@@ -105,7 +105,7 @@ def names_of(kind: str, ctx: click.Context) -> Iterable[str]:
 
 
 def _user_names(kind: str) -> Iterable[str]:
-    """Return the names of the user's own files of a kind, and that of this computer's robot."""
+    """Return the names of the user's own files of a kind, and the alias of this computer's robot."""
     from config.defaults import load_defaults, user_files  # noqa: PLC0415
 
     with suppress(InvalidFileError, OSError):
@@ -114,7 +114,7 @@ def _user_names(kind: str) -> Iterable[str]:
 
 
 def _people(robot: str | None) -> Iterable[str]:
-    """Return the names of those whom a robot, or this user, knows."""
+    """Return the names of the people that a robot, or this user's data, know."""
     from missions.library.drivers import load_robot  # noqa: PLC0415
     from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
@@ -126,7 +126,7 @@ def _people(robot: str | None) -> Iterable[str]:
 
 
 def complete_runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return what runs on this machine, by the numbers of the processes: for `mission stop`."""
+    """Return the runs of this machine by process number, to complete `mission stop`."""
     del ctx, param
     from missions.control.run_search import search_runs  # noqa: PLC0415
 

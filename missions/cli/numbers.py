@@ -1,4 +1,4 @@
-"""Numbers on the command line: in plain digits. Python alone would take those of every script, and ``nan``."""
+"""Click types for numbers in plain digits; Python itself accepts digits of other scripts, and ``nan``."""
 
 import re
 from typing import Any
@@ -15,13 +15,13 @@ class WholeNumber(click.IntRange):
     """A whole number within a range."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Return it. Raises click.BadParameter."""
+        """Return the number. Raises click.BadParameter."""
         if isinstance(value, str) and _WHOLE.fullmatch(value.strip()) is None:
             self.fail(f"{value!r} is not a whole number.", param, ctx)
         return int(super().convert(value, param, ctx))
 
     def _describe_range(self) -> str:
-        """Return the bounds as help texts have them; nothing where there are none."""
+        """Return the range for help texts; empty if there are no bounds."""
         return "" if self.min is self.max is None else super()._describe_range()
 
 
@@ -29,18 +29,18 @@ class RealNumber(click.FloatRange):
     """A number within a range."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return it. Raises click.BadParameter."""
+        """Return the number. Raises click.BadParameter."""
         if isinstance(value, str) and _REAL.fullmatch(value.strip()) is None:
             self.fail(f"{value!r} is not a number.", param, ctx)
         return float(super().convert(value, param, ctx))
 
     def _describe_range(self) -> str:
-        """Return the bounds as help texts have them; nothing where there are none."""
+        """Return the range for help texts; empty if there are no bounds."""
         return "" if self.min is self.max is None else super()._describe_range()
 
 
 class QuantityInUnit(RealNumber):
-    """A quantity as missions have it, such as ``20 deg`` or ``0.35 rad``; a bare number counts in ``unit``.
+    """A quantity as in missions, such as ``20 deg`` or ``0.35 rad``; a bare number is in ``unit``.
 
     The bounds and the value are in ``unit``.
     """
@@ -51,7 +51,7 @@ class QuantityInUnit(RealNumber):
         self._dimension = next(dimension for dimension, units in UNITS.items() if unit in units)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return it. Raises click.BadParameter."""
+        """Return the value in ``unit``. Raises click.BadParameter."""
         if isinstance(value, str) and _REAL.fullmatch(value.strip()) is None:
             try:
                 value = si_value(value, self._dimension) / UNITS[self._dimension][self._unit]

@@ -1,4 +1,4 @@
-"""Options of the command line from their declarations in ``missions.options``."""
+"""Click options made from the declarations in ``missions.options``."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,14 +16,14 @@ from missions.options import Option, options_of
 from missions.request import RunRequest
 
 OPTION_TYPES = {"mission": MISSION, "robot": ROBOT, "world": WORLD, "duration": SECONDS, "size": SIZE, "params": PARAMS}
-"""The types of options whose values need no bounds."""
+"""Click types of the kinds of options that have no bounds."""
 
 EXAMPLES = {"params": 'patience="5 s"', "ports": "base=/dev/ttyUSB0"}
-"""Examples of NAME=VALUE, for messages."""
+"""Examples of NAME=VALUE for error messages, by kind of option."""
 
 
 class DeclaredOption(click.Option):
-    """A click option made of a declaration."""
+    """A click option made from an ``Option``."""
 
     def __init__(self, declaration: Option) -> None:
         self.declaration = declaration
@@ -61,7 +61,7 @@ def _type_of(declaration: Option) -> click.ParamType[Any] | None:
 
 
 def add_options(*declarations: type | Option) -> Callable[[Any], Any]:
-    """Return a decorator that adds options, or all options of dataclasses, to a command's function."""
+    """Return a decorator that adds options, or all options of dataclasses, to the function of a command."""
 
     def add(function: Any) -> Any:
         made = [
@@ -76,32 +76,32 @@ def add_options(*declarations: type | Option) -> Callable[[Any], Any]:
 
 
 def run_options(*names: str) -> Iterator[Option]:
-    """Yield some options of `mission run`, for another command."""
+    """Yield the named options of `mission run`, to use them in another command."""
     for each in options_of(RunRequest):
         if each.name in names:
             yield each
 
 
 params_option = add_options(*run_options("params"))
-"""Adds ``--param NAME=VALUE`` to a command, which gets them as ``params``."""
+"""Decorator that adds ``--param NAME=VALUE``; the command gets a dict as ``params``."""
 
 behaviours_option = add_options(*(replace(each, name="files") for each in run_options("behaviours")))
-"""Adds ``--behaviours FILE.py`` to a command, which gets a tuple of paths as ``files``."""
+"""Decorator that adds ``--behaviours FILE.py``; the command gets a tuple of paths as ``files``."""
 
 
 class DeclaredCommand(FullHelpCommand, MissionCommand):
-    """A command with declared options: grouped in its help, which shows the others with ``--help-all`` only.
+    """A command with declared options, which its help groups; less common ones appear only with ``--help-all``.
 
-    An option that may stand alone takes the next word only if that can be its value.
+    An option with an optional value takes the next word only if that word is a possible value.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments."""
+        """Parse the arguments."""
         following = [*args[1:], ""][: len(args)]
         return super().parse_args(ctx, [self._join_default(*words) for words in zip(args, following, strict=True)])
 
     def _join_default(self, word: str, follows: str) -> str:
-        """Return an option that stands alone together with its value."""
+        """Return an option with its default value if no value follows it."""
         alone = next((each for each in self._declarations() if each.flag == word and each.alone), None)
         if alone is None or (follows in alone.among if alone.among else follows.startswith("/")):
             return word
@@ -111,7 +111,7 @@ class DeclaredCommand(FullHelpCommand, MissionCommand):
         return (each.declaration for each in self.params if isinstance(each, DeclaredOption))
 
     def unexpected_message(self, words: list[str], args: list[str]) -> str:
-        """Return the error for ``words`` that are no arguments; a level that there is not is named."""
+        """Return the error for unexpected ``words``; an unknown level of an option is named."""
         for each in self._declarations():
             level = next((follows for word, follows in pairwise(args) if word == f"{each.flag}={each.alone}"), "")
             if each.among and level in words:
@@ -119,7 +119,7 @@ class DeclaredCommand(FullHelpCommand, MissionCommand):
         return super().unexpected_message(words, args)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options in groups; those that a newcomer does not need with ``--help-all`` only."""
+        """Write the options by group; less common ones only with ``--help-all``."""
         every = FullHelpCommand.__name__ in ctx.meta
         groups: dict[str, list[tuple[str, str]]] = {"Options": []}
         left = 0

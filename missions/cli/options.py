@@ -1,4 +1,4 @@
-"""What several subcommands share: options of the form NAME=VALUE, times and sizes with a unit."""
+"""Option types and helpers that several commands share: NAME=VALUE, times and sizes with units, behaviour files."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -16,12 +16,12 @@ from missions.library.vocabulary import behaviour_files_beside, load_leaves
 
 
 class SecondsType(click.ParamType[float]):
-    """A time from the beginning of a run, with its unit: ``12.5s``, ``"2 min"``."""
+    """A time since the start of a run with its unit: ``12.5s``, ``"2 min"``."""
 
     name = "time"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return it in seconds."""
+        """Return the time in seconds."""
         if isinstance(value, float):
             return value
         try:
@@ -29,7 +29,7 @@ class SecondsType(click.ParamType[float]):
         except ValueError as error:
             self.fail(str(error), param, ctx)
         if found < 0:
-            self.fail(f"it all begins at 0 s, got {value}", param, ctx)
+            self.fail(f"must be 0 s or later, got {value}", param, ctx)
         return found
 
 
@@ -37,18 +37,18 @@ SECONDS = SecondsType()
 
 
 class SizeType(click.ParamType[float]):
-    """A size of a file: ``500 MB``, ``2GB``."""
+    """A file size: ``500 MB``, ``2GB``."""
 
     name = "size"
     UNITS: ClassVar[Mapping[str, float]] = {"kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12}
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return it in bytes."""
+        """Return the size in bytes."""
         if isinstance(value, float):
             return value
         found = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]+)?)\s*([kMGT]B)", str(value).strip(), re.IGNORECASE)
         if found is None:
-            self.fail(f"{value!r} is no size: give a number and a unit, such as 500 MB or 2 GB", param, ctx)
+            self.fail(f"{value!r} is not a size: give a number and a unit, such as 500 MB or 2 GB", param, ctx)
         return float(found[1]) * self.UNITS[found[2].lower()]
 
 
@@ -56,10 +56,10 @@ SIZE = SizeType()
 
 
 class MissionCommand(click.Command):
-    """A command that runs a mission: it says what to type for a param without ``--param``, and for a missing value."""
+    """A command for a mission; its errors name a missing ``--param`` and a missing value of an option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments. Raises click.UsageError."""
+        """Parse the arguments. Raises click.UsageError."""
         options = {word: option for option in self.params if isinstance(option, click.Option) for word in option.opts}
         for word, follows in pairwise(args):
             if word in options and follows in options and not (options[word].is_flag or options[word].count):
@@ -72,7 +72,7 @@ class MissionCommand(click.Command):
         return left
 
     def unexpected_message(self, words: list[str], args: list[str]) -> str:
-        """Say what is wrong with ``words``, which are none of the arguments that it takes."""
+        """Return the error for ``words``, which are not arguments of the command."""
         del args
         params = [f"--param {quote(word)}" for word in words if "=" in word]
         return f"unexpected: {' '.join(words)}" + (f"\n  try: {' '.join(params)}" if params else "")
@@ -81,16 +81,16 @@ class MissionCommand(click.Command):
 def name_value_callback(
     example: str, *, empty: bool = True
 ) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
-    """Return a click callback that reads NAME=VALUE, as often as it is given; in UTF-8, since the text is passed on.
+    """Return a click callback that parses repeated NAME=VALUE options into a dict; the text must be UTF-8.
 
-    ``empty`` says whether a value may be.
+    ``empty`` allows empty values.
     """
 
     def read(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
         found: dict[str, str] = {}
         for value in values:
             if (shown := value.encode(errors="surrogateescape").decode(errors="backslashreplace")) != value:
-                raise click.BadParameter(f"'{shown}' is no text in UTF-8", ctx=ctx, param=option)
+                raise click.BadParameter(f"'{shown}' is not UTF-8 text", ctx=ctx, param=option)
             name, equals, text = value.partition("=")
             if not equals or not name.strip() or not (text or empty):
                 raise click.BadParameter(f"'{value}' is not NAME=VALUE, such as {example}", ctx=ctx, param=option)
@@ -101,22 +101,23 @@ def name_value_callback(
 
 
 def mission_files_in(name: str, *, tests: bool = True) -> list[str]:
-    """Return what a name means: itself or, for a folder, every mission in it, and every file of ``tests``."""
+    """Return ``name``, or if it is a folder, the missions in it, with their test files if ``tests`` is true."""
     folder = Path(name)
     if not folder.is_dir():
         return [name]
     files = (path for path in sorted(folder.glob("*.yaml")) if path.is_file())
     found = [str(path) for path in files if tests or not path.name.endswith(TEST_SUFFIX)]
     if not found:
-        raise click.UsageError(f"{name}: this folder holds no missions (files that end in .yaml)")
+        raise click.UsageError(f"{name}: no missions (*.yaml) in this folder")
     return found
 
 
 def leaf_loader(required_files: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:
-    """Return what gives the leaves for a mission by its name or path: ours, those ``given``, those in its own folder.
+    """Return a function that loads the leaves for a mission by its name or path.
 
-    Each set of files is run once. Those that nobody has given are told on stderr: to read a mission is to run them.
-    Raises InvalidFileError, as what it gives does; that raises UnknownNameError too.
+    They come from MissionTree, from ``required_files``, and from the folder of the mission. Each set of files is run
+    once. Files of the mission's folder are printed on stderr, since reading the mission runs them. Raises
+    InvalidFileError; the returned function raises UnknownNameError too.
     """
     known = {tuple(required_files): load_leaves(required_files)}
 
@@ -131,13 +132,13 @@ def leaf_loader(required_files: Sequence[Path]) -> Callable[[str], Mapping[str, 
 
 
 def folder_behaviour_files(given_files: Sequence[Path]) -> list[Path]:
-    """Return the files of behaviours that missions of this folder are made of: those ``given``, and those in it."""
+    """Return the behaviour files for missions of the current folder: ``given_files``, and those in the folder."""
     files = [*given_files, *(path for path in behaviour_files_beside(Path("mission.yaml")) if path not in given_files)]
     print_found_files(files, given_files)
     return files
 
 
 def print_found_files(files: Sequence[Path], known_files: Sequence[Path]) -> None:
-    """Tell on stderr which files of behaviours are run that nobody has given."""
+    """Print on stderr the behaviour files that are run although the user did not name them."""
     if found := [str(path) for path in files if path not in known_files]:
         click.echo(f"behaviours of this folder: {', '.join(found)}", err=True)

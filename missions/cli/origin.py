@@ -1,4 +1,4 @@
-"""Origin of the robot that a command took because the user named none: printed beside every error about it."""
+"""Origin of a robot that the user did not name; it is printed with each error about that robot."""
 
 from contextvars import ContextVar
 from pathlib import Path
@@ -6,26 +6,26 @@ from pathlib import Path
 from config.library import DEFAULT_ROBOT, OWN_ROBOT, find_file
 
 _origin: ContextVar[tuple[str, str]] = ContextVar("origin", default=("", ""))
-"""The robot that was taken, and where its name came from; empty while one was named."""
+"""The robot in use and where its name came from; empty if the user named the robot."""
 
 
 def forget_origin() -> None:
-    """Forget which robot was taken: another command begins."""
+    """Reset the origin, at the start of a command."""
     _origin.set(("", ""))
 
 
 def take_default(robot: str) -> None:
-    """Remember that ``robot`` was taken from the file of defaults."""
+    """Record that ``robot`` comes from the defaults file."""
     from config.defaults import DEFAULTS_FILE, config_folder  # noqa: PLC0415 - most commands name their robot
 
-    ignore = "--robot NAME takes another, `mission robot use --none` forgets it"
+    ignore = "--robot NAME selects another, `mission robot use --none` removes it"
     _origin.set((robot, f"the robot is '{robot}', this computer's own by {config_folder() / DEFAULTS_FILE}: {ignore}"))
 
 
 def chosen_robot(robot: str | None) -> str | None:
-    """Return the robot that a simulation takes: the named one, else this computer's own; None for the one that ships.
+    """Return the robot for a simulation: ``robot``, else this computer's own; None for the default of MissionTree.
 
-    One that was not named is remembered with its origin. Raises InvalidFileError for a wrong file of defaults.
+    The origin of an unnamed robot is recorded. Raises InvalidFileError for a defaults file with errors.
     """
     from config.defaults import load_defaults  # noqa: PLC0415 - most commands name their robot
 
@@ -38,12 +38,9 @@ def chosen_robot(robot: str | None) -> str | None:
 
 
 def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
-    """Return the file of the named robot, else of ``default``; then its origin is remembered.
-
-    Raises UnknownNameError.
-    """
+    """Return the file of the named robot, or of ``default``; then its origin is recorded. Raises UnknownNameError."""
     if name is None:
-        _origin.set((default, f"the robot is '{default}', for no other was named: --robot NAME takes another"))
+        _origin.set((default, f"the robot is '{default}', the default: --robot NAME selects another"))
     elif name == OWN_ROBOT:
         from config.defaults import load_defaults  # noqa: PLC0415 - as above
 
@@ -53,7 +50,7 @@ def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
 
 
 def origin_note(text: str) -> str:
-    """Return where the robot came from, if ``text`` is about a robot that the user did not name; empty otherwise."""
+    """Return the origin of the robot if ``text`` is about a robot that the user did not name; empty otherwise."""
     robot, note = _origin.get()
     told = note in text or "mission robot use --none" in text
     return note if robot and (robot in text or "robot" in text) and not told else ""

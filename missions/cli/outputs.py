@@ -1,4 +1,4 @@
-"""Files that commands write where the user says: told in words where that cannot be."""
+"""Output files of commands, with errors that name the problem and the command to type."""
 
 import os
 import shlex
@@ -15,12 +15,12 @@ from config.yaml_edit import rewrite
 from missions.library.folders import state_folder
 
 MIN_FREE_BYTES = 65_536
-"""Bytes that must fit where a procedure is going to write its result."""
+"""Free bytes required before a procedure that writes its result at the end."""
 
 
 @contextmanager
 def report_write_errors(path: Path, option: str) -> Iterator[None]:
-    """Say of an OSError while ``path`` is written what stands in the way, and what to type; ``option`` named it."""
+    """Convert an OSError while ``path`` is written into click.BadParameter with a hint; ``option`` names the path."""
     try:
         yield
     except OSError as error:
@@ -28,9 +28,9 @@ def report_write_errors(path: Path, option: str) -> Iterator[None]:
 
 
 def written_message(*paths: Path | str, subject: str = "") -> str:
-    """Say what was written, and who can read it: ``what`` into the paths, or these themselves.
+    """Return the line "wrote ...", with the permissions of the paths; ``subject`` stands before the paths.
 
-    Reports, films and records show people, and are made for their owner only; a stick knows no such rights.
+    Reports, films and records show people, so they are created for their owner only; a FAT stick has no permissions.
     """
     open_to_others = [path for path in map(Path, paths) if path.exists() and path.stat().st_mode & 0o077]
     names = ", ".join(map(str, paths))
@@ -40,20 +40,20 @@ def written_message(*paths: Path | str, subject: str = "") -> str:
 
 
 def check_folder(path: Path, option: str, command: str) -> None:
-    """Raise click.BadParameter where ``path`` has the ending of a file, and no folder of that name is there.
+    """Raise click.BadParameter if ``path`` has the suffix of a file and is not an existing folder.
 
-    ``instead`` says what to type for what was meant.
+    ``command`` is the hint: the command for the likely intention.
     """
     if path.suffix[1:2].isalpha() and not path.is_dir():
         raise click.BadParameter(
-            f"{path} would become a folder, and ends in {path.suffix}\n  try: {command}", param_hint=option
+            f"{path} would become a folder, but ends in {path.suffix}\n  try: {command}", param_hint=option
         )
 
 
 def check_writable(path: Path, option: str) -> None:
-    """Raise click.BadParameter unless ``path`` can be written: before a procedure whose result it is to hold.
+    """Raise click.BadParameter unless ``path`` can be written; call it before a long procedure.
 
-    The file may be there already; links are followed. Nothing changes but for a file beside it, which is removed again.
+    An existing file and links are allowed. A temporary file is written beside the path and removed again.
     """
     target = Path(os.path.realpath(path))
     with report_write_errors(path, option):
@@ -72,9 +72,9 @@ def check_writable(path: Path, option: str) -> None:
 
 
 def save(path: Path, text: str) -> bool:
-    """Write a result, whole or not at all; where that fails, rescue it. Return whether it stands at ``path``.
+    """Write a result atomically; if that fails, rescue it. Return whether it was written to ``path``.
 
-    The rescued text goes to a file in the state folder, else to stdout; stderr says where, and why.
+    A rescued text goes to a file in the state folder, or else to stdout; stderr names the place and the reason.
     """
     try:
         _write_file(path, text)
@@ -98,7 +98,7 @@ def save(path: Path, text: str) -> bool:
 
 
 def _write_file(path: Path, text: str) -> None:
-    """Write ``text`` at ``path``, which may be there, and wait until it is on the disk. Raises OSError."""
+    """Write ``text`` to ``path``, which may exist, and sync it to disk. Raises OSError."""
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
         raise OSError(EEXIST, "it is not a regular file")
@@ -109,7 +109,7 @@ def _write_file(path: Path, text: str) -> None:
 
 
 def _write_error_message(path: Path, error: OSError) -> str:
-    """Say why a file cannot be written, and what to type."""
+    """Return why a file cannot be written, with the command to type."""
     folder = shlex.quote(str(path.parent))
     in_the_way = next((each for each in path.parents if os.path.lexists(each)), path.parent)
     if error.errno in (EEXIST, ENOTDIR) and not os.path.isdir(in_the_way):  # noqa: PTH112 - Path raises without permission

@@ -1,7 +1,7 @@
-"""Text as it may go to a terminal: with nothing in it that a terminal obeys.
+"""Text that is safe to print: control codes are escaped.
 
-Names, reasons and texts come from missions, records, tasks and networks. An escape code among them would set colours,
-clear the screen or forge lines; a change of the direction of writing would show a name as another one.
+Names, reasons and texts come from missions, records, tasks and networks. An escape code among them could set colours,
+clear the screen or forge lines; a change of the writing direction could disguise a name.
 """
 
 import codecs
@@ -20,7 +20,7 @@ import click
 def format_columns(
     headings: Sequence[str], rows: Sequence[Sequence[str]], *, left: frozenset[str] = frozenset()
 ) -> str:
-    """Return lines with the headings above; columns are aligned to the right but those named in ``left``."""
+    """Return a table as text; columns are right-aligned, except those named in ``left``."""
     widths = [max(len(row[number]) for row in (headings, *rows)) for number in range(len(headings))]
     lines = []
     for row in (headings, *rows):
@@ -33,16 +33,16 @@ def format_columns(
 
 
 _CONTROL_CODES = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]|\r(?!\n)")
-"""Control codes of both sets but tab and new line, separators of lines, and what turns the direction of writing."""
+"""C0 and C1 control codes except tab and newline, line separators, and codes of the writing direction."""
 
 
 def make_printable(text: str) -> str:
-    """Return a text with every code that a terminal obeys written out, as JSON does it, which stays the same JSON."""
+    """Return a text with its control codes escaped as in JSON, so that JSON stays the same JSON."""
     return _CONTROL_CODES.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def make_all_printable(data: Any) -> Any:
-    """Return what was read from JSON with every text in it made printable."""
+    """Return JSON data with every text in it made printable."""
     match data:
         case str():
             return make_printable(data)
@@ -55,17 +55,17 @@ def make_all_printable(data: Any) -> Any:
 
 
 class PrintableStream:
-    """A text stream that writes out what a terminal would obey; in all else it is the stream ``raw``."""
+    """A text stream that escapes control codes; all other members are those of the stream ``raw``."""
 
     def __init__(self, raw: TextIO) -> None:
         self.raw = raw
 
     def write(self, text: str) -> int:
-        """Write a text, made printable."""
+        """Write a text with its control codes escaped."""
         return self.raw.write(make_printable(text))
 
     def writelines(self, lines: Any) -> None:
-        """Write texts, made printable."""
+        """Write texts with their control codes escaped."""
         for line in lines:
             self.write(line)
 
@@ -77,13 +77,13 @@ class PrintableStream:
 
 
 def unwrap_stream(stream: TextIO) -> TextIO:
-    """Return the stream behind a printable one, for who writes codes of our own and makes all else printable."""
+    """Return the raw stream of a PrintableStream, for callers that write control codes of their own."""
     return stream.raw if isinstance(stream, PrintableStream) else stream
 
 
 @contextmanager
 def use_printable_streams() -> Iterator[None]:
-    """Have all that this process prints made printable: ours, that of libraries, and errors."""
+    """Escape control codes in all output of this process: our own, that of libraries, and errors."""
     before = sys.stdout, sys.stderr
     for stream in before:
         if isinstance(stream, io.TextIOWrapper):
@@ -102,11 +102,11 @@ def use_printable_streams() -> Iterator[None]:
 # A line that is shown again and again in one place of a terminal.
 
 LINE_WIDTH = 78
-"""Columns of such a line: a longer one would wrap, and could not be written over."""
+"""Columns of an overwritten line; a longer one would wrap."""
 
 
 def overwrite_line(line: str, *, err: bool = False) -> None:
-    """Show ``line``, as far as it fits, in the place of the one before; on stderr if ``err``."""
+    """Replace the current line of stdout, or of stderr, by ``line``, cut to ``LINE_WIDTH``."""
     click.echo(
         f"\r\x1b[K{make_printable(line)[:LINE_WIDTH]}", nl=False, file=unwrap_stream(sys.stderr if err else sys.stdout)
     )

@@ -1,6 +1,6 @@
-"""Whether what a user asks of a run makes sense, before anything is opened or written.
+"""Checks of a run request before any device or file is opened.
 
-So with people whom a mission looks for by name: the robot knows them before it moves, not after a vain search.
+A mission that looks for people by name is checked here: unknown names are reported before the robot moves.
 """
 
 import shlex
@@ -17,10 +17,10 @@ from perception.api import UNKNOWN
 
 
 def check_people(request: RunRequest, plan: Plan) -> None:
-    """Raise click.UsageError for names in the mission, or in its params, that are nobody's whom the robot knows.
+    """Raise click.UsageError if the mission, or a param, names a person that the robot does not know.
 
-    What a variable holds is not known yet. A simulated robot knows the people of its world; where it knows nobody at
-    all, that is only told, for a house whose people are out can be simulated.
+    Names in variables are unknown yet. A simulated robot knows the people of its world. If it knows nobody, that is
+    only printed, so that an empty house can be simulated.
     """
     wanted = list(dict.fromkeys(_person_names(plan.tree)))
     if not wanted:
@@ -36,11 +36,11 @@ def check_people(request: RunRequest, plan: Plan) -> None:
         where = "" if world is None else f" in world '{world.name}'"
         cure = f"mission person add {shlex.quote(unknown[0])}" if world is None else "--world NAME, where they are"
         hint = did_you_mean(unknown[0], known) or f"try: {cure}"
-        raise click.UsageError(f"nobody{where} is called {names}; known: {', '.join(known) or 'nobody'}\n  {hint}")
+        raise click.UsageError(f"no person{where} is called {names}; known: {', '.join(known) or 'none'}\n  {hint}")
 
 
 def _person_names(tree: Step) -> Iterator[str]:
-    """Yield the names that behaviours look for, as far as they are known now: of nobody in particular there is none."""
+    """Yield the person names that behaviours look for, as far as they are known before the run."""
     for step in tree.walk():
         if step.leaf is not None and issubclass(step.leaf, FacePerceptLeaf) and "name" in step.arguments:
             name = step.arguments["name"].constant
@@ -49,7 +49,7 @@ def _person_names(tree: Step) -> Iterator[str]:
 
 
 def _known_people(request: RunRequest) -> list[str]:
-    """Return whom a robot with a true camera knows. Raises click.UsageError where their pictures cannot be read."""
+    """Return the people that a robot with a real camera knows. Raises click.UsageError for unreadable pictures."""
     # What looks at people is imported where a mission looks for somebody by name.
     from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
@@ -63,11 +63,11 @@ def _known_people(request: RunRequest) -> list[str]:
 
 
 def check_request(request: RunRequest) -> None:
-    """Raise click.UsageError for options that contradict each other, or could only be ignored."""
+    """Raise click.UsageError for options that contradict each other or have no effect."""
     for why in contradictions(request, _option_text, parts_with_ports):
         raise click.UsageError(why)
 
 
 def _option_text(name: str, value: str = "") -> str:
-    """Return how an option is typed."""
+    """Return an option as the user types it."""
     return f"--{name} {value}".rstrip()

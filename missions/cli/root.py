@@ -1,4 +1,4 @@
-"""The ``mission`` command itself: finds its subcommand, and turns what goes wrong into words and an exit code."""
+"""The ``mission`` command: runs a subcommand, and converts exceptions into messages and exit codes."""
 
 import errno
 import os
@@ -16,7 +16,7 @@ from missions.cli.printable import use_printable_streams
 # Commands that run out of memory: said so, with what to do, whichever error it came as.
 
 MIN_MEMORY_BYTES = 1_000_000_000
-"""Bytes of address space with which every command works: simulation and cameras take 0.6 GB."""
+"""Bytes of address space that every command needs; simulation and cameras take 0.6 GB."""
 
 MEMORY_ERROR_TEXTS = (
     "failed to map segment",
@@ -26,15 +26,15 @@ MEMORY_ERROR_TEXTS = (
     "unable to allocate",
     "failed to allocate",
 )
-"""Parts of the messages of libraries that have run out of memory, in small letters."""
+"""Lower-case parts of library messages that mean a lack of memory."""
 
 
 class OutOfMemoryError(Exception):
-    """A command has run out of memory; the message says what failed."""
+    """A command ran out of memory; the message says which call failed."""
 
 
 def memory_error(error: BaseException) -> str:
-    """Return what failed for lack of memory: this error, or one that has led to it; nothing where none did."""
+    """Return the message of an out-of-memory error among ``error`` and its causes; empty if there is none."""
     seen: list[BaseException] = []
     at: BaseException | None = error
     while at is not None and at not in seen:
@@ -49,7 +49,7 @@ def memory_error(error: BaseException) -> str:
 
 
 def _message_of(error: BaseException) -> str:
-    """Return the message of an error; nothing where it cannot be read, or may be for lack of processes."""
+    """Return the message of an error; empty if it cannot be read, or may mean a lack of processes."""
     try:
         words = str(error)
     except Exception:  # of somebody else's
@@ -58,7 +58,7 @@ def _message_of(error: BaseException) -> str:
 
 
 def memory_limit() -> int | None:
-    """Return the bytes of memory that this process may take, as ``ulimit -v`` and ``-d`` say; None for any number."""
+    """Return the memory limit of this process in bytes (``ulimit -v`` and ``-d``); None if unlimited."""
     try:
         import resource  # noqa: PLC0415 - Python in a browser does not have it
     except ImportError:
@@ -68,7 +68,7 @@ def memory_limit() -> int | None:
 
 
 def warn_of_memory_limit() -> None:
-    """Warn of a limit that is low: libraries in C may end the process without a word when they run into it."""
+    """Warn of a low memory limit; C libraries may end the process without a message when they reach it."""
     allowed = memory_limit()
     if allowed is not None and allowed < MIN_MEMORY_BYTES:
         said = f"mission: memory is limited to {allowed / 1e6:.0f} MB, so this may run out of memory"
@@ -76,18 +76,17 @@ def warn_of_memory_limit() -> None:
 
 
 def memory_advice(limit: int | None) -> str:
-    """Return what to do about a lack of memory, where so many bytes are ``allowed``."""
+    """Return the command to type when memory is short, for a ``limit`` in bytes or none."""
     if limit is not None:
         return f"ulimit -v unlimited; ulimit -d unlimited  (in this shell; now {limit // 1024} kB)"
-    return "free -m  (what is left), and end what takes it"
+    return "free -m  (shows free memory), and end other programs"
 
 
 SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
-"""The exit codes: a mission's success and failure, bad usage or a bad file, a device,
-a fault of our own, Ctrl-C or SIGTERM."""
+"""Exit codes: mission success and failure, usage or file error, device error, internal error, interrupted."""
 
 COMPLETION_VARIABLE = "_MISSION_COMPLETE"
-"""What a shell sets in the environment where it asks what a word may become."""
+"""Environment variable that a shell sets to request completions."""
 
 
 @click.group(
@@ -95,7 +94,7 @@ COMPLETION_VARIABLE = "_MISSION_COMPLETE"
 )
 @click.version_option(package_name="missiontree", prog_name="mission")
 def mission() -> None:
-    """Missions for robots, as readable behaviour trees."""
+    """Run missions for robots, written as readable behaviour trees."""
 
 
 def main() -> None:
@@ -123,7 +122,7 @@ def main() -> None:
 
 
 def run_guarded(work: Callable[[], object]) -> int:
-    """Do ``work`` and return the exit code: its own where it gives one, else what its errors mean."""
+    """Call ``work`` and return the exit code: the one that it returns, or the one of its exception."""
     from config.diagnostics import InvalidFileError, InvalidInputError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
     from config.units import quoted_value  # noqa: PLC0415
@@ -168,7 +167,7 @@ def run_guarded(work: Callable[[], object]) -> int:
 
 
 def _convert_memory_errors(work: Callable[[], object]) -> object:
-    """Return what ``work`` does. Raises OutOfMemoryError for any error that comes of a lack of memory."""
+    """Call ``work``. Raises OutOfMemoryError for each error that a lack of memory caused."""
     try:
         return work()
     except Exception as error:
@@ -183,7 +182,7 @@ def _print_memory_error(message: str) -> int:
 
 
 def _print_robot_origin(text: str) -> None:
-    """Print where the robot came from if ``text``, an error, is about a robot that the user did not name."""
+    """Print the origin of the robot if ``text`` is an error about a robot that the user did not name."""
     from missions.cli.origin import origin_note  # noqa: PLC0415 - few commands end so
 
     if note := origin_note(text):
@@ -191,9 +190,9 @@ def _print_robot_origin(text: str) -> None:
 
 
 def _print_internal_error(error: Exception) -> int:
-    """Tell of an error that no user has made, in two lines; all of it where MISSION_DEBUG is set."""
+    """Print an internal error in two lines; with MISSION_DEBUG set, raise it."""
     if "MISSION_DEBUG" in os.environ:
         raise error
     click.echo(f"mission: {type(error).__name__}: {error}", err=True)
-    click.echo("  this is a fault of MissionTree itself; MISSION_DEBUG=1 shows where, for a report", err=True)
+    click.echo("  this is an error in MissionTree; MISSION_DEBUG=1 shows the traceback, for a report", err=True)
     return INTERNAL

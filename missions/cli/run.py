@@ -1,4 +1,4 @@
-"""``mission run``: a mission on a robot, simulated unless one is named."""
+"""``mission run``: a mission on a robot, simulated unless the user names a robot."""
 
 import json
 import os
@@ -28,31 +28,36 @@ from missions.plugin import Plugin
 from missions.request import RunOptions, RunRequest
 
 DEFAULT_DURATION = 3600.0
-"""Seconds of simulated time after which a run that nobody watches is ended, unless somebody says otherwise."""
+"""Seconds of simulated time after which an unattended run ends if ``--until`` is not set."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(RunOptions):
-    """What a run writes for other programs."""
+    """Options for the output of a run to other programs."""
 
     events: Path | None = option("Write every event to this file, as JSON lines.", "file", newcomer=True)
     as_json: bool = option(
-        "End with one line of JSON on stdout; the rest goes to stderr.", default=False, flag="--json", newcomer=True
+        "Print the result as one JSON line on stdout; other output goes to stderr.",
+        default=False,
+        flag="--json",
+        newcomer=True,
     )
-    leash: int | None = option("The end of a server's pipe: the run stops with it.", "integer", hidden=True)
+    leash: int | None = option(
+        "Descriptor of a server's pipe; the run stops when it is closed.", "integer", hidden=True
+    )
 
     def check(self, request: RunRequest) -> None:
-        """Raise ValueError for a leash that is no open file."""
+        """Raise ValueError if ``leash`` is not an open file descriptor."""
         del request
         try:
             if self.leash is not None:
                 os.fstat(self.leash)
         except OSError as error:
-            raise ValueError(f"--leash: {self.leash} is no open file: only a server gives this") from error
+            raise ValueError(f"--leash: {self.leash} is not an open file; only a server sets this") from error
 
 
 def _options_of_plugins() -> Iterator[tuple[Plugin, type[RunOptions]]]:
-    """Yield the plug-ins that add options to a run; one whose options cannot be used is left out, and named."""
+    """Yield the plug-ins with their options for runs; skip those that cannot be used, and print why."""
     taken = {each.flag for cls in (RunRequest, OutputOptions) for each in options_of(cls)}
     for plugin in plugins():
         if plugin.run_options:
@@ -69,27 +74,27 @@ def _options_of_plugins() -> Iterator[tuple[Plugin, type[RunOptions]]]:
 
 
 def _flags_of(plugin: Plugin, options: Any) -> set[str]:
-    """Return the options that a plug-in adds. Raises BrokenPluginError for a class that declares none."""
+    """Return the flags that a plug-in adds. Raises BrokenPluginError if its class declares none."""
     try:
         if issubclass(options, RunOptions) and (flags := {each.flag for each in options_of(options)}):
             return flags
-        problem = "is no dataclass of missions.request.RunOptions with options"
+        problem = "is not a dataclass that extends missions.request.RunOptions and has options"
     except Exception as error:
         problem = f"cannot be read: {type(error).__name__}: {error}"
     raise BrokenPluginError(f"the plug-in '{plugin.name}' cannot be used: {plugin.run_options} {problem}")
 
 
 PLUGIN_OPTIONS = tuple(_options_of_plugins())
-"""The plug-ins that add options to a run, with these."""
+"""Plug-ins that add options to a run, each with its options class."""
 
 
 @click.command(cls=DeclaredCommand, epilog="Example: mission run greet --robot turtlebot2_arm --simulate --view")
 @click.argument("mission", type=MISSION, metavar="MISSION")
 @add_options(RunRequest, OutputOptions, *(options for _, options in PLUGIN_OPTIONS))
 def command(mission: str, **values: object) -> int:
-    """Run a mission (a name, a file, or the number of a motion of the course). Ctrl-C stops it, safely.
+    """Run a mission: a name, a file, or the number of a motion of the course. Ctrl-C stops it safely.
 
-    Exit code 0 is success, 1 failure, 2 an error in the command or a file, 3 a device, 130 interrupted (Ctrl-C,
+    Exit codes: 0 success, 1 failure, 2 error in the command or a file, 3 device error, 130 interrupted (Ctrl-C,
     SIGTERM, closed output).
     """
     request = make_options(RunRequest, values, mission=mission).with_default_simulation
@@ -118,9 +123,9 @@ def _events_context(path: Path) -> RunContext:
 
 
 def with_defaults(request: RunRequest) -> RunRequest:
-    """Return a request with the user's default robot and world, where none are named.
+    """Return the request with the user's default robot and world where it names none.
 
-    Raises InvalidFileError for a wrong file of defaults, UnknownNameError for a robot that is not there.
+    Raises InvalidFileError for a defaults file with errors, UnknownNameError for a default robot that does not exist.
     """
     robot, simulate, world = request.robot, request.simulate, request.world
     defaults = load_defaults()
@@ -140,7 +145,7 @@ def with_defaults(request: RunRequest) -> RunRequest:
 def _run_and_report(
     request: RunRequest, output: OutputOptions, contexts: Sequence[RunContext], *, reachable: bool
 ) -> Result:
-    """Run it, and say how it ended: in words for people while it goes on, or as one line for a program in the end."""
+    """Run the request, and report the result: as text during the run, or as one JSON line at the end."""
 
     def last_words(result: Result) -> None:
         if output.as_json:

@@ -1,4 +1,4 @@
-"""One run of a mission from a command: shown while it goes on, and what it leaves behind written."""
+"""Execution of one run for a command: checks, display, contexts of plug-ins, output files."""
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
 FINAL_REPORT_TIMEOUT = 3.0
-"""Seconds in which a run that hangs for good may say how it ended: a view needs half a second to leave."""
+"""Seconds for the final report of a hanging run; a view needs half a second to close."""
 
 
 def run(
@@ -46,11 +46,11 @@ def run(
     contexts: Sequence[RunContext] = (),
     reachable: bool = False,
 ) -> Result:
-    """Run ``order``, show on ``out`` what happens, and write what it leaves behind.
+    """Execute ``request``, show it on ``out``, and print the output files; return the result.
 
-    ``last_words`` are said where a run that hangs for good ends the process. ``leash`` is the end of the pipe of a
-    server that has started it. ``contexts`` take part in the run: records, films, views. `mission stop` and the
-    studio reach each run but a batch, and that too if it is to be ``reachable``.
+    ``report_result`` is called before the process ends because of a hanging run. ``leash`` is the descriptor of the
+    server's pipe. ``contexts`` are entered for the run: records, films, views. The run gets a control socket unless it
+    is a batch run, or if ``reachable`` is true.
     """
     with ExitStack() as loading:
         reachable = reachable or leash is not None or not request.is_batch
@@ -73,7 +73,7 @@ def run(
 
 
 def _session(request: RunRequest, out: TextIO, report_result: Callable[[Result], None]) -> RunSession:
-    """Read and check everything, and open nothing."""
+    """Read and check all files; open no device."""
 
     def give_up(result: Result) -> None:
         def say() -> None:
@@ -97,7 +97,7 @@ def _session(request: RunRequest, out: TextIO, report_result: Callable[[Result],
 def _run_session(
     session: RunSession, leash: int | None, contexts: Iterable[RunContext], loading: ExitStack, *, reachable: bool
 ) -> Result:
-    """Run what was checked. A stop before its control socket is there ends the process, until ``loading`` is over."""
+    """Run a checked session. Until ``loading`` is closed, a stop ends the process for lack of a control socket."""
     runner, until = session.runner, session.request.until
     if until is not None and runner.twins is not None:
         runner.twins.timeline.call_at(until, partial(_end_overdue, runner, until))
@@ -125,7 +125,7 @@ def _run_session(
 
 
 def _enter(context: AbstractContextManager[object], closing: ExitStack) -> None:
-    """Enter a context of a plug-in, which cannot keep back what ends the run."""
+    """Enter the context of a plug-in; its exit cannot suppress exceptions of the run."""
     context.__enter__()
 
     def leave(kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -141,7 +141,7 @@ def _make_control_socket(runner: Runner) -> "ControlSocket":
 
 
 def _print_outputs(files: Sequence[Path], failed_listeners: Iterable[object]) -> None:
-    """Say what a run has left behind, and which events were not told; where nobody reads it, to nobody."""
+    """Print the output files of a run, and listeners that failed; ignore a closed stderr."""
     with suppress(OSError):
         if files:
             from missions.cli.outputs import written_message  # noqa: PLC0415 - many runs write nothing
@@ -149,18 +149,18 @@ def _print_outputs(files: Sequence[Path], failed_listeners: Iterable[object]) ->
             click.echo(written_message(*map(str, files)), err=True)
     for each in failed_listeners:
         with suppress(OSError):
-            click.echo(f"mission: not all events were told: {each}", err=True)
+            click.echo(f"mission: not all events were delivered: {each}", err=True)
 
 
 def warn_unreachable(control: "ControlSocket") -> None:
-    """Say that no stop can reach a run. Raises NoStop where it would move a robot, unless the user allows that."""
+    """Warn that no stop can reach a run. Raises NoStop if it would move a robot and the user did not allow that."""
     control.require_stop("mission run --without-stop")
     if control.trouble:
         click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run", err=True)
 
 
 def _end_overdue(runner: Runner, time: float) -> None:
-    """End a run that has not ended by itself, and say what it was at."""
+    """End a run at its time limit, and name the running leaves."""
     at = [
         f"{node.name} (line {node.line})"
         for node in runner.root.iterate()

@@ -1,4 +1,4 @@
-"""A run of ``mission run``, as the plug-ins see it that take part in it."""
+"""A run of ``mission run`` as plug-ins see it."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -13,7 +13,7 @@ from missions.runner import Runner
 
 
 class Display(Protocol):
-    """A listener that shows a run to a person, between ``__enter__`` and ``__exit__``."""
+    """Listener that shows a run to a person while its context is entered."""
 
     def __enter__(self) -> Self: ...
 
@@ -27,9 +27,9 @@ class Display(Protocol):
 
 
 class RunSession:
-    """A run that was checked, and whose robot is not open yet.
+    """A checked run whose robot is not open yet.
 
-    ``out`` is where the run is shown, ``files`` the bytes of each file that was read for it, by its whole path.
+    ``out`` is the stream for the display; ``files`` are the contents of all files read for the run, by absolute path.
     """
 
     def __init__(
@@ -38,20 +38,20 @@ class RunSession:
         self.request, self.runner, self.out, self.files = request, runner, out, files
         self.display = display
         self.outputs: list[Callable[[], Path | None]] = []
-        """Each returns, after the run, a file that it has left; None where it could not be written."""
+        """Functions that return, after the run, a written file, or None if it could not be written."""
         self.watched_outputs: list[TextIO] = []
-        """The run ends once nobody reads one of these any more."""
+        """Streams for other programs; the run ends when the reader of one closes it."""
 
     def listen(self, listener: Listener) -> None:
-        """Have ``listener`` called with each event of the run."""
+        """Add a listener for the events of the run."""
         self.runner.stream.listeners.append(listener)
 
     def replace_display(self, display: Display) -> None:
-        """Show the run by another display."""
+        """Replace the display of the run."""
         listeners = self.runner.stream.listeners
         listeners[listeners.index(self.display)] = display
         self.display = display
 
 
 RunContext = Callable[[RunSession], AbstractContextManager[object]]
-"""Takes part in a run: entered before anything moves, left when the robot is closed. Raises click.UsageError."""
+"""Takes part in a run: entered before anything moves, left after the robot is closed. Raises click.UsageError."""

@@ -40,7 +40,7 @@ TREE_FORMS: Mapping[str, Callable[[TreeDrawing], Dump]] = {
     "json": lambda drawing: json.dumps(to_json(drawing), indent=1, ensure_ascii=False) + "\n",
     **(service("picture_forms") or {}),
 }
-"""The forms of one tree: as text, and as pictures by a plug-in. Text is meant as UTF-8."""
+"""Output formats of a tree: text, and pictures by a plug-in. Text is UTF-8."""
 
 FORM_OF_SUFFIX: Mapping[str, str] = {
     ".txt": "text",
@@ -51,9 +51,9 @@ FORM_OF_SUFFIX: Mapping[str, str] = {
     ".mmd": "mermaid",
     **{f".{form}": form for form in ("json", "svg", "png", "html") if form in TREE_FORMS},
 }
-"""The form that the name of a file asks for."""
+"""Output format for each file suffix."""
 
-NO_RECORD = "a mission has no moments\n  try: mission run {name} --record {stem}.mcap, then show that"
+NO_RECORD = "a mission has no times, unlike a record\n  try: mission run {name} --record {stem}.mcap, then show that"
 NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"
 
 
@@ -64,10 +64,10 @@ OPTIONS_OF_KIND: Mapping[str, frozenset[str]] = {
     "world": frozenset({"output", "time", "camera", "robot"}),
     "gait": frozenset({"output", "robot"}),
 }
-"""The kinds of things that can be shown, each with its options, by their parameters."""
+"""Kinds that can be shown, each with the names of the parameters that apply to it."""
 
 KIND_OF_LIBRARY = {"worlds": "world", "gaits": "gait"}
-"""The kinds of files whose names are looked up where there is no mission of the name."""
+"""Libraries in which a name is looked up if no mission has it, each with its kind."""
 
 
 @click.command(epilog="Example: mission show greet -o greet.svg")
@@ -76,24 +76,26 @@ KIND_OF_LIBRARY = {"worlds": "world", "gaits": "gait"}
     "--format",
     "form",
     type=click.Choice(list(TREE_FORMS)),
-    help="How to draw a mission or a record: text, unless the file after -o says otherwise. A behaviour: text or json.",
+    help="Output format; the default is text, or the format of the file after -o. For a behaviour: text or json.",
 )
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write to this file."
+)
 @click.option("--at", "time", metavar="TIME", type=SECONDS, help="Show a record or a world at this time, such as 12s.")
 @click.option(
-    "--diff", "other", type=SHOWN_NAME, metavar="OTHER", help="Show what differs in this other mission or record."
+    "--diff", "other", type=SHOWN_NAME, metavar="OTHER", help="Show the differences from this other mission or record."
 )
 @click.option(
     "--fold",
     "depth",
     type=WholeNumber(min=0),
     metavar="N",
-    help="Show sub-missions that lie in N others, or more, as one node; 0 folds them all.",
+    help="Show sub-missions nested N deep or deeper as one node; 0 folds all.",
 )
 @params_option
 @behaviours_option
-@click.option("--camera", is_flag=True, help="Of a world: draw the view of the robot's camera at the start.")
-@click.option("--robot", type=ROBOT, help="Of a world or a gait: the robot (a name or a file).")
+@click.option("--camera", is_flag=True, help="Draw the view of the robot's camera at the start, for a world.")
+@click.option("--robot", type=ROBOT, help="Robot (name or file), for a world or a gait.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -108,10 +110,10 @@ def command(
     camera: bool,
     robot: str | None,
 ) -> None:
-    """Show a mission, a record, a behaviour, a world or a gait, by its name or file, as text or as a picture.
+    """Show a mission, a record, a behaviour, a world or a gait, by name or file, as text or as a picture.
 
-    A name of two kinds is that of a mission; KIND (mission, record, behaviour, world, gait) chooses another:
-    `mission show behaviour dock`.
+    If a name is of two kinds, the mission is shown. KIND (mission, record, behaviour, world, gait) selects another
+    kind: `mission show behaviour dock`.
     """
     kind, name = _resolve_target(words, files)
     for option in ctx.command.params:
@@ -133,7 +135,7 @@ def command(
 
 
 def _require_service(name: str, plugin: str) -> Any:
-    """Return a function of a plug-in. Raises click.UsageError without the plug-in."""
+    """Return a function of a plug-in. Raises click.UsageError if the plug-in is not installed."""
     found = service(name)
     if found is None:
         raise click.UsageError(f"this needs the plug-in '{plugin}', which is not installed")
@@ -141,7 +143,7 @@ def _require_service(name: str, plugin: str) -> Any:
 
 
 def _resolve_target(words: Sequence[str], files: Sequence[Path]) -> tuple[str, str]:
-    """Return the kind and the name of what is to be shown. Raises click.UsageError."""
+    """Return the kind and the name of the thing to show. Raises click.UsageError."""
     if len(words) > 1:
         if len(words) > 2 or words[0] not in OPTIONS_OF_KIND:
             raise click.UsageError(
@@ -169,12 +171,12 @@ def _resolve_target(words: Sequence[str], files: Sequence[Path]) -> tuple[str, s
         name, [*shipped_missions(), *LEAVES, *(each for kind in KIND_OF_LIBRARY for each in shipped_files(kind))]
     )
     if close and close not in shipped_missions():
-        raise click.UsageError(f"nothing is called '{name}'; did you mean '{close}'?")
+        raise click.UsageError(f"unknown name '{name}'; did you mean '{close}'?")
     return "mission", name
 
 
 def _require_fitting(option: click.Option, kind: str, name: str) -> None:
-    """Raise click.UsageError for an option that does not fit what is shown."""
+    """Raise click.UsageError if an option does not apply to the kind."""
     if option.name in OPTIONS_OF_KIND[kind]:
         return
     if option.name == "time":
@@ -193,7 +195,7 @@ def _show_tree(
     params: dict[str, str],
     files: tuple[Path, ...],
 ) -> None:
-    """Draw the tree of a mission or of a record, or of two of them side by side."""
+    """Draw the tree of a mission or a record, or two trees side by side."""
     names = [name] if other is None else [name, other]
     drawings = [_drawing(each, params if each == name else {}, files, time) for each in names]
     if depth is not None:
@@ -211,7 +213,7 @@ def _form_of(output: Path | None) -> str:
     if output.suffix.lower() not in FORM_OF_SUFFIX:
         known = ", ".join(FORM_OF_SUFFIX)
         picture = shlex.quote(str(output.with_suffix(".png")))
-        raise click.UsageError(f"-o {output}: the name says no format that is known ({known})\n  try: -o {picture}")
+        raise click.UsageError(f"-o {output}: unknown format; known: ({known})\n  try: -o {picture}")
     return FORM_OF_SUFFIX[output.suffix.lower()]
 
 
@@ -221,7 +223,7 @@ def _is_record(name: str) -> bool:
 
 
 def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: float | None) -> TreeDrawing:
-    """Return the drawing of a mission or of a record; of that, at ``time`` if it is given."""
+    """Return the drawing of a mission, or of a record at ``time`` seconds."""
     if (found := find_file_kind(name.lower())) is not None and found[1].drawing:
         plugin, kind = found
         drawing: TreeDrawing = load(plugin, kind.drawing)(Path(name), time)
@@ -230,7 +232,7 @@ def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: f
 
 
 def _pair(left: TreeDrawing, right: TreeDrawing, form: str, output: Path | None) -> Dump:
-    """Dump two drawings side by side, as wide as the terminal where they go to one."""
+    """Return two drawings side by side; on a terminal, as wide as it is."""
     width = shutil.get_terminal_size((120, 24)).columns if output is None else None
     try:
         dump: Dump = _require_service("dump_pair", "pictures")(left, right, form, width)
@@ -240,7 +242,10 @@ def _pair(left: TreeDrawing, right: TreeDrawing, form: str, output: Path | None)
 
 
 def _write(dump: Dump, output: Path | None, form: str, name: str, *, private: bool) -> None:
-    """Write to a file, as UTF-8, or to stdout; bytes never to a terminal. A ``private`` file is for its owner only."""
+    """Write to a file as UTF-8, or to stdout; never write bytes to a terminal.
+
+    A ``private`` file is readable by its owner only.
+    """
     if output is None:
         if isinstance(dump, bytes) and sys.stdout.isatty():
             raise click.UsageError(f"a terminal cannot show {form}\n  try: -o {Path(name).stem}.{form}")

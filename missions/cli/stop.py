@@ -1,4 +1,4 @@
-"""``mission stop``: every robot of this machine still, at once, whoever runs it; and released again."""
+"""``mission stop``: stop all robots of this machine at once, and release them."""
 
 import os
 import sys
@@ -10,25 +10,26 @@ from missions.cli.names import complete_runs
 from missions.cli.root import FAILURE, SUCCESS
 from missions.control.command_broadcast import send_to_all
 
-NO_RUNS = "no mission runs"
+NO_RUNS = "no mission is running"
 
 
 @click.command(epilog="Example: mission stop --release")
 @click.argument("which", metavar="[RUN]...", nargs=-1, shell_complete=complete_runs)
-@click.option("--list", "only_list", is_flag=True, help="List the runs, and do nothing.")
-@click.option("--release", is_flag=True, help="Release what is stopped; the mission stays paused.")
-@click.option("--resume", is_flag=True, help="Let a paused mission go on; with --release, one that was stopped.")
-@click.option("--end", is_flag=True, help="Stop, and end the mission: the run is over then.")
+@click.option("--list", "only_list", is_flag=True, help="List the runs without stopping them.")
+@click.option("--release", is_flag=True, help="Release a stop; the mission stays paused.")
+@click.option("--resume", is_flag=True, help="Resume a paused mission; with --release, also a stopped one.")
+@click.option("--end", is_flag=True, help="Stop, and end the run.")
 def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool, end: bool) -> int:
-    """Stop every run of this user at once, or those named (the number of the process, or the mission).
+    """Stop all runs of this user at once, or the named ones (process number or mission).
 
-    Base, head, arm and voice stand still, latched, and the mission is paused, until `mission stop --release`. It works
-    over SSH and beside any run, with or without the studio. A run that does not answer is ended by a signal.
+    Base, head, arm and voice are latched and the mission is paused until `mission stop --release`. This works over SSH
+    and for every run, with or without the studio. A run that does not reply is ended by a signal.
 
-    A command that moves a robot by hand (teleop, head, servo record) has no latch: it is ended, with all at rest.
+    Commands that move a robot by hand (teleop, head, servo record) have no latch: they are ended, with all parts at
+    rest.
     """
     if end and (release or resume):
-        raise click.UsageError("--end ends the run: nothing is released then")
+        raise click.UsageError("--end cannot be combined with --release or --resume")
     asked: Sequence[Mapping[str, object]] = [{"do": "stop"}, *([{"do": "halt"}] if end else [])]
     if release or resume:
         asked = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]

@@ -1,1 +1,1 @@
-"""How a run is watched and stopped from outside: the stop latch and the control socket."""
+"""Control of a run from outside: the control socket, manual driving, and stops."""

@@ -1,8 +1,8 @@
-"""Names of runs that the kernel keeps: no full, missing or emptied folder takes them away, but the end of the process.
+"""Abstract sockets and memory files that name a run: the kernel keeps them until the process ends.
 
-A name says whose run it is, and of which process. It is that of an abstract socket, which ``/proc/net/unix`` lists for
-all in one network namespace; other users see it too, so each end checks who the other one is. And it is that of a file
-in memory, which ``/proc/PID/fd`` shows for whoever may end the process, also where that is in a container of its own.
+A full, missing or emptied folder does not affect them. The name holds the user and the process of a run. Abstract
+sockets are listed in ``/proc/net/unix`` for one network namespace, also those of other users, so both ends check the
+peer. Memory files appear in ``/proc/PID/fd`` for each user who may end the process, also across containers.
 """
 
 import hashlib
@@ -20,15 +20,15 @@ from missions.control.run_folders import SYSTEM_ROOT
 SOCKET_LIST = Path("/proc/net/unix")
 
 LISTENING, STREAM, DATAGRAM = 1 << 16, 1, 2
-"""A flag and two types of sockets, as the kernel lists them."""
+"""Flag of a listening socket, and two socket types, as in ``/proc/net/unix``."""
 
 SIMULATED_SUFFIX = "-simulated"
-"""The end of the kind of a run, or of a command, that moves no robot."""
+"""Suffix of the kind of a run or command that moves no real robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class AbstractName:
-    """The name of an abstract socket: of a run, or of a command that moves a robot, of the user ``uid``."""
+    """Name of the abstract socket of a run, or of a command that moves a robot, of the user ``uid``."""
 
     uid: int
     run: str
@@ -36,26 +36,26 @@ class AbstractName:
     kind: str
     inode: int = 0
     local_identity: ProcessIdentity | None = None
-    """The process as it is seen from here, where its own file in memory was found."""
+    """Process as seen from this namespace, if its memory file was found."""
 
     @property
     def is_run(self) -> bool:
-        """Whether a run listens there; else a command can only be ended by a signal."""
+        """True if a run listens there; a command can only be ended by a signal."""
         return self.kind.startswith("run")
 
     @property
     def address(self) -> str:
-        """The address as people read it, with "@" for the byte 0."""
+        """The address in text form, with "@" for the NUL byte."""
         return f"@{self.text}"
 
     @property
     def text(self) -> str:
-        """The name."""
+        """The name without the "@"."""
         about = (self.uid, self.run, self.identity.start, self.identity.namespace, self.kind)
         return f"{_prefix()}{'/'.join(map(str, about))}"
 
     def has_its_process(self) -> bool:
-        """Return whether the process has the socket open: another user can give a socket any name. Raises OSError."""
+        """Return whether the process has this socket open, since other users can bind any name. Raises OSError."""
         return f"socket:[{self.inode}]" in _link_targets(Path(f"/proc/{self.identity.pid}/fd"))
 
 
@@ -65,7 +65,7 @@ def _prefix() -> str:
 
 
 def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
-    """Return the name for a run of this process, or for a command. Raises OSError where /proc is missing."""
+    """Return the name for a run or a command of this process. Raises OSError if /proc is missing."""
     identity = identity_of(os.getpid())
     if identity is None:
         raise OSError("/proc does not show this process")
@@ -73,12 +73,12 @@ def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
 
 
 def listen(name: AbstractName) -> socket.socket:
-    """Return a socket that listens. Raises OSError."""
+    """Return a socket that listens at the name. Raises OSError."""
     return _bind(name, socket.SOCK_STREAM)
 
 
 def bind_marker(name: AbstractName) -> socket.socket:
-    """Return a socket that only shows that a command is there. Raises OSError."""
+    """Return a socket that only shows that a command is running. Raises OSError."""
     return _bind(name, socket.SOCK_DGRAM)
 
 
@@ -95,12 +95,12 @@ def _bind(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
 
 
 def hold_name(name: AbstractName) -> int:
-    """Return the descriptor of a file in memory with this name, which shows what the process is. Raises OSError."""
+    """Return the descriptor of a memory file with this name, by which the process is found. Raises OSError."""
     return os.memfd_create(name.text)
 
 
 def held_names() -> list[AbstractName]:
-    """Return the names that processes hold, as far as this user may see that. Raises OSError without descriptors."""
+    """Return the names in memory files that this user may see. Raises OSError if no file descriptor is free."""
     prefix, found = f"/memfd:{_prefix()}", list[AbstractName]()
     for process in os.listdir("/proc"):  # noqa: PTH208 - some hundreds
         if process.isdecimal():
@@ -117,14 +117,14 @@ def held_names() -> list[AbstractName]:
 
 
 def _link_targets(folder: Path) -> Iterator[str]:
-    """Yield where the links in a folder lead."""
+    """Yield the targets of the symbolic links in a folder."""
     for each in folder.iterdir():
         with suppress(FileNotFoundError):  # closed since
             yield os.readlink(each)  # noqa: PTH115 - it is no path
 
 
 def listed_names() -> list[AbstractName]:
-    """Return those that there are, of all users. Raises OSError where the kernel's list cannot be read."""
+    """Return the names of all users in ``/proc/net/unix``. Raises OSError if that cannot be read."""
     prefix, found = f"@{_prefix()}", list[AbstractName]()
     here = identity_of(os.getpid())
     for line in SOCKET_LIST.read_text(encoding="utf-8", errors="replace").splitlines():
@@ -144,7 +144,7 @@ def listed_names() -> list[AbstractName]:
 
 
 def _parse_name(text: str, inode: int, boot: str) -> AbstractName | None:
-    """Return what a name says; None for one that is not ours, which anybody could have given."""
+    """Return the parsed name; None if it does not have our form, since any process can choose a name."""
     fields = text.split("/")
     if len(fields) != 5 or not fields[4].startswith(("run", "command")):
         return None

@@ -1,4 +1,4 @@
-"""The clients of a run's control socket: each by itself, and what all that watch are sent at the same time."""
+"""Clients of a run's control socket, and the broadcast of states, events and pictures to them."""
 
 import socket
 from collections import deque
@@ -14,26 +14,26 @@ from missions.control.state_feed import MAX_QUEUED_EVENTS, StateFeed, merge_stat
 from missions.runner import Runner
 
 MAX_QUEUED_ANSWERS = 256
-"""Answers that wait for a client; one that asks on and reads nothing is hung up on."""
+"""Answers queued for a client; a client that sends more and reads nothing is disconnected."""
 
 MAX_UNSEEN_PICTURES = 2
-"""Pictures that are on their way to a client."""
+"""Pictures sent to a client that it has not confirmed yet."""
 
 SEND_BUFFER_BYTES = 65536
-"""Bytes that the kernel keeps for a client: what waits there is old when it is read."""
+"""Kernel send buffer of a client; data in it is old when the client reads it."""
 
 BLOCK_BYTES = 1 << 16
 
 WATCH_NOTHING = WatchCommand(state=False)
 
 Encode = Callable[[Mapping[str, object]], bytes]
-"""Returns a state as a line; what several clients are sent is encoded once by it."""
+"""Encodes a state as a line; the result is shared by all clients."""
 
 
 class ClientQueue:
-    """Keeps what one client is to hear, the newest of each, until it takes the ``next_line`` line. For one thread.
+    """Outgoing messages of one client, with states merged, until ``next_line`` takes them. Not thread-safe.
 
-    ``flush`` is called whenever there is something. ``is_disconnected`` is True once it has asked for too much and taken nothing.
+    ``flush`` is called after each addition. ``is_disconnected`` becomes True if too many answers are queued.
     """
 
     def __init__(self, run: str, encode: Encode) -> None:
@@ -49,16 +49,16 @@ class ClientQueue:
         self._pictured_at = self._picture_stamp = float("-inf")
 
     def flush(self) -> None:
-        """Have it sent, as far as the client takes it."""
+        """Send the queued lines as far as the client accepts them."""
 
     def send_first(self, line: bytes) -> None:
-        """Send a line before all else that waits."""
+        """Queue a line before states, events and pictures."""
         self._urgent_lines.append(line)
         self.is_disconnected = self.is_disconnected or len(self._urgent_lines) > MAX_QUEUED_ANSWERS
         self.flush()
 
     def start_watch(self, watch: WatchCommand, scene: bytes) -> None:
-        """Watch so from now on, beginning with a ``scene``."""
+        """Replace the subscription of the client, beginning with a ``scene``."""
         self._picture = None
         self._urgent_lines.extend(
             list(iter(self.next_line, None))
@@ -68,13 +68,13 @@ class ClientQueue:
         self.send_first(scene)
 
     def add_state(self, state: Mapping[str, object]) -> None:
-        """Send a state, or put it together with what waits."""
+        """Queue a state, merged with a state that is still queued."""
         if self.watch.state:
             self._pending_state = state if self._pending_state is None else merge_states(self._pending_state, state)
             self.flush()
 
     def add_events(self, events: list[Mapping[str, object]], lost: int) -> None:
-        """Send events; those that do not fit are lost."""
+        """Queue events; the oldest are dropped if the queue is full."""
         if self.watch.events and (events or lost):
             self._events.extend(events)
             over = max(0, len(self._events) - MAX_QUEUED_EVENTS)
@@ -84,25 +84,25 @@ class ClientQueue:
             self.flush()
 
     def is_picture_due(self, now: float) -> bool:
-        """Say whether it is to get a picture at ``now`` seconds."""
+        """Return whether a picture should be sent at ``now`` seconds."""
         rate = self.watch.pictures
         due = rate > 0 and now - self._pictured_at >= 1 / rate - 0.005
         return due and self._picture is None and len(self._unseen_pictures) < MAX_UNSEEN_PICTURES
 
     def add_picture(self, line: bytes, stamp: float, now: float) -> None:
-        """Send a picture of a time, unless it has been sent."""
+        """Queue a picture, unless its stamp was queued before."""
         if stamp > self._picture_stamp:
             self._picture, self._pictured_at, self._picture_stamp = line, now, stamp
             self._unseen_pictures.append(stamp)
             self.flush()
 
     def on_picture_shown(self, stamp: float) -> None:
-        """The client has shown the picture of this time, and those before."""
+        """Remove the picture with this stamp, and earlier ones, from the unconfirmed ones."""
         while self._unseen_pictures and self._unseen_pictures[0] <= stamp:
             self._unseen_pictures.popleft()
 
     def next_line(self) -> bytes | None:
-        """Return what is to be sent next; None while there is nothing."""
+        """Return the next line to send; None if nothing is queued."""
         if self._urgent_lines:
             return self._urgent_lines.popleft()
         if self._pending_state is not None:
@@ -120,7 +120,7 @@ class ClientQueue:
 
 
 class ControlClient(ClientQueue):
-    """Sends what a client is to hear over its ``connection``, as fast as it reads; never waits. For one thread."""
+    """A client ``connection`` with its queue; sending never blocks. Not thread-safe."""
 
     def __init__(self, connection: socket.socket, run: str, encode: Encode) -> None:
         super().__init__(run, encode)
@@ -132,16 +132,16 @@ class ControlClient(ClientQueue):
         self._unsent: memoryview | None = None
 
     def send_message(self, message: object) -> None:
-        """Send a message before all else that waits."""
+        """Queue a message before states, events and pictures."""
         self.send_first(encode_message(message) + b"\n")
 
     @property
     def has_unsent(self) -> bool:
-        """Whether something could not be sent yet."""
+        """True if a line could not be sent completely yet."""
         return self._unsent is not None
 
     def read_lines(self) -> Iterator[bytes]:
-        """Yield the lines that have come. ``is_disconnected`` is True after the last."""
+        """Yield the received lines; afterwards ``is_disconnected`` is True if the client has closed the connection."""
         try:
             data = self.connection.recv(BLOCK_BYTES)
         except BlockingIOError:
@@ -161,7 +161,6 @@ class ControlClient(ClientQueue):
             self.is_disconnected = True
 
     def flush(self) -> None:
-        """Send as much as the client takes."""
         try:
             while not self.is_disconnected:
                 if self._unsent is None:
@@ -178,20 +177,25 @@ class ControlClient(ClientQueue):
 
 
 MIN_STATE_INTERVAL = 0.04
-"""Seconds from one state to the next, at least."""
+"""Minimum seconds between two states."""
 
 IDLE_STATE_INTERVAL, MOVING_STATE_INTERVAL = 0.5, 0.05
-"""Seconds from one state to the next, at most; the latter while the robot's place changes, which no event tells, and
-while somebody drives, whose commands need a new state."""
+"""Maximum seconds between two states: at rest, and while the pose changes or a person drives.
+
+No event reports a change of the pose, and drive commands need fresh states.
+"""
 
 MOTION_KEYS = ("pose", "joints", "scan")
-"""What a state tells of where the robot and its arms are, and what stands around it."""
+"""Keys of a state that change while the robot moves."""
 
 Json = dict[str, object]
 
 
 class Broadcaster:
-    """The ``clients``, and when the next state is ``due`` to be told. For one thread. ``of`` is more of the scene."""
+    """Sends states, events and pictures to the ``clients``; ``due`` is the time of the next state. Not thread-safe.
+
+    ``scene_extras`` are further members of the scene.
+    """
 
     def __init__(
         self,
@@ -213,12 +217,12 @@ class Broadcaster:
         self._sent_at = float("-inf")
 
     def schedule_state(self) -> None:
-        """Something has happened: it is told soon, but not more often than ``MIN_STATE_INTERVAL``."""
+        """Schedule a state soon after an event, but not before ``MIN_STATE_INTERVAL``."""
         if self._feed.is_watched:
             self.due = min(self.due, max(self._clock.now(), self._sent_at + MIN_STATE_INTERVAL))
 
     def watch(self, client: ControlClient, command: WatchCommand) -> None:
-        """Let a client watch so from now on, beginning with all that is so far."""
+        """Set the subscription of a client, and send it the scene."""
         self._scene = self._scene or scene_of(self._runner)
         self.send_state()
         told = {
@@ -232,7 +236,7 @@ class Broadcaster:
         self.update_watches()
 
     def update_watches(self) -> None:
-        """Gather only what somebody watches."""
+        """Enable only the feeds that a client has subscribed to."""
         watches = [client.watch for client in self.clients]
         self._feed.is_watched = any(watch.state for watch in watches)
         self._feed.has_event_listeners = any(watch.events for watch in watches)
@@ -243,7 +247,7 @@ class Broadcaster:
             self.due = self._clock.now() + MIN_STATE_INTERVAL
 
     def send_state(self) -> None:
-        """Send what is new to those who watch."""
+        """Send the changes of the state, and new events, to the subscribed clients."""
         now = self._sent_at = self._clock.now()
         self.due = now + IDLE_STATE_INTERVAL
         state: Json = {"say": "state", "run": self._name, **self._feed.take_changes(self._handler.status())}
@@ -259,7 +263,7 @@ class Broadcaster:
             wake()  # eyes rest while nobody queries them
 
     def send_pictures(self, now: float) -> None:
-        """Send the newest picture to those who look and have seen the last."""
+        """Send the newest picture to the clients that are due for one."""
         wanting = [client for client in self.clients if self._pictures.is_watched and client.is_picture_due(now)]
         picture = self._pictures.newest() if wanting else None
         if picture is None:
@@ -270,7 +274,7 @@ class Broadcaster:
             client.add_picture(self._encoded_picture[1], picture["t"], now)  # type: ignore[arg-type]
 
     def encode_state(self, state: Mapping[str, object]) -> bytes:
-        """Return a state as a line: once for all who are sent the same."""
+        """Return a state as a line; it is encoded once for all clients."""
         if self._encoded_state[0] is not state:
             self._encoded_state = state, encode_json(state) + b"\n"
         return self._encoded_state[1]

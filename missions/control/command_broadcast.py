@@ -1,6 +1,6 @@
-"""Every run of this machine stopped, or released, at once; and each command that moves a robot and is no run ended.
+"""Stops or releases every run of this machine at once, and ends each command that moves a robot.
 
-A run counts as stopped once it has answered that all is latched, or once its process has ended. All else is a doubt.
+A run counts as stopped once it has confirmed the latch, or once its process has ended. Anything else is a warning.
 """
 
 import secrets
@@ -18,18 +18,18 @@ from missions.control.run_search import FoundProcess, SearchResult, error_text, 
 from missions.control.sockets import RunConnection
 
 StopOutcomes = dict[object, tuple[bool, str]]
-"""What came of each that was asked: whether it is good, and the words for people."""
+"""Outcome for each run: whether it succeeded, and the text for people."""
 
 JsonCommand = Mapping[str, object]
 
 RUN_END_TIMEOUT = 7.0
-"""Seconds that a run which does not answer has to end after SIGTERM: its lifeline kills it after 5."""
+"""Seconds that a hanging run has to end after SIGTERM; its lifeline kills it after 5."""
 
 STOP_TRIES = 8
-"""Times that a run is asked to stop while one of its parts has not confirmed: a busy machine may be late by 0.2 s."""
+"""Stop requests to a run until all parts have confirmed; on a busy machine one may take over 0.2 s."""
 
 GONE_ERRORS = (ConnectionRefusedError, FileNotFoundError)
-"""Errors of a connection to a socket of which nobody listens any more, or which has been removed."""
+"""Errors of a connection to a socket without a listener, or a removed one."""
 
 
 def send_to_all(
@@ -40,11 +40,11 @@ def send_to_all(
     search_result: SearchResult | None = None,
     is_wanted: Callable[[Mapping[str, Any]], bool] = lambda _: True,
 ) -> StopOutcomes:
-    """Ask all runs, or those of ``wanted_names``, one thing after another; return what came of it, within a second or so.
+    """Send commands in order to all runs, or to the named ones; return the outcomes, within about a second.
 
-    Where a stop is asked for, commands that have no latch are ended too; where nothing is, all are listed. ``found`` is
-    what a search has found just now; of the runs it is ``is_wanted`` those with such a first message. What could not be
-    looked at, and could be meant, is returned as well.
+    A stop also ends commands without a latch; without commands, all processes are listed. ``search_result`` is a result
+    that is just known. ``is_wanted`` filters runs by their first message. Places that could not be searched are among
+    the outcomes.
     """
     asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
     if asking.is_stop:
@@ -63,16 +63,16 @@ def send_to_all(
         asking.outcomes["stamp"] = False, unstamped
     for name in wanted_names:
         if name not in asking.matched_names:
-            asking.outcomes[name] = False, f"no run {name}: `mission stop --list` lists what runs"
+            asking.outcomes[name] = False, f"no run {name}: `mission stop --list` lists the runs"
     return asking.outcomes
 
 
 @dataclass(slots=True)
 class CommandBroadcast:
-    """One thing asked of many, from a thread for each. ``outcomes`` is what came of it, ``replied_runs`` the runs that have.
+    """Sends commands to many runs, each in its own thread, and collects the ``outcomes``.
 
-    ``results`` are what runs have answered to a stop, ``matched_names`` those names of ``wanted_names`` that there are. ``early_requests`` are
-    the runs that were asked by name alone, each with the thread that does.
+    ``replied_runs`` are the runs that have replied, ``results`` their answers to a stop, ``matched_names`` the names of
+    ``wanted_names`` that exist. ``early_requests`` are the runs that were found by abstract name, with their threads.
     """
 
     commands: Sequence[JsonCommand]
@@ -90,11 +90,11 @@ class CommandBroadcast:
 
     @property
     def is_stop(self) -> bool:
-        """Whether a stop is asked for."""
+        """True if the commands contain a stop."""
         return any(command["do"] == "stop" for command in self.commands)
 
     def start_requests(self, processes: Sequence[FoundProcess]) -> list[Thread]:
-        """Ask all at the same time, so that one that hangs holds up no other; return the threads that do."""
+        """Start a thread for each process, so that a hanging one delays no other; return the threads."""
         work = list[Thread]()
         for each in processes:
             thread = Thread(target=self.request, args=(each,))
@@ -107,7 +107,7 @@ class CommandBroadcast:
         return work
 
     def request_listed(self, processes: Sequence[FoundProcess]) -> None:
-        """Begin to ask runs that the kernel lists. One that does not answer is left to ``start_requests``, which knows more."""
+        """Start requests to runs in the kernel's socket list. ``start_requests`` repeats those without a reply."""
 
         def work(each: FoundProcess) -> None:
             unanswered = suppress(OSError, ValueError, KeyError, TypeError, AttributeError)
@@ -123,7 +123,7 @@ class CommandBroadcast:
                     self.early_requests[each.key] = each, thread
 
     def request(self, process: FoundProcess) -> None:
-        """Ask one, if it is meant, and note what came of it."""
+        """Send the commands to one process, if it is wanted, and store the outcome."""
         if process.key in self.early_requests:
             early, thread = self.early_requests[process.key]
             thread.join()
@@ -141,12 +141,12 @@ class CommandBroadcast:
             self._add_warning(process, f"{process.description}: {type(error).__name__}: {error}")
 
     def _add_warning(self, process: FoundProcess, reason: str, peer: ProcessIdentity | None = None) -> None:
-        """Note that a run has perhaps not been stopped, or has not done what was asked. ``peer`` listens for it."""
+        """Store that a run may not have stopped, or not executed the command. ``peer`` listens at its socket."""
         hint = process.end_hint(peer) if self.is_stop else f"mission stop {process.run}  (which ends it)"
         self.outcomes[process] = False, f"{reason}{': perhaps not stopped' * self.is_stop}\n  try: {hint}"
 
     def _request_run(self, process: FoundProcess) -> None:
-        """Ask a run at one of its addresses; where it answers at none of them, end its process if it was to stop."""
+        """Send the commands to a run at its first address that replies; if none replies, a stop ends the process."""
         failed = list[OSError | ValueError]()
         peer: ProcessIdentity | None = None
         for address in process.addresses:
@@ -162,7 +162,7 @@ class CommandBroadcast:
         self._handle_no_reply(process, failed, peer)
 
     def _request_over(self, process: FoundProcess, link: RunConnection) -> None:
-        """Ask a run by way of a link, if it is meant, and note its answer. Raises OSError where it does not answer."""
+        """Send the commands over a connection, if the run is wanted. Raises OSError if it does not reply."""
         told = link.run_info
         if not told and not self.is_stop:
             raise TimeoutError("it does not answer")
@@ -178,7 +178,7 @@ class CommandBroadcast:
         self.replied_runs.add(process.run)
 
     def _claim_run(self, process: FoundProcess, link: RunConnection) -> bool:
-        """Return whether a run is meant that tells what it is, and nobody asks it already by another way."""
+        """Return whether the run is wanted, and no other thread handles it already."""
         told = link.run_info
         names = {process.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
         if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(told):
@@ -191,7 +191,7 @@ class CommandBroadcast:
         return is_new
 
     def _execute(self, process: FoundProcess, link: RunConnection, command: JsonCommand) -> tuple[bool, str]:
-        """Have one thing done, and say what came of it. Raises OSError where nobody answers."""
+        """Send one command; return whether it succeeded, and the text. Raises OSError if the run does not reply."""
         if command["do"] == "release":
             command = {**command, "stop": link.last_stop()}
         elif command["do"] == "stop":
@@ -211,17 +211,17 @@ class CommandBroadcast:
             told = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
             return False, f"{told}\n  try: mission stop --end {link.process or process.run}, or the robot's own switch"
         words = {
-            "stop": f"stopped ({parts or 'it has nothing that moves'})",
+            "stop": f"stopped ({parts or 'no actuators'})",
             "halt": "is being ended",
             "release": "released, and paused",
-            "resume": "goes on",
+            "resume": "resumed",
         }
         return True, words[str(command["do"])]
 
     def _handle_no_reply(
         self, process: FoundProcess, errors: Sequence[Exception], peer: ProcessIdentity | None
     ) -> None:
-        """Note of a run that does not answer what that means; end its process, if it was to stop."""
+        """Store the outcome for a run that does not reply; a stop ends its process."""
         is_gone = all(isinstance(error, GONE_ERRORS) for error in errors)
         if is_gone and process.identity is None and process.holder is None:
             return  # the file of a process that was killed: what lives has a note, or a name, besides
@@ -239,28 +239,28 @@ class CommandBroadcast:
             self._terminate(process, peer, why)
 
     def _terminate(self, process: FoundProcess, peer: ProcessIdentity | None, reason: str) -> None:
-        """Send a run that hangs the signal that its watchdog hears, and wait for its end."""
+        """Send SIGTERM to a hanging run, which its watchdog handles, and wait for its end."""
         identity = process.local_identity or peer
         try:
             process.terminate(peer)
             if identity is not None and identity.has_ended_within(RUN_END_TIMEOUT):
-                self.outcomes[process] = True, f"{process.description}: {reason}; SIGTERM was sent, which has ended it"
+                self.outcomes[process] = True, f"{process.description}: {reason}; ended by SIGTERM"
                 self.replied_runs.add(process.run)
                 return
         except OSError as error:
             self._add_warning(
-                process, f"{process.description}: {reason}; no SIGTERM could be sent: {error_text(error)}", peer
+                process, f"{process.description}: {reason}; SIGTERM could not be sent: {error_text(error)}", peer
             )
             return
-        reason = f"{reason}; SIGTERM was sent, and has not ended it within {RUN_END_TIMEOUT:g} s"
+        reason = f"{reason}; SIGTERM did not end it within {RUN_END_TIMEOUT:g} s"
         self._add_warning(process, f"{process.description}: {reason}", peer)
 
     def _end_command(self, process: FoundProcess) -> None:
-        """End a command that holds a robot, and note what came of it."""
+        """End a command that holds a robot, and store the outcome."""
         if is_own_process(process) or any(command["do"] in ("release", "resume") for command in self.commands):
             return  # what was ended is not there to be released
         if process.matches(self.wanted_names) is None:
-            self._add_warning(process, f"{process.description}: it is not known which command it is")
+            self._add_warning(process, f"{process.description}: the command is unknown")
             return
         if not self.commands:
             self.outcomes[process] = True, process.description
@@ -271,14 +271,14 @@ class CommandBroadcast:
             self._add_warning(process, f"{process.description}: could not be ended: {error_text(error)}")
             return
         if has_ended:
-            self.outcomes[process] = True, f"{process.description}: ended, with what it moved at rest"
+            self.outcomes[process] = True, f"{process.description}: ended, with its actuators at rest"
             self.replied_runs.add(process.run)
         else:
             self._add_warning(process, f"{process.description}: hangs (SIGTERM did not end it in {END_TIMEOUT:g} s)")
 
 
 def stop_one(process: FoundProcess, by: str) -> Mapping[str, object]:
-    """Stop one run, or end one command; return what is told of it. Nothing where it has gone, or is this process."""
+    """Stop one run, or end one command; return its answer. Empty if it has ended, or is this process."""
     asking = CommandBroadcast([{"do": "stop"}], by)
     asking.request(process)
     result = asking.results.get(process, {})
@@ -291,19 +291,19 @@ def stop_one(process: FoundProcess, by: str) -> Mapping[str, object]:
 
 
 def _is_still_found(process: FoundProcess, search: SearchResult) -> bool:
-    """Return whether what was found is there still, or that is not known."""
+    """Return whether the process is still found, or this is unknown."""
     return bool(search.warnings) or any(
         each.run == process.run and each.identity == process.identity for each in search.processes
     )
 
 
 def _run_key(link: RunConnection) -> object:
-    """Return what tells a run from all others that were asked, by what it tells of itself."""
+    """Return a key that identifies a run by its own description."""
     return link.process, *(link.run_info.get(each) for each in ("pid", "run", "began"))
 
 
 def _description_of(link: RunConnection) -> str:
-    """Return what a run tells that it is."""
+    """Return the description of a run from its first message."""
     told = link.run_info
     mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
     process = link.process or told.get("pid", 0)  # the kernel does not tell the number of one in another container

@@ -1,4 +1,4 @@
-"""What clients of a run may have done: stop and release, pause and step, end, drive, tune, and let things go wrong."""
+"""Executes the commands of clients: stop, release, pause, step, end, drive, tune, and faults."""
 
 import os
 import signal
@@ -43,15 +43,15 @@ from missions.library.tuning import LIMIT_ENDS, file_values
 from missions.runner import Runner
 
 MIN_SPEED_SHARE = 0.05
-"""The share of its speed that a part keeps at least: slower it gets nowhere."""
+"""Minimum share of its speed to which a part can be tuned."""
 
 LIMIT_FIELDS = {"max_speed": "speed", "max_turn": "turn"}
-"""What the limits of a base call the keys of its file."""
+"""Fields of base limits for keys of the robot file."""
 
 
 @dataclass(slots=True)
 class TunableValue:
-    """One value: within which bounds it may be, how it is read and how it is set. ``is_tuned`` once somebody has."""
+    """A value that can be changed in a run, with bounds in SI units and accessors; ``is_tuned`` after a change."""
 
     dimension: str
     low: float
@@ -62,7 +62,7 @@ class TunableValue:
 
 
 class TunableValues:
-    """The values of a robot's parts by their names, as ``missions.library.tuning`` has them. For one thread."""
+    """Tunable values of a robot by name, as in ``missions.library.tuning``. Not thread-safe."""
 
     def __init__(self, robot: RobotConfig, devices: Mapping[str, Device]) -> None:
         self._file = "" if robot.path is None else str(robot.path.resolve())
@@ -74,14 +74,14 @@ class TunableValues:
                 self._values[name] = knob
 
     def as_dict(self) -> Mapping[str, object]:
-        """Return what `tuning` is answered."""
+        """Return the answer to `tuning`."""
         return {"file": self._file, "knobs": [_value_dict(name, knob) for name, knob in self._values.items()]}
 
     def tune(self, name: str, value: float) -> Mapping[str, object]:
-        """Set a value; return what holds. Raises BadMessage."""
+        """Set a value, and return it as in the answer. Raises BadMessage."""
         knob = self._values.get(name)
         if knob is None:
-            raise BadMessage("bad_field", f"nothing is called '{name}'", did_you_mean(name, self._values))
+            raise BadMessage("bad_field", f"unknown value '{name}'", did_you_mean(name, self._values))
         if not knob.low <= value <= knob.high:
             ends = " to ".join(quantity_text(end, knob.dimension) for end in (knob.low, knob.high))
             raise BadMessage("bad_field", f"{name}: {quantity_text(value, knob.dimension)} is not within {ends}")
@@ -99,12 +99,12 @@ def _value_dict(name: str, tunable: TunableValue) -> Mapping[str, object]:
 
 
 def describe_tuning(value: Mapping[str, Any]) -> str:
-    """Return what a value is now, for the log: "head pan trim: 3 deg"."""
+    """Return a tuned value as text for the log: "head pan trim: 3 deg"."""
     return f"{value['name'].replace('.', ' ')}: {quantity_text(value['value'], value['dimension'])}"
 
 
 def _make_tunable(device: Any, keys: list[str], dimension: str) -> TunableValue | None:
-    """Return how a value of a part is read and set; None where that part's driver does not let it."""
+    """Return the accessors of a value of a part; None if its driver does not support changes."""
     match keys:
         case [axis, "trim"] if isinstance(device, Trimmable):
             at = ("pan", "tilt").index(axis)
@@ -147,16 +147,16 @@ def _set_limit(device: Any, field: str, value: float) -> None:
 
 
 WORLD_INTERVAL = 0.02
-"""Seconds of simulated time until a function that waits for the thread of the simulated world is called."""
+"""Seconds of simulated time between two runs of the queue of the simulation thread."""
 
 HALT_TIMEOUT = 5.0
-"""Seconds that a run has to end that was told to; then it gets a SIGTERM, which its watchdog hears as well."""
+"""Seconds that a run has to end after a request; then SIGTERM follows, which its watchdog handles too."""
 
-UNKNOWN_USER = "somebody"
+UNKNOWN_USER = "an unknown user"
 
 
 class CommandHandler:
-    """Does what the client of a ``key`` commands, and returns what is answered. Raises BadMessage. For one thread."""
+    """Executes the commands of clients and returns the results. Raises BadMessage. Not thread-safe."""
 
     def __init__(self, runner: Runner, wheels: WheelArbiter, clock: Clock) -> None:
         self._runner, self._tuning = runner, TunableValues(runner.config, runner.assembled_robot.devices)
@@ -167,10 +167,10 @@ class CommandHandler:
         self._executive, self._latch, self._wheels, self._clock = runner.executive, runner.latch, wheels, clock
         self._stream = runner.stream
         self.kill_at = inf
-        """When a run that was to end, and does not, gets a signal."""
+        """Time at which a run that should have ended is sent SIGTERM."""
 
     def execute(self, client: object, command: ClientCommand) -> Mapping[str, object] | None:
-        """Do a command."""
+        """Execute the command of ``client``, any hashable key, and return the result for its answer."""
         match command:
             case StopCommand():
                 return self._stop(command)
@@ -194,7 +194,7 @@ class CommandHandler:
         return None
 
     def _fault_injector(self) -> Any:
-        """Return the plug-in's part that injects faults, imported for the first one. Raises BadMessage without it."""
+        """Return the fault injector of the plug-in, imported on first use. Raises BadMessage if it is not installed."""
         if self._faults is None:
             faults = service("faults")
             if faults is None:
@@ -203,12 +203,12 @@ class CommandHandler:
         return self._faults
 
     def _run_world_queue(self) -> None:
-        """Call the functions that wait for the thread of the simulated world."""
+        """Call the functions that are queued for the simulation thread."""
         while not self._world_queue.empty():
             self._world_queue.get_nowait()()
 
     def _stop(self, command: StopCommand) -> Mapping[str, object]:
-        """Latch all, and return which parts have been told, and which are missing: they may move on."""
+        """Latch all parts; return the confirmed ones, and the missing ones, which may still move."""
         parts = self._latch.stop(command.by or UNKNOWN_USER, command.press)
         self._wheels.stop()
         missing = [part for part in self._latch.parts if part not in parts]
@@ -233,14 +233,14 @@ class CommandHandler:
                 executive.stop(f"halted by {command.by or UNKNOWN_USER}")
                 self.kill_at = self._clock.now() + HALT_TIMEOUT
             case _:
-                raise BadMessage("unknown_command", f"a run does not know '{command.word}'")
+                raise BadMessage("unknown_command", f"unknown command for a run: '{command.word}'")
 
     def _release_error(self) -> BadMessage:
-        """Return why a release does nothing: another stop came since, or nothing is stopped."""
+        """Return the error of a release without effect: another stop followed, or nothing is stopped."""
         if self._latch.reason:
-            return BadMessage("not_stopped", f"not released: it was {self._latch.reason} once more", "release it again")
+            return BadMessage("not_stopped", f"not released: it was {self._latch.reason} again", "release it again")
         hint = "mission stop --resume  (it is paused)" if self._executive.paused else ""
-        return BadMessage("not_stopped", "it is not stopped, so there is nothing to release", hint)
+        return BadMessage("not_stopped", "not stopped: nothing to release", hint)
 
     def _move_by_hand(self, client: object, command: DriveCommand | LookCommand) -> None:
         self._require_released()
@@ -252,16 +252,17 @@ class CommandHandler:
         self._wheels.look(client, command)
 
     def _tune(self, command: TuneCommand) -> Mapping[str, object]:
-        """Change a value of the robot, and have that in the log and the record of the run."""
+        """Change a value of the robot, and log the change in the record of the run."""
         told = self._tuning.tune(command.name, command.value)
         text = f"{command.by or UNKNOWN_USER} has tuned {describe_tuning(told)}"
         self._stream.emit(Logged(self._executive.time(), "info", text))
         return told
 
     def kill_if_overdue(self, now: float) -> None:
-        """Send a run that does not end the signal by which even one that hangs does.
+        """Send SIGTERM to a run that did not end in time.
 
-        A program of a user's own that has not taken that signal would die of it as it is, its robot open.
+        If the signal has its default handler, as in a user's own program, it is not sent: it would end the process with
+        the robot still open.
         """
         if now >= self.kill_at:
             self.kill_at = inf
@@ -269,7 +270,7 @@ class CommandHandler:
                 os.kill(os.getpid(), signal.SIGTERM)
 
     def status(self) -> Mapping[str, object]:
-        """Return what clients are told of all this."""
+        """Return the stop and drive status for the state message."""
         stopped = {"stops": self._latch.stop_count, "stopped": self._latch.reason}
         driving = {"driver": self._wheels.driver, "asking": self._wheels.waiting_names}
         return {**stopped, **driving, "stamp": self._wheels.stamp(), "round_trip": round(self._wheels.round_trip, 3)}

@@ -1,7 +1,7 @@
-"""What a client may ask of a run, over the studio or over the run's own control socket.
+"""Commands of clients to a run, over the studio or over the control socket of the run.
 
-A command is a JSON object ``{"do": word, "id": number, ...}``. It is answered with the same ``id``; one without an id
-is answered only where something is wrong with it.
+A command is a JSON object ``{"do": word, "id": number, ...}``. Its answer has the same ``id``; a command without an id
+is answered only if it has an error.
 """
 
 import re
@@ -14,39 +14,39 @@ from drivers.api.fast_dataclass import dataclass
 from missions.codec import MAX_INTEGER, Bound, CodecError, Rules, UnknownTagError, decode_tagged, parse
 
 COMMAND_KEY = "do"
-"""The member that has the word of a command."""
+"""JSON key of the command word."""
 
 MAX_COMMAND_BYTES = 64 * 1024
-"""Bytes of a command, at most."""
+"""Maximum length of a command."""
 
 CODEC_RULES = Rules(
     max_text=4096,
     max_members=256,
     max_number=MAX_INTEGER,
     is_text=lambda text: "\0" not in text and not any("\ud800" <= letter <= "\udfff" for letter in text),
-    text="a text without NUL, and without halves of letters",
+    text="a text without NUL and without surrogates",
     omit_none=True,
 )
-"""How commands and messages are written and read: each text can be written to a file and stand on a command line."""
+"""Codec rules of commands and messages; each text can be written to a file and used on a command line."""
 
 Role = Literal["viewer", "operator"]
-"""Who may: a viewer sees, and stops; an operator does all."""
+"""Permissions of a client: a viewer can watch and stop; an operator can do everything."""
 
-RunName = Annotated[str, "Which run, as `runs` names it.", Bound(high=64)]
-CommandId = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)]
+RunName = Annotated[str, "Name of the run, as in `runs`.", Bound(high=64)]
+CommandId = Annotated[int | None, "Repeated in the answer.", Bound(-(2**53), 2**53)]
 CommandNumber = Annotated[
-    int, "Counts the commands of this driver, upwards; at one not higher than the last the base stops.", Bound(0, 2**53)
+    int, "Increasing number of the driver's commands; one that is not above the last stops the base.", Bound(0, 2**53)
 ]
 StateStamp = Annotated[
     int,
-    "The `stamp` of the newest `state` that the driver has seen; the base obeys for 0.5 s from that.",
+    "The `stamp` of the newest `state` that the driver has received; the command is valid for 0.5 s after it.",
     Bound(0, 2**53),
 ]
 SHARE_BOUND = Bound(-1.0, 1.0)
 
 
 class BadMessage(ValueError):
-    """A message that is not a command, or that cannot be obeyed; ``error`` is its name in answers."""
+    """A message that is not a valid command, or cannot be executed; ``error`` is its name in answers."""
 
     def __init__(self, error: str, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -58,7 +58,7 @@ class BadMessage(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientCommand:
-    """A command. ``role`` is the least that one must be to give it."""
+    """Base of all commands; ``role`` is the minimum permission."""
 
     word: ClassVar[str] = ""
     role: ClassVar[Role] = "operator"
@@ -67,64 +67,64 @@ class ClientCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand(ClientCommand):
-    """A command that a run answers."""
+    """A command to a run."""
 
     run: RunName = ""
-    by: Annotated[str, "Who asks: the studio puts in the client's name, whatever stands here.", Bound(high=60)] = ""
+    by: Annotated[str, "Name of the user; the studio replaces it by the client's name.", Bound(high=60)] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchCommand(RunCommand):
-    """Tell what happens in a run from now on, instead of what was watched of it before; nothing, to watch no more.
+    """Subscribe to a run, instead of an earlier subscription; with all options off, unsubscribe.
 
-    The first message is a `scene` with all that is so far.
+    The first message is a `scene` with the complete state.
     """
 
     word: ClassVar[str] = "watch"
     role: ClassVar[Role] = "viewer"
-    state: Annotated[bool, "Whether `state` comes."] = True
-    events: Annotated[bool, "Whether `events` come: all of them, as `mission run --events` writes them."] = False
-    pictures: Annotated[float, "So many `picture`s a second at most.", Bound(0.0, 30.0)] = 0.0
+    state: Annotated[bool, "Subscribe to `state`."] = True
+    events: Annotated[bool, "Subscribe to `events`: all events, as in `mission run --events`."] = False
+    pictures: Annotated[float, "Maximum `picture`s per second.", Bound(0.0, 30.0)] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureShownCommand(RunCommand):
-    """The picture of this time has been shown: while two are on their way, no third one comes."""
+    """Confirm that the picture of this time was shown; at most two unconfirmed pictures are sent."""
 
     word: ClassVar[str] = "seen"
     role: ClassVar[Role] = "viewer"
-    t: Annotated[float, "That of the picture."]
+    t: Annotated[float, "The `t` of the picture."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopCommand(RunCommand):
-    """Latch every actuator still and pause the mission, until `release`. Without a run, all runs of this machine."""
+    """Latch every actuator and pause the mission until `release`. Without a run, stop all runs of this machine."""
 
     word: ClassVar[str] = "stop"
     role: ClassVar[Role] = "viewer"
     press: Annotated[
-        str, "Any text, another one at each press: sent again, or by two ways, it counts once.", Bound(high=60)
+        str, "A text that is unique to a press, so that it counts once if it arrives twice.", Bound(high=60)
     ] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleaseCommand(RunCommand):
-    """End a latched stop. The mission stays paused until `resume`."""
+    """Release a latched stop. The mission stays paused until `resume`."""
 
     word: ClassVar[str] = "release"
-    stop: Annotated[int, "Which stop, as `state` counts them in `stops`: not one that nobody has seen."]
+    stop: Annotated[int, "Number of the stop, as in `stops` of `state`, so that a later stop is not released."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PauseCommand(RunCommand):
-    """Tick no more; the mission keeps its place, and its actuators hold still."""
+    """Pause ticking; the mission keeps its state, and its actuators hold still."""
 
     word: ClassVar[str] = "pause"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResumeCommand(RunCommand):
-    """Go on after `pause`; not while a stop is latched."""
+    """Continue after `pause`; refused while a stop is latched."""
 
     word: ClassVar[str] = "resume"
 
@@ -138,24 +138,24 @@ class StepCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HaltCommand(RunCommand):
-    """End the mission: its behaviours halt, the robot comes to rest, and the run is over."""
+    """End the mission: its behaviours halt, the robot comes to rest, and the run ends."""
 
     word: ClassVar[str] = "halt"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InjectFaultCommand(RunCommand):
-    """Let something go wrong with a run in simulated time, in the words of test files: `camera frozen for 2 s`."""
+    """Inject a fault into a run in simulated time, in the words of test files: `camera frozen for 2 s`."""
 
     word: ClassVar[str] = "fault"
-    what: Annotated[str, "What goes wrong, and for how long; for good where nothing is said.", Bound(high=200)]
+    what: Annotated[str, "The fault and its duration; permanent without a duration.", Bound(high=200)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListFaultsCommand(RunCommand):
-    """Answer with `examples` of what can go wrong, in the words that `fault` takes; none but in simulated time.
+    """Return `examples` of faults for `fault`; empty unless the run is in simulated time.
 
-    `command` is then what to type for the same run in simulated time.
+    `command` is then the command line for the same run in simulated time.
     """
 
     word: ClassVar[str] = "faults"
@@ -164,7 +164,7 @@ class ListFaultsCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListTuningCommand(RunCommand):
-    """Answer with what of the robot may be changed while it runs, and how it is: trims, speeds, limits of joints."""
+    """Return the values of the robot that can be changed in the run: trims, speeds, limits of joints."""
 
     word: ClassVar[str] = "tuning"
     role: ClassVar[Role] = "viewer"
@@ -172,48 +172,48 @@ class ListTuningCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneCommand(RunCommand):
-    """Change one of these until the run ends, within what the robot file lets; joints obey from their next goal on."""
+    """Change one of these values until the run ends, within the robot file; joints apply it from their next goal on."""
 
     word: ClassVar[str] = "tune"
-    name: Annotated[str, "As `tuning` names it: `head.pan.trim`.", Bound(high=200)]
+    name: Annotated[str, "Name of the value, as in `tuning`: `head.pan.trim`.", Bound(high=200)]
     value: Annotated[float, "In SI units and radians.", Bound(-1e6, 1e6)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeWheelsCommand(RunCommand):
-    """Take the wheels; where another driver has them, ask that one for them."""
+    """Take control of the wheels; if another driver has it, request it from that driver."""
 
     word: ClassVar[str] = "take"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GiveWheelsCommand(RunCommand):
-    """Let go of the wheels, or ask for them no more. They go to who has asked for them first."""
+    """Give up control of the wheels, or withdraw the request. Control goes to the first client that requested it."""
 
     word: ClassVar[str] = "give"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveCommand(RunCommand):
-    """Drive for 0.3 s, at most until 0.5 s after the state of its `stamp`, with the wheels. Both 0: stand still."""
+    """Drive for 0.3 s, at most until 0.5 s after the state of `stamp`, with control of the wheels. Both 0: stop."""
 
     word: ClassVar[str] = "drive"
     n: CommandNumber
     stamp: StateStamp
-    ahead: Annotated[float, "The share of the speed, positive ahead.", SHARE_BOUND]
-    left: Annotated[float, "The share of the turn rate, positive to the left.", SHARE_BOUND]
-    pace: Annotated[float, "The share of the robot's limits that a share of 1 is.", Bound(0.05, 1.0)] = 0.5
+    ahead: Annotated[float, "Share of the speed, positive forward.", SHARE_BOUND]
+    left: Annotated[float, "Share of the turn rate, positive to the left.", SHARE_BOUND]
+    pace: Annotated[float, "Share of the robot's limits for an input of 1.", Bound(0.05, 1.0)] = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookCommand(RunCommand):
-    """Turn the head on, if one has the wheels, the state is as young as for `drive`, and the mission moves no head."""
+    """Turn the head, under the conditions of `drive`, if the mission does not move the head."""
 
     word: ClassVar[str] = "look"
     n: CommandNumber
     stamp: StateStamp
-    left: Annotated[float, "The share of 60 deg/s by which the head turns, positive to the left.", SHARE_BOUND]
-    down: Annotated[float, "The same downwards.", SHARE_BOUND]
+    left: Annotated[float, "Share of the turn rate 60 deg/s, positive to the left.", SHARE_BOUND]
+    down: Annotated[float, "Share of the turn rate 60 deg/s, positive down.", SHARE_BOUND]
 
 
 # The commands that a run answers, and how a command is read.
@@ -239,13 +239,13 @@ RUN_COMMANDS: Mapping[str, type[ClientCommand]] = {
         LookCommand,
     )
 }
-"""Every command that a run answers, by its word."""
+"""Commands that a run executes, by word."""
 
 MAX_REFUSED_BYTES = 2 * MAX_COMMAND_BYTES
-"""Bytes of a message that is received at most: one longer than ``MAX_COMMAND_BYTES`` is refused, by its id if it has one."""
+"""Maximum bytes received of one message; one over ``MAX_COMMAND_BYTES`` is refused with its id."""
 
 MAX_ID_TOKENS = 4096
-"""Brackets and texts of a message that is not JSON among which its id is looked for."""
+"""Maximum number of tokens searched for the id of a message that is not JSON."""
 
 _MAX_ID = 2**53
 # A text always matches to its end, and is never tried again from a shorter one: else a long one takes minutes.
@@ -254,7 +254,7 @@ _ID_VALUE = re.compile(r"\s*:\s*(-?\d{1,16})\s*(?:[,}]|$)")
 
 
 def find_id(message: str | bytes) -> int | None:
-    """Return the id of a command that is refused, however malformed it is otherwise; None where it has none."""
+    """Return the id of a refused command, even if it is malformed; None if it has none."""
     text = message if isinstance(message, str) else message.decode("utf-8", "replace")
     try:
         data = parse_json(text)
@@ -280,7 +280,7 @@ def _find_id_in_malformed(text: str) -> int | None:
 
 
 def read_command(line: str | bytes, *, commands: Mapping[str, type[ClientCommand]] = RUN_COMMANDS) -> ClientCommand:
-    """Return the command in a message. Raises BadMessage that names what is wrong with it."""
+    """Return the command in a message. Raises BadMessage with the error."""
     if len(line) > MAX_COMMAND_BYTES:
         raise BadMessage("too_large", f"a command has at most {MAX_COMMAND_BYTES} bytes, this one {len(line)}")
     try:

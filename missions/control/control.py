@@ -1,7 +1,6 @@
-"""The control socket of a run: whoever may use it watches, drives, pauses, ends and stops the run.
+"""Control socket of a run: clients of the same user watch, drive, pause, end and stop the run.
 
-It is served by a thread of its own: what the tick does, and what clients do or leave undone, does not matter to it, nor
-does it to them. A stop goes from here straight to the drivers.
+It has its own thread, so neither slow ticks nor slow clients affect it. A stop goes straight to the drivers.
 """
 
 import errno
@@ -55,21 +54,21 @@ from missions.runner import Runner
 # Where a run can be stopped: its listening sockets, and the notes that name them, looked after while it goes on.
 
 CHECK_INTERVAL = 1.0
-"""Seconds from one look whether the sockets can be reached to the next."""
+"""Seconds between two checks that the sockets can be reached."""
 
 ACCEPT_PAUSE = 0.1
-"""Seconds for which nobody is let in where the process has no descriptor left for one more."""
+"""Seconds without accepting connections when the process has no free file descriptor."""
 
 LISTENER_KEY = object()
-"""The data of the sockets among all that the selector waits for."""
+"""Selector data of the listening sockets."""
 
 BUSY_ERRNOS = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN}
-"""Errors of a connection that say nothing of the socket: this process has no descriptor left, or many ask at once."""
+"""Errors of a connection that do not mean a broken socket: no free descriptor, or many clients at once."""
 
 
 @dataclass(slots=True)
 class ListeningSocket:
-    """A socket that listens at an ``address``; of a file, ``inode`` tells it from one that was put in its place."""
+    """A listening socket at an ``address``; ``inode`` detects that the socket file was replaced."""
 
     address: sockets.Address
     socket: socket.socket
@@ -77,15 +76,15 @@ class ListeningSocket:
 
 
 class Endpoint:
-    """The sockets and notes of a run, for one thread, which waits for ``selector``: its key has the data ``LISTENER_KEY``.
+    """Listening sockets and notes of a run, checked and repaired by one thread with a ``selector``.
 
-    ``trouble`` says why no stop can reach the run; empty where one can.
+    ``trouble`` is the reason if no stop can reach the run; empty otherwise.
     """
 
     def __init__(self, selector: selectors.BaseSelector, run_info: RunMessage) -> None:
         self.trouble = ""
         self.due = 0.0
-        """When something is to be done, in seconds of the clock whose time ``run_due_checks`` is given."""
+        """Time of the next check, in seconds of the clock of ``run_due_checks``."""
         self._selector, self._run_info = selector, run_info
         self._notes: RunNotes | None = None
         self._file: ListeningSocket | None = None
@@ -99,11 +98,11 @@ class Endpoint:
 
     @property
     def listeners(self) -> list[socket.socket]:
-        """Those that there are now."""
+        """The present listening sockets."""
         return [each.socket for each in (self._file, self._abstract) if each is not None]
 
     def run_due_checks(self, now: float) -> None:
-        """Look after sockets and notes, if it is time; and let people in again after a rest."""
+        """Check sockets and notes if due, and accept connections again after a pause."""
         if now < self.due:
             return
         if now >= self._check_at:
@@ -119,12 +118,12 @@ class Endpoint:
             self._selector.register(each, selectors.EVENT_READ, LISTENER_KEY)
 
     def pause_accepting(self, listener: socket.socket, now: float) -> None:
-        """Let nobody in for a moment."""
+        """Accept no connections for ``ACCEPT_PAUSE`` seconds."""
         self._selector.unregister(listener)
         self.due = min(self.due, now + ACCEPT_PAUSE)
 
     def check(self) -> None:
-        """Listen where no socket can be reached, or not any more, and write the notes that are missing."""
+        """Reopen sockets that cannot be reached, and write missing notes."""
         self._errors = []
         self._probes.clear()
         self._file = self._keep_reachable(self._file) or self._listen_in_folder()
@@ -134,7 +133,7 @@ class Endpoint:
         self.trouble = "" if found and noted else "; ".join(self._errors)
 
     def is_probe(self, peer: object) -> bool:
-        """Return whether a connection that has come from there is this endpoint's own look at itself."""
+        """Return whether a connection from ``peer`` is this endpoint's own probe."""
         return peer in self._probes
 
     def close(self) -> None:
@@ -154,7 +153,7 @@ class Endpoint:
             self._name_descriptor = None
 
     def _listen_in_folder(self) -> ListeningSocket | None:
-        """Listen in the first folder that can be used."""
+        """Listen in the first usable folder; None if there is none."""
         for place in run_folders(seconds=self._folder_timeout):
             if place.is_own:
                 path = place.folder / f"{self._run_info.run}{sockets.SOCKET_SUFFIX}"
@@ -179,7 +178,7 @@ class Endpoint:
         return ListeningSocket(name.address, found)
 
     def _write_notes(self, listening: list[str]) -> bool:
-        """Leave notes of the sockets; return whether there is one."""
+        """Write the notes with the addresses; return whether one exists."""
         try:
             if self._notes is None:
                 about = self._run_info
@@ -191,7 +190,7 @@ class Endpoint:
         return True
 
     def _keep_reachable(self, listener: ListeningSocket | None) -> ListeningSocket | None:
-        """Return a listener that can be reached; else close it."""
+        """Return a listener that can be reached; otherwise close it and return None."""
         if listener is None or self._is_reachable(listener):
             return listener
         with suppress(OSError):  # something else may have closed it
@@ -199,7 +198,7 @@ class Endpoint:
         return None
 
     def _is_reachable(self, listener: ListeningSocket) -> bool:
-        """Return whether who connects to the address of a listener reaches it, as far as that can be seen now."""
+        """Return whether a connection to the address reaches this listener, as far as this can be known now."""
         try:
             if isinstance(listener.address, str):
                 self._probe(listener)
@@ -212,7 +211,7 @@ class Endpoint:
         return True
 
     def _probe(self, listener: ListeningSocket) -> None:
-        """Connect to the address of a listener. Raises OSError where another socket is there, or none."""
+        """Connect to the address of a listener. Raises OSError if another socket, or none, is there."""
         if isinstance(listener.address, Path) and listener.address.stat().st_ino != listener.inode:
             raise FileNotFoundError(f"{listener.address} is another one")
         with socket.socket(socket.AF_UNIX) as probe, sockets.bindable_address(listener.address) as target:
@@ -231,7 +230,7 @@ def _listen(place: RunFolder, path: Path) -> ListeningSocket:
 
 
 def _inode(path: Path) -> int:
-    """Return the inode at a path; 0 where there is none, or its folder hangs."""
+    """Return the inode of a path; 0 if it does not exist or its folder hangs."""
     try:
         return call_with_timeout(path.parent, path.stat).st_ino
     except OSError:
@@ -239,17 +238,16 @@ def _inode(path: Path) -> int:
 
 
 FAREWELL_TIMEOUT = 0.5
-"""Seconds that clients have, in the end, to hear the last."""
+"""Seconds for sending the last messages when the run ends."""
 
 MAX_CLIENTS = 64
-"""Connections at once; for one more, one that is idle is hung up on."""
+"""Connections at once; a further one replaces an idle one."""
 
 
 class ControlSocket:
-    """Serves the control socket of a ``runner`` while it is entered, and listens to its events.
+    """Context manager that serves the control socket of a ``runner``, and listener to its events.
 
-    What goes wrong with the socket itself is in ``trouble``; ``require_stop``
-    raises it for a run that would move a robot.
+    ``trouble`` is the reason if the socket cannot be used; ``require_stop`` raises it for a run that moves a robot.
     """
 
     def __init__(self, runner: Runner, *, clock: Clock | None = None) -> None:
@@ -285,7 +283,7 @@ class ControlSocket:
         runner.stream.listeners.append(self)
 
     def __call__(self, event: Event) -> None:
-        """Keep an event of the run."""
+        """Forward an event of the run to the clients."""
         self.feed(event)
 
     def __enter__(self) -> Self:
@@ -314,13 +312,13 @@ class ControlSocket:
 
     @property
     def trouble(self) -> str:
-        """Why no stop can reach the run; empty where one can."""
+        """Reason why no stop can reach the run; empty otherwise."""
         return self._endpoint.trouble
 
     def require_stop(self, override: str) -> None:
-        """Raise NoStop where the run would move a robot and no stop can reach it, unless the user allows that.
+        """Raise NoStop if the run would move a robot, no stop can reach it, and the user did not allow that.
 
-        ``allowed`` is what to type for that.
+        ``override`` is the option that allows it, for the message.
         """
         order = self._runner.request
         if self.trouble and not order.without_stop:
@@ -359,15 +357,15 @@ class ControlSocket:
             self._drop(client)
 
     def _run_guarded(self, work: Callable[[], None]) -> None:
-        """Do something; whatever a driver raises meanwhile, the socket serves on."""
+        """Call ``work``; log an exception, so that the socket stays in service."""
         try:
             work()
         except Exception:
             self._broadcaster.due = self._clock.now() + IDLE_STATE_INTERVAL
-            log.exception("the control socket stumbled")
+            log.exception("error in the control socket")
 
     def _serve_once(self, seconds: float) -> None:
-        """Wait so long for something to happen, and do what is due."""
+        """Wait up to ``seconds`` for input, then do all due work."""
         for key, mask in self._selector.select(None if seconds == float("inf") else seconds):
             if key.data is LISTENER_KEY and isinstance(key.fileobj, socket.socket):
                 self._accept(key.fileobj)
@@ -387,7 +385,7 @@ class ControlSocket:
         self._update_registrations()
 
     def _update_registrations(self) -> None:
-        """Drop those who have gone, and wait for those who could not take all that there is."""
+        """Drop disconnected clients, and wait for writability of clients with unsent data."""
         for client in list(self._clients):
             if client.is_disconnected:
                 self._drop(client)
@@ -397,7 +395,7 @@ class ControlSocket:
                     self._selector.modify(client.connection, events, client)
 
     def _drain_waker(self) -> None:
-        """Something has happened: it is to be told."""
+        """Empty the wake pipe, and schedule a state."""
         with suppress(OSError):
             while self._waker.recv(4096):
                 pass
@@ -422,7 +420,7 @@ class ControlSocket:
         client.send_message(self._run_message())
 
     def _drop_idle_client(self) -> bool:
-        """Hang up on the oldest client that neither watches nor drives: the next one may be somebody with a stop."""
+        """Disconnect the oldest client that neither watches nor drives, to make room for a stop."""
         idle = (each for each in self._clients if each.watch == WATCH_NOTHING and not self._wheels.is_participant(each))
         found = next(idle, None)
         if found is not None:
@@ -430,7 +428,7 @@ class ControlSocket:
         return found is not None
 
     def _drop(self, client: ControlClient) -> None:
-        """A client has gone: where it drove, the base stops now."""
+        """Disconnect a client; if it was driving, the base stops at once."""
         self._clients.remove(client)
         self._wheels.give(client)
         self._selector.unregister(client.connection)
@@ -444,7 +442,7 @@ class ControlSocket:
             self._wheels.give(client)  # at once, before anything else is done
 
     def _handle_line(self, client: ControlClient, line: bytes) -> None:
-        """Do what a client asks for, and answer."""
+        """Execute the command of a client, and send the answer."""
         number: int | None = None
         try:
             command = read_command(line)

@@ -1,4 +1,4 @@
-"""Commands that hold a robot and are no runs: known to `mission stop`, which ends them by a signal."""
+"""Commands that hold a robot without being a run; `mission stop` finds them and ends them by a signal."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -12,25 +12,25 @@ from missions.control.notes import RunNotes, was_stopped_since
 from missions.control.processes import identity_of
 
 WITHOUT_STOP = "MISSION_WITHOUT_STOP"
-"""Environment variable: `yes` lets a robot move even if `mission stop` cannot reach the process that moves it."""
+"""Environment variable: `yes` lets a robot move even if `mission stop` cannot reach its process."""
 
 
 OWN_PROCESS = "alone"
-"""Object of the root context of a command whose process does nothing else."""
+"""Object of the root context of a command that has the process to itself."""
 
 
 class NoStop(DriverError):
-    """What would move a robot cannot be stopped from elsewhere, and nobody has said that this may be."""
+    """The robot would move without a way to stop it from elsewhere, and the user did not allow that."""
 
 
 class StoppedWhileLoading(DriverError):
-    """`mission stop` was typed after this command, which was not found then, since it was still loading."""
+    """`mission stop` was typed while this command was still loading, so the stop could not find it."""
 
 
 def require_not_stopped() -> None:
-    """Raise StoppedWhileLoading if all was stopped since this process began. Call this after its note is written.
+    """Raise StoppedWhileLoading if a stop came after this process started. Call it after writing the note.
 
-    Does nothing where the process is not the command's alone: a stop from before the call means others then.
+    Does nothing if the process is shared, since an earlier stop was then for other commands.
     """
     context = click.get_current_context(silent=True)
     process = identity_of(os.getpid())
@@ -44,9 +44,9 @@ def require_not_stopped() -> None:
 
 @contextmanager
 def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[RunNotes]:
-    """Have a command known while this is entered: by notes, and by an abstract socket. Raises OSError without either.
+    """Make a command visible to `mission stop`, by notes and an abstract socket. Raises OSError if both fail.
 
-    ``simulated`` is how its robot is simulated, empty for one that moves.
+    ``simulated`` is the kind of simulation, or empty for a real robot.
     """
     run = str(os.getpid())
     notes = RunNotes(run, name, robot, simulated, is_run=False)
@@ -70,7 +70,7 @@ def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[Run
 
 @contextmanager
 def _hold_process_name(*, simulated: bool) -> Iterator[None]:
-    """Have a command known by a file in memory while this is entered, if the kernel has those: one way of several."""
+    """Make a command visible by a memory file, if the kernel supports that."""
     with ExitStack() as closing:
         with suppress(OSError):
             name = abstract_sockets.make_name(str(os.getpid()), "command", simulated=simulated)
@@ -80,10 +80,10 @@ def _hold_process_name(*, simulated: bool) -> Iterator[None]:
 
 @contextmanager
 def hold_robot(robot: str, *, simulated: bool) -> Iterator[None]:
-    """Let ``mission stop`` end the command that is being done, by a SIGTERM, while it holds a robot.
+    """Let `mission stop` end the present command by SIGTERM while it holds a robot.
 
-    Enter it where that signal ends the command, and open the robot within: it is closed before the stop is told.
-    Raises NoStop where a robot would move that no stop reaches.
+    Enter it where SIGTERM ends the command, and open the robot inside: the robot is closed before the stop is printed.
+    Raises NoStop if a real robot would move that no stop can reach.
     """
     name = _command_name()
     by: list[str] = []
@@ -106,27 +106,27 @@ def hold_robot(robot: str, *, simulated: bool) -> Iterator[None]:
 
 
 def require_stop(trouble: str, *, simulated: bool, override: str = f"{WITHOUT_STOP}=yes") -> None:
-    """Raise NoStop if a robot would move that no stop reaches, unless the user allows that: with `yes` alone.
+    """Raise NoStop if a real robot would move that no stop can reach, unless the environment variable is `yes`.
 
-    ``allowed`` is what to type for that.
+    ``override`` is the hint that allows it.
     """
     value = os.environ.get(WITHOUT_STOP, "").strip()
     if not simulated and value.lower() not in ("", "no", "yes"):
         raise NoStop(f"{trouble}; {WITHOUT_STOP}={value} is neither yes nor no", hint=f"{WITHOUT_STOP}=yes, or =no")
     if not simulated and value.lower() != "yes":
         what = f"{trouble}: `mission stop` could not stop this, so no robot is moved"
-        hint = f"XDG_STATE_HOME=FOLDER that can be written; or, with a hand at the robot's own switch: {override}"
+        hint = f"set XDG_STATE_HOME to a writable folder; or, with a hand on the robot's own switch: {override}"
         raise NoStop(what, hint=hint)
 
 
 def _print_stop(name: str, robot: str, by: Sequence[str]) -> None:
-    """Say who stopped a command, if somebody did, once its robot is closed and its note is gone."""
+    """Print who stopped a command, after its robot is closed and its note removed."""
     if by:
         click.echo(f"mission {name}: stopped by {by[0]}; {robot} was brought to rest", err=True)
 
 
 def _command_name() -> str:
-    """Return the command that is being done, such as "head look"."""
+    """Return the name of the present command, such as "head look"."""
     context, words = click.get_current_context(), list[str]()
     while context.parent is not None:
         words.insert(0, context.info_name or "")

@@ -1,4 +1,4 @@
-"""What a client is told: answers to its commands, and what happens in the runs that it watches."""
+"""Messages to clients: answers to their commands, and states and events of the runs that they watch."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -10,76 +10,76 @@ from missions.codec import encode_tagged
 from missions.control.commands import CODEC_RULES, Role
 
 MESSAGE_KEY = "say"
-"""The member that has the word of a message."""
+"""JSON key of the message word."""
 
 PROTOCOL_VERSION = 2
-"""The number of the protocol: it grows when a client of before would go wrong."""
+"""Version of the protocol; increased if older clients would fail."""
 
 ERRORS: Mapping[str, str] = {
-    "no_json": "The message is no JSON object.",
+    "no_json": "The message is not a JSON object.",
     "too_large": "The message is longer than 64 KiB.",
-    "unknown_command": "There is no such command.",
-    "bad_field": "A member is missing, unknown, of another type, or out of its bounds.",
-    "hello_first": "The first command of a connection is `hello`.",
-    "old_page": "The page is of another version than the studio: reload it.",
-    "not_allowed": "A viewer may not do this.",
-    "too_many": "More commands than 100 a second, or too many that are not answered yet.",
-    "no_such_run": "There is no such run, or not any more.",
-    "no_answer": "The run does not answer. After a `stop`, the answer says whether a signal was sent that ends it.",
+    "unknown_command": "Unknown command.",
+    "bad_field": "A member is missing, unknown, of a wrong type, or out of range.",
+    "hello_first": "The first command of a connection must be `hello`.",
+    "old_page": "The page has another version than the studio: reload it.",
+    "not_allowed": "A viewer is not permitted to do this.",
+    "too_many": "More than 100 commands per second, or too many unanswered ones.",
+    "no_such_run": "The run does not exist, or has ended.",
+    "no_answer": "No reply from the run. After a `stop`, the answer says whether it was ended by a signal.",
     "no_base": "The run has no base to drive, or no head to turn.",
-    "no_wheels": "Somebody else drives, or nobody has taken the wheels.",
-    "unsupported": "This run cannot have what is to go wrong: only one in simulated time can, with the parts it uses.",
-    "stale": "The state behind the command is older than 0.5 s, or not one of this run: the base stops at once.",
-    "let_go": "The base has stopped as commands or states were late: stand still once (both 0), then drive again.",
-    "out_of_order": "Its number is not higher than that of the last, or its state is an older one: the base stops.",
+    "no_wheels": "Another client drives, or no client has the wheels.",
+    "unsupported": "The run does not support this fault: it needs simulated time, and the part.",
+    "stale": "The state behind the command is older than 0.5 s, or of another run: the base stops at once.",
+    "let_go": "The base has stopped because commands or states were late: send zero once, then drive again.",
+    "out_of_order": "The number or the state is not newer than that of the last command: the base stops.",
     "stopped": "A stop is latched: release it first.",
-    "not_stopped": "No such stop is latched.",
+    "not_stopped": "This stop is not latched.",
     "busy": "The mission itself moves the head: pause it first.",
-    "device": "A part of the robot refuses, or is not there.",
-    "not_sure": "The robot moves: say `sure` once somebody has looked.",
-    "cannot_start": "The run has not begun: the command line's own words say why.",
-    "bad_file": "A mission, robot, world or param is wrong.",
-    "no_such_record": "There is no record of this name.",
+    "device": "A part of the robot refuses, or is disconnected.",
+    "not_sure": "The robot will move: send `sure` once a person has looked.",
+    "cannot_start": "The run has not started: the message is that of the command line.",
+    "bad_file": "A mission, robot, world or param has an error.",
+    "no_such_record": "Unknown record.",
     "bad_record": "The record cannot be read.",
-    "no_person": "Nobody was added: the pictures do not show one face each, or the name is none.",
+    "no_person": "No person was added: the name is invalid, or a picture does not show exactly one face.",
     "bad_task": "The task cannot be added, moved or cancelled.",
-    "no_fleet": "This computer is in no fleet, or that cannot be reached.",
-    "fault": "A fault of the studio itself.",
+    "no_fleet": "This computer is not in a fleet, or the fleet cannot be reached.",
+    "fault": "Internal error of the studio.",
 }
-"""Every error that an answer may name."""
+"""Errors that an answer can have."""
 
-RunId = Annotated[str, "Which run."]
+RunId = Annotated[str, "Name of the run."]
 RunSeconds = Annotated[float, "Seconds from the start of the run."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnswerMessage:
-    """The answer to a command. Where it is not `ok`, `error` is its name, for programs, and `message` is for people."""
+    """Answer to a command. If `ok` is false, `error` is the name for programs, and `message` the text for people."""
 
     word: ClassVar[str] = "answer"
-    id: Annotated[int | None, "That of the command."] = None
+    id: Annotated[int | None, "The id of the command."] = None
     ok: bool
-    result: Annotated[Mapping[str, object] | None, "What was asked for."] = None
-    error: Annotated[str | None, "Its name, see the table of errors."] = None
-    message: Annotated[str | None, "What is wrong, in words."] = None
-    hint: Annotated[str | None, "What to try."] = None
+    result: Annotated[Mapping[str, object] | None, "Result of the command."] = None
+    error: Annotated[str | None, "Name of the error, see the table of errors."] = None
+    message: Annotated[str | None, "Text of the error."] = None
+    hint: Annotated[str | None, "Suggestion."] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WelcomeMessage:
-    """The first message, after `hello`."""
+    """First message after `hello`."""
 
     word: ClassVar[str] = "welcome"
-    version: Annotated[int, "Of the protocol."]
-    page: Annotated[str, "The version of the page that is served now."]
+    version: Annotated[int, "Version of the protocol."]
+    page: Annotated[str, "Version of the present page."]
     role: Role
-    name: Annotated[str, "What the others see of this client."]
-    release: Annotated[str, "The version of MissionTree."]
+    name: Annotated[str, "Name of this client for others."]
+    release: Annotated[str, "Version of MissionTree."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunMessage:
-    """What a run is: the first message of its control socket, and again when it is stopped or released.
+    """Description of a run: the first message of its control socket, sent again after each stop and release.
 
     The studio's clients get it in `runs`.
     """
@@ -89,7 +89,7 @@ class RunMessage:
     pid: int
     mission: str
     robot: str
-    simulated: Annotated[Literal["", "wire", "fast"], "Empty for a robot that moves."]
+    simulated: Annotated[Literal["", "wire", "fast"], "Kind of simulation; empty for a real robot."]
     began: Annotated[float, "Time of day (Unix)."]
     stops: Annotated[int, "As in `state`."] = 0
     stopped: Annotated[str, "As in `state`."] = ""
@@ -97,85 +97,85 @@ class RunMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunsMessage:
-    """The runs of this machine, whenever that changes: each as a `run`. One that cannot be reached has `trouble`."""
+    """The runs of this machine, after each change: each as a `run`. A run that cannot be reached has `trouble`."""
 
     word: ClassVar[str] = "runs"
-    runs: Annotated[Sequence[Mapping[str, object]], "The newest first."]
+    runs: Annotated[Sequence[Mapping[str, object]], "Newest first."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneMessage:
-    """All that is so of a run, as it begins to be watched."""
+    """The complete state of a run, at the start of a subscription."""
 
     word: ClassVar[str] = "scene"
     run: RunId
     mission: str
     robot: str
-    file: Annotated[str, "Of the mission."]
-    params: Annotated[Mapping[str, str], "All of them, as texts."]
-    simulated: Annotated[Literal["", "wire", "fast"], "Empty for a robot that moves."]
-    world: Annotated[str, "What a simulated robot stands in."]
-    drawing: Annotated[Mapping[str, object], "The tree, as `docs/tree.schema.json` describes it."]
+    file: Annotated[str, "File of the mission."]
+    params: Annotated[Mapping[str, str], "All params, as texts."]
+    simulated: Annotated[Literal["", "wire", "fast"], "Kind of simulation; empty for a real robot."]
+    world: Annotated[str, "World of a simulated robot."]
+    drawing: Annotated[Mapping[str, object], "The tree, in the form of `docs/tree.schema.json`."]
     first: Annotated[
-        Mapping[str, str], "What variables hold at the start, those of sub-missions too; by the names of `variables`."
+        Mapping[str, str], "Initial values of variables, also of sub-missions, by the names of `variables`."
     ]
-    parts: Annotated[Sequence[str], "The parts of the robot that the mission has to do with."]
-    limits: Annotated[Mapping[str, float] | None, "Of the base: `speed` (m/s), `turn` (rad/s)."] = None
-    state: Annotated[Mapping[str, object], "The same as of a `state`: here, all of it."]
-    log: Annotated[Sequence[Mapping[str, object]], "The last 500 events that are worth a line."]
-    way: Annotated[Sequence[Sequence[float]], "Where the base was until now: x, y (m), 2000 places at most."]
-    past: Annotated[Mapping[str, Sequence[Sequence[object]]], "Of each variable, up to 60 values: when (s), and what."]
+    parts: Annotated[Sequence[str], "Parts of the robot."]
+    limits: Annotated[Mapping[str, float] | None, "Limits of the base: `speed` (m/s), `turn` (rad/s)."] = None
+    state: Annotated[Mapping[str, object], "Complete state, with the members of a `state`."]
+    log: Annotated[Sequence[Mapping[str, object]], "The last 500 log lines."]
+    way: Annotated[Sequence[Sequence[float]], "Path of the base so far: x, y (m), 2000 points at most."]
+    past: Annotated[Mapping[str, Sequence[Sequence[object]]], "Up to 60 values of each variable: time (s) and value."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateMessage:
-    """What is new of a run, at most 20 times a second. What a slow client misses it hears in one, the newest of each.
+    """Changes of a run, at most 20 a second. A slow client gets several changes merged into one message.
 
-    What is not there has not changed.
+    A missing member has not changed.
     """
 
     word: ClassVar[str] = "state"
     run: RunId
     t: RunSeconds
-    tick: Annotated[int, "How many ticks there were."]
-    late: Annotated[float, "By how many seconds the last tick was too late."]
-    lates: Annotated[int, "How many ticks were too late."]
+    tick: Annotated[int, "Number of ticks."]
+    late: Annotated[float, "Delay of the last tick in seconds."]
+    lates: Annotated[int, "Number of late ticks."]
     paused: bool
-    stopping: Annotated[bool, "Whether the mission is being ended."]
-    stops: Annotated[int, "How many stops there were: the number of the last one."]
-    stopped: Annotated[str, "Who has latched the last stop; empty while none is."]
-    driver: Annotated[str, "Who has the wheels; empty for the mission."]
-    stamp: Annotated[int, "Drawn anew for each state: `drive` and `look` return the newest."]
-    round_trip: Annotated[float, "How old (s) the state behind the driver's last command was; 0 where there is none."]
-    asking: Annotated[Sequence[str], "Who asks for the wheels."]
-    changed: Annotated[
-        Mapping[str, Sequence[object]] | None, "By the key of a node: its status, its reason, and since when."
-    ] = None
-    visited: Annotated[Sequence[str] | None, "The way of the last tick: the keys of the nodes that it has visited."] = (
+    stopping: Annotated[bool, "True while the mission is being ended."]
+    stops: Annotated[int, "Number of stops so far, which is the number of the last one."]
+    stopped: Annotated[str, "Who has latched the last stop; empty after its release."]
+    driver: Annotated[str, "Name of the driver; empty for the mission."]
+    stamp: Annotated[int, "Random number of this state: `drive` and `look` repeat the newest."]
+    round_trip: Annotated[float, "Age (s) of the state behind the driver's last command; 0 without one."]
+    asking: Annotated[Sequence[str], "Names of the clients that request the wheels."]
+    changed: Annotated[Mapping[str, Sequence[object]] | None, "Status, reason and time of changed nodes, by key."] = (
         None
     )
-    variables: Annotated[Mapping[str, object] | None, "By their names: texts, and null for those that are gone."] = None
+    visited: Annotated[Sequence[str] | None, "Keys of the nodes that the last tick visited."] = None
+    variables: Annotated[
+        Mapping[str, object] | None, "Values of changed variables as texts, null for deleted ones."
+    ] = None
     parts: Annotated[
         Sequence[Mapping[str, object]] | None,
-        "How each is: `part`, `level` (OK, WARN, ERROR, STALE), `age`, `values`, `detail`, `hint`; twice a second",
+        "Status of each part: `part`, `level` (OK, WARN, ERROR, STALE), `age`, `values`, `detail`, `hint`; twice a second",
     ] = None
-    pose: Annotated[Sequence[float] | None, "Where the base is by its odometry: x, y (m), heading (rad)."] = None
+    pose: Annotated[Sequence[float] | None, "Odometry of the base: x, y (m), heading (rad)."] = None
     joints: Annotated[
         Mapping[str, Sequence[float]] | None,
-        "Of the arm, by name, and of further arms as `right_arm.elbow`: position (rad), load, temperature (degrees C).",
+        "Joints of the arm, and of further arms as `right_arm.elbow`: position (rad), load, temperature (degrees C).",
     ] = None
-    scan: Annotated[Sequence[Sequence[float]] | None, "The range finder's points, x and y (m) on the robot."] = None
-    percept: Annotated[Mapping[str, object] | None, "What was seen last: the event `percept`."] = None
-    commands: Annotated[
-        Mapping[str, Mapping[str, object]] | None, "What each part was commanded last: the event `command`."
-    ] = None
-    log: Annotated[Sequence[Mapping[str, object]] | None, "Events worth a line, in order."] = None
-    lost: Annotated[int | None, "How many lines of the log a slow client has missed."] = None
+    scan: Annotated[Sequence[Sequence[float]] | None, "Points of the range finder, x and y (m) in the robot frame."] = (
+        None
+    )
+    percept: Annotated[Mapping[str, object] | None, "The last event `percept`."] = None
+    commands: Annotated[Mapping[str, Mapping[str, object]] | None, "The last event `command` of each part."] = None
+    log: Annotated[Sequence[Mapping[str, object]] | None, "New log lines, in order."] = None
+    lost: Annotated[int | None, "Number of log lines that a slow client has missed."] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventsMessage:
-    """All events of a run, in order, each as `mission run --events` writes it. `lost` is how many are missing."""
+    """All events of a run in order, each as in `mission run --events`. `lost` is the number of dropped ones."""
 
     word: ClassVar[str] = "events"
     run: RunId
@@ -185,7 +185,7 @@ class EventsMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureMessage:
-    """What the camera has seen, for who watches `pictures` and says `seen` of each: a slow link gets fewer."""
+    """A camera frame for clients that watch `pictures` and confirm each with `seen`: a slow link gets fewer."""
 
     word: ClassVar[str] = "picture"
     run: RunId
@@ -194,13 +194,13 @@ class PictureMessage:
     height: int
     jpeg: Annotated[str, "The picture, as base64."]
     found: Annotated[
-        Sequence[Mapping[str, object]], "What was found in it: `name` and `box` (x, y, width, height in pixels)."
+        Sequence[Mapping[str, object]], "Percepts in the picture: `name` and `box` (x, y, width, height in pixels)."
     ] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOverMessage:
-    """A run that was watched is over: `result` is success, failure, interrupted or error, or empty if nobody knows."""
+    """End of a watched run: `result` is success, failure, interrupted or error; empty if unknown."""
 
     word: ClassVar[str] = "over"
     run: RunId
@@ -223,7 +223,7 @@ MESSAGES: Mapping[str, type[Any]] = {
         RunOverMessage,
     )
 }
-"""Every message by its word."""
+"""Messages by word."""
 
 
 def encode_message(message: Any) -> bytes:
@@ -232,7 +232,7 @@ def encode_message(message: Any) -> bytes:
 
 
 def encode_json(data: object) -> bytes:
-    """Return data as JSON that every reader takes: numbers that are not finite are null, other things are texts."""
+    """Return data as standard JSON: non-finite numbers become null, other types become texts."""
     try:
         text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=str)
     except ValueError:
@@ -243,7 +243,7 @@ def encode_json(data: object) -> bytes:
 
 
 def _replace_non_finite(data: object) -> object:
-    """Return data without numbers that JSON has not."""
+    """Return data with null instead of numbers that JSON does not have."""
     if isinstance(data, float):
         return data if isfinite(data) else None
     if isinstance(data, Mapping):

@@ -1,8 +1,8 @@
-"""Notes of each run, and of each command that moves a robot, in all folders where a stop looks.
+"""Notes: files that describe each run, and each command that moves a robot, in all folders that a stop searches.
 
-A note tells what its process is without that being asked, so that one that hangs has a name too: its number and start,
-by which it is told from another process that gets its number later, and its sockets. It is locked while its process
-lives: the kernel takes the lock away with it, also where the process is not seen, since it is in a container.
+A note names the process without its help, so that a hanging process is found too. It has the process number and start
+time, which detect a reused number, and the addresses of the sockets. It is locked while its process lives; the kernel
+releases the lock, also if the process is in a container and cannot be seen.
 """
 
 import fcntl
@@ -44,31 +44,31 @@ TICK_TOLERANCE = 2
 
 
 def write_stamp() -> None:
-    """Write the time of a stop into all folders of this user, and for root into those of others.
+    """Write the time of a stop into all folders of this user, and for root into those of other users.
 
-    Raises OSError if no folder can take it.
+    Raises OSError if it cannot be written to any folder.
     """
     text = json.dumps({"boot": current_namespace()[0], "ticks": _uptime()})
     done = call_all_with_timeout({place.folder: partial(_write_stamp, place, text) for place in run_folders()})
     errors = [each for each in done.values() if each is not None]
     if len(errors) == len(done):
-        raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a stamp can be")
+        raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR is set")
 
 
 def stamp_stop() -> str:
-    """Note the time of a stop for commands that are still loading; return why that failed, empty where it did not."""
+    """Write the time of a stop for commands that are still loading; return a warning, empty on success."""
     try:
         write_stamp()
     except PermissionError:
         return ""  # nor can a command write its note there, and without one it moves no robot
     except OSError as error:
-        why = f"what is loading does not learn of this stop ({error.strerror or error}): perhaps not stopped"
+        why = f"commands that are still loading do not see this stop ({error.strerror or error}): perhaps not stopped"
         return f"{why}\n  try: mission stop, once more"
     return ""
 
 
 def was_stopped_since(process: ProcessIdentity) -> bool:
-    """Return whether all was stopped after a process had started. Damaged stamps, and those of other boots, are old."""
+    """Return whether a stop came after a process started. Damaged stamps, and stamps of other boots, are ignored."""
     stamps = call_all_with_timeout({place.folder: partial(_read_stamp, place) for place in run_folders()}).values()
     read = (stamp for stamp in stamps if not isinstance(stamp, OSError))
     return any(
@@ -91,7 +91,7 @@ def _write_stamp(place: RunFolder, text: str) -> None:
 
 
 def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
-    """Return the boot and the clock tick of the stamp in a folder; None for the tick if there is none."""
+    """Return boot id and clock tick of the stamp in a folder; the tick is None if there is no stamp."""
     try:
         told = parse_object(read_regular_text(place.folder / STAMP_FILE))
         return str(told["boot"]), int(told["ticks"])
@@ -101,7 +101,7 @@ def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
 
 
 def _uptime() -> int:
-    """Return the clock ticks since the boot, as the start of a process is counted. Raises OSError."""
+    """Return the clock ticks since boot, the unit of process start times. Raises OSError."""
     seconds = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
     return int(seconds * os.sysconf("SC_CLK_TCK"))
 
@@ -109,20 +109,20 @@ def _uptime() -> int:
 NOTE_SUFFIX = ".note"
 
 MAX_NOTE_CHARACTERS = 1 << 16
-"""Characters of a note, at most."""
+"""Maximum length of a note."""
 
 END_TIMEOUT = 5.0
-"""Seconds that a command has to bring to rest what it moves, and to let go of it."""
+"""Seconds that a command has to bring its actuators to rest and close them."""
 
 POLL_INTERVAL = 0.02
-"""Seconds from one look whether it has, to the next."""
+"""Seconds between two checks whether the command has ended."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotHolder:
-    """A process that holds a robot: ``name`` is its mission or its command, ``run`` is how it is called.
+    """A process that holds a robot: ``name`` is its mission or command, ``run`` the name of its run.
 
-    ``identity`` is None where the system does not tell it; ``sockets`` are where it listens, ``notes`` what is read.
+    ``identity`` is None if unknown; ``sockets`` are its addresses, ``notes`` the files that describe it.
     """
 
     process: int
@@ -138,27 +138,27 @@ class RobotHolder:
 
     @property
     def description(self) -> str:
-        """What it is, as people are told."""
+        """Description for people."""
         return f"{self.process}: {self.name} on {self.robot}" + (
             f" (simulated, {self.simulated})" * bool(self.simulated)
         )
 
     def is_alive(self) -> bool:
-        """Return whether the process has not ended. Raises OSError where that is not known."""
+        """Return whether the process still exists. Raises OSError if this is unknown."""
         if self.identity is not None and (self.identity.is_visible or not self.notes):
             return self.identity.is_alive()
         return any(call_with_timeout(path.parent, partial(read_note, path)) is not None for path in self.notes)
 
     def terminate(self) -> None:
-        """Send the process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
+        """Send SIGTERM if the process still exists. Raises OSError if the process cannot be identified."""
         if self.identity is None:
-            raise OSError("its note does not tell since when it runs")
+            raise OSError("its note has no start time")
         self.identity.terminate(None if os.geteuid() else self.uid)
 
     def end(self, by: str) -> bool:
-        """Have a command end, for ``by``, with its actuators at rest; say whether it has, within ``END_TIMEOUT``.
+        """End a command on behalf of ``by``; return whether it ended, at rest, within ``END_TIMEOUT``.
 
-        Raises OSError where the process cannot be reached, or where it is not known whether it has ended.
+        Raises OSError if the process cannot be reached, or its end cannot be detected.
         """
         for path in self.notes:
             with suppress(OSError):  # that is only for its last words
@@ -173,7 +173,7 @@ class RobotHolder:
 
 
 class RunNotes:
-    """The notes of a run, or of a command, in all folders that can be used. For one thread."""
+    """The notes of a run or a command, in all usable folders. Not thread-safe."""
 
     def __init__(self, run: str, name: str, robot: str, simulated: str, *, is_run: bool) -> None:
         self._run = run
@@ -187,13 +187,13 @@ class RunNotes:
 
     @property
     def paths(self) -> list[Path]:
-        """Where they are."""
+        """Paths of the notes."""
         return [*self._files]
 
     def write(self, listening: Sequence[str] = (), seconds: float = FOLDER_TIMEOUT) -> None:
-        """Write those that are missing, and all where the sockets have changed. Raises OSError where none is there.
+        """Write missing notes, and all notes if the sockets changed. Raises OSError if no note exists afterwards.
 
-        Each folder has so many ``seconds`` to answer.
+        ``seconds`` is the timeout of each folder.
         """
         self._folder_timeout = seconds
         changed = [*listening] != self._content["sockets"]
@@ -212,10 +212,10 @@ class RunNotes:
                     self._files.pop(path).close()
                 self._files[path] = file
         if not any(map(self._exists, self._files)):
-            raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a note can be")
+            raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR is set")
 
     def _write(self, place: RunFolder, path: Path) -> IO[str]:
-        """Put a note there in one move, locked: one that is not locked is of a process that was killed."""
+        """Create a locked note atomically; an unlocked note belongs to a killed process."""
         place.prepare()
         begun = path.with_suffix(".noting")
         number = os.open(begun, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
@@ -249,7 +249,7 @@ class RunNotes:
         return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
 
     def stop_requesters(self) -> list[str]:
-        """Return what others have added: who has asked for the end."""
+        """Return who has requested the end: the lines that stops have appended."""
         found = list[str]()
         for path in self._files:
             with suppress(OSError):
@@ -257,7 +257,7 @@ class RunNotes:
         return list(dict.fromkeys(found))
 
     def close(self) -> None:
-        """Remove them."""
+        """Remove the notes."""
         while self._files:
             path = next(iter(self._files))
             with suppress(OSError):  # the folder has become one that cannot be written: nobody holds it any more
@@ -267,16 +267,16 @@ class RunNotes:
 
 
 def _append_line(path: Path, line: str) -> None:
-    """Add a line to a note that is there still."""
+    """Append a line to an existing note."""
     number = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW)
     with os.fdopen(number, "w", encoding="utf-8") as note:
         note.write(f"{line}\n")
 
 
 def read_note(path: Path) -> RobotHolder | None:
-    """Return who has left a note; None where it is of a process that is gone, and then it is taken away.
+    """Return the holder that a note describes; None if its process has ended, and then the note is removed.
 
-    Raises OSError where it cannot be read or understood, or where it is not known whether the process lives.
+    Raises OSError if the note cannot be read or parsed, or if it is unknown whether the process lives.
     """
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW), encoding="utf-8") as note:
@@ -305,7 +305,7 @@ def read_note(path: Path) -> RobotHolder | None:
 
 
 def _parse_note(data: Mapping[str, Any], path: Path, uid: int) -> tuple[RobotHolder, str]:
-    """Return what a note tells, and of which computer it is. Raises ValueError, KeyError, TypeError, OverflowError."""
+    """Return the holder and the host name in a note. Raises ValueError, KeyError, TypeError, OverflowError."""
     process, identity = _pid_in(path), None
     if "process" in data:
         pid, start, boot, namespace = data["process"]
@@ -339,7 +339,7 @@ def _is_locked(note: IO[str]) -> bool:
 
 
 def _remove(path: Path) -> None:
-    """Remove a note that was left, from a folder of this user."""
+    """Remove a stale note from a folder of this user."""
     if path.parent.stat().st_uid == os.geteuid():
         with suppress(OSError):  # it stays: it is looked at again
             path.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What the camera sees, for who looks: nothing is encoded, and the eyes may rest, while nobody does."""
+"""Camera frames for clients; nothing is encoded while no client watches, so the detectors can rest."""
 
 import base64
 from collections.abc import Callable, Mapping
@@ -9,18 +9,18 @@ from typing import Any
 from perception.api import Frame, Gaze, Percept, View
 
 JPEG_QUALITY = 75
-"""Of the JPEG: a picture of 640 by 480 has some 40 kB."""
+"""JPEG quality; a picture of 640 by 480 has about 40 kB."""
 
 MAX_PICTURE_WIDTH = 800
-"""Pixels of a picture's width, at most."""
+"""Maximum width of a picture in pixels."""
 
 PERCEPT_KINDS = {"Face": "face", "Thing": "thing", "Marker": "marker"}
 
 
 class PictureFeed:
-    """Keeps the newest picture of a run, and what was found in it, from the thread of the eyes; ``newest`` packs it.
+    """Newest frame of a run with its percepts, received from the vision thread; ``newest`` encodes it.
 
-    ``wake`` is called from that thread when a picture has come while somebody is ``is_watched``.
+    ``wake`` is called from that thread when a frame has arrived while a client watches.
     """
 
     def __init__(self) -> None:
@@ -32,11 +32,11 @@ class PictureFeed:
         self._lock = Lock()
 
     def on_view(self, view: View) -> None:
-        """Keep what was found in the picture that comes next."""
+        """Store the percepts of the next frame."""
         self._view = view
 
     def on_frame(self, frame: Frame, gaze: Gaze | None) -> None:
-        """Keep a picture, where somebody looks."""
+        """Store a frame if a client watches."""
         del gaze
         if self.is_watched:
             with self._lock:
@@ -44,7 +44,7 @@ class PictureFeed:
             self.wake()
 
     def newest(self) -> Mapping[str, object] | None:
-        """Return the newest picture, packed, as a `picture` has it; None while there is none. For one thread."""
+        """Return the newest frame as members of a `picture`; None if there is none. Not thread-safe."""
         with self._lock:
             frame, self._frame = self._frame, None
         if frame is not None:
@@ -73,7 +73,7 @@ def _encode_picture(frame: Frame, view: View | None) -> Mapping[str, object]:
 
 
 def percepts_in(view: View, scale: float = 1.0) -> list[Mapping[str, object]]:
-    """Return what a view shows in its picture, as a `picture` has it; what is only remembered is not in it."""
+    """Return the percepts of a view as in a `picture`, without those that are only remembered."""
     percepts = chain(view.faces, view.things, view.markers)
     return [_percept_dict(each, scale) for each in percepts if each.stamp == view.looked]
 

@@ -1,4 +1,4 @@
-"""What a person's hands do to a robot: pushes become commands to the base, steps turn the head, stops latch."""
+"""Manual control of a robot: inputs become commands to base and head."""
 
 from collections.abc import Mapping
 from math import degrees, radians
@@ -10,22 +10,21 @@ from drivers.errors import DriverError, NotConnected
 
 DEFAULT_SPEED_SHARE = 0.5
 MIN_SHARE, MAX_SHARE = 0.05, 1.0
-"""The shares of the base's limits between which a person may choose."""
+"""Range of the speed that a person can choose, as shares of the base's limits."""
 
 HEAD_STEP = radians(3)
-"""How far a press of an arrow turns the head."""
+"""Angle in radians by which an arrow key turns the head."""
 
 MAX_STATE_AGE = 0.5
-"""Seconds for which the base obeys a person at the far end of a line who has seen a state: there and back, and until
-the next command."""
+"""Maximum age in seconds of the state behind a remote drive command: round trip plus the time to the next command."""
 
-RECONNECTED_HINT = "it was away: let go, and begin anew"
+RECONNECTED_HINT = "it was disconnected: release the input, then start again"
 LATCH_REASON = "stopped by hand: Enter enables"
 
 
 @dataclass(frozen=True, slots=True)
 class DriveInput:
-    """Which way somebody pushes: ahead and to the left, each as a share -1..1 of the speed that they have chosen."""
+    """Direction of a manual drive, forward and to the left, each -1..1 as a share of the chosen speed."""
 
     ahead: float
     left: float
@@ -34,20 +33,20 @@ class DriveInput:
 SPEED_KEYS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1), "c": (1.0, 0.9)}
 )
-"""The keys that change the speed: by what factor it ahead, and that of turning."""
+"""Keys that change the speed, with the factors of forward speed and turn rate."""
 
 HEAD_KEYS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {"left": (1, 0), "right": (-1, 0), "up": (0, -1), "down": (0, 1)}
 )
-"""The keys that turn the head: how many steps of pan and tilt."""
+"""Keys that turn the head, with the steps of pan and tilt."""
 
 LATCH_KEY, ENABLE_KEY = " ", "enter"
 
 
 class Pilot:
-    """Commands a base as ``Source.TELEOP``, and a head, if there is one. For one thread.
+    """Commands a base as ``Source.TELEOP``, and a head if there is one. Not thread-safe.
 
-    ``ahead`` and ``turn`` are the shares of the base's limits at which a whole push drives.
+    ``ahead`` and ``turn`` are the chosen shares of the base's limits.
     """
 
     def __init__(self, base: Base, head: Head | None = None, *, speed_share: float = DEFAULT_SPEED_SHARE) -> None:
@@ -61,7 +60,7 @@ class Pilot:
         self.ahead = self.turn = min(max(speed_share, MIN_SHARE), MAX_SHARE)
 
     def press(self, key: str) -> None:
-        """Do what a key other than those that drive asks for."""
+        """Execute a key other than the drive keys."""
         if key in SPEED_KEYS:
             ahead, turn = SPEED_KEYS[key]
             self.ahead = min(max(self.ahead * ahead, MIN_SHARE), MAX_SHARE)
@@ -75,10 +74,10 @@ class Pilot:
             self._base.enable()
 
     def steer(self, drive_input: DriveInput | None) -> None:
-        """Drive so until the next call, which is to come within ``COMMAND_TIMEOUT``; None lets go of the wheels.
+        """Drive until the next call, due within ``COMMAND_LIFE``; None stops the base and ends control.
 
-        The base then stands at once. It stays so a moment longer than a command lives, before it obeys a mission again.
-        A push that began before the base was back from a long absence counts no more: let go, and begin anew.
+        After None the base stands until the command has expired, then the mission controls it again. After a reconnect
+        of the base, an input that began before it is ignored until None.
         """
         before, self._reconnected_at = self._reconnected_at, self._base.health().reconnected_at
         self._is_stale = drive_input is not None and (self._is_stale or self._reconnected_at != before)
@@ -101,7 +100,7 @@ class Pilot:
             self._is_driving = False
 
     def status_line(self) -> str:
-        """Say in a line how it drives, at whose command, what it feels, and what is the matter."""
+        """Return speed, source, contacts and errors as one line."""
         reading, steering = self._base.state(), self._base.steering()
         state = reading.value
         paces = dict.fromkeys(f"{100 * pace:.0f}" for pace in (self.ahead, self.turn))
@@ -113,7 +112,7 @@ class Pilot:
         if state.reckoned:
             told.append("dead reckoning")
         told.append(
-            self._base.latched or (RECONNECTED_HINT if self._is_stale else "") or f"{steering.source or 'nobody'}{why}"
+            self._base.latched or (RECONNECTED_HINT if self._is_stale else "") or f"{steering.source or 'idle'}{why}"
         )
         touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
         told += [f"{name} {sides}" for name, sides in touched.items() if sides]
@@ -123,11 +122,11 @@ class Pilot:
 
     @property
     def trouble(self) -> str:
-        """What went wrong with the last command; empty where nothing did."""
+        """Error of the last command; empty if it succeeded."""
         return self._trouble
 
     def look(self, pan: float, tilt: float) -> None:
-        """Turn the head by so many radians from where it was told to look, else from where it looks."""
+        """Turn the head by ``pan`` and ``tilt`` radians from its last setpoint, or else from its position."""
         if self._head is None:
             return
         here = self._goal or self._head.pose().value or HeadPose(0.0, 0.0)

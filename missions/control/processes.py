@@ -1,4 +1,4 @@
-"""Processes that a stop may have to end: told from others that have got their number since, and ended by a signal."""
+"""Identity of processes, so that a signal never reaches another process with a reused number."""
 
 import errno
 import os
@@ -12,12 +12,12 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.clock import SystemClock
 
 POLL_INTERVAL = 0.02
-"""Seconds from one look whether a process has ended to the next."""
+"""Seconds between two checks whether a process has ended."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessIdentity:
-    """A process: its number among the processes of a ``namespace``, and its ``start`` in clock ticks after ``boot``."""
+    """A process: its number in a pid ``namespace``, and its ``start`` in clock ticks since ``boot``."""
 
     pid: int
     start: int
@@ -26,31 +26,31 @@ class ProcessIdentity:
 
     @property
     def is_visible(self) -> bool:
-        """Whether it is a process of this computer, since its start, and has the same number here as there."""
+        """True if the process is of this boot and of this pid namespace."""
         return (self.boot, self.namespace) == current_namespace()
 
     @property
     def is_of_this_boot(self) -> bool:
-        """Whether it is a process of this computer, since its start, perhaps in a container. Raises OSError."""
+        """True if the process is of this boot, perhaps in a container. Raises OSError."""
         return self.boot == current_namespace()[0]
 
     def is_alive(self) -> bool:
-        """Return whether it has not ended. Raises OSError where that cannot be known."""
+        """Return whether the process still exists. Raises OSError if this is unknown."""
         if not self.is_visible:
             raise OSError(errno.ESRCH, f"process {self.pid} is in another container, or on another computer")
         return start_tick_of(self.pid) == self.start
 
     def terminate(self, uid: int | None = None) -> None:
-        """Send it SIGTERM, unless it has ended; never another process that has got its number.
+        """Send SIGTERM if the process still exists, and never to another process with its number.
 
-        With a ``uid``, it must be a process of that user. Raises OSError.
+        With a ``uid``, the process must belong to that user. Raises OSError.
         """
         with ExitStack() as closing:
             number = _open_pidfd(self.pid, closing)
             if not self.is_alive():
                 return
             if uid is not None and Path(f"/proc/{self.pid}").stat().st_uid != uid:
-                raise PermissionError(errno.EPERM, f"process {self.pid} is not of user {uid}")
+                raise PermissionError(errno.EPERM, f"process {self.pid} does not belong to user {uid}")
             try:
                 if number is None:
                     os.kill(self.pid, signal.SIGTERM)
@@ -60,7 +60,7 @@ class ProcessIdentity:
                 return
 
     def has_ended_within(self, seconds: float) -> bool:
-        """Wait until it has ended, ``seconds`` at most, and return whether it has. Raises OSError as ``is_alive`` does."""
+        """Wait up to ``seconds`` for the end of the process; return whether it ended. Raises OSError."""
         clock, pause = SystemClock(), Event()
         while self.is_alive():
             if clock.now() > seconds:
@@ -70,7 +70,7 @@ class ProcessIdentity:
 
 
 def _open_pidfd(pid: int, closing: ExitStack) -> int | None:
-    """Return a descriptor of a process, by which a signal cannot reach another one; None where there can be none."""
+    """Return a pidfd, through which a signal cannot reach another process; None if none can be opened."""
     try:
         number = os.pidfd_open(pid)
     except OSError:  # it has ended, or no descriptor is left: the start of the process is compared in any case
@@ -81,20 +81,20 @@ def _open_pidfd(pid: int, closing: ExitStack) -> int | None:
 
 @cache
 def current_namespace() -> tuple[str, int]:
-    """Return which boot of which computer this is, and which namespace of processes. Raises OSError without /proc."""
+    """Return the boot id and the inode of the pid namespace. Raises OSError without /proc."""
     boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     return boot, Path("/proc/self/ns/pid").stat().st_ino
 
 
 def identity_of(pid: int) -> ProcessIdentity | None:
-    """Return the process that has a number now; None where there is none. Raises OSError where that is unknown."""
+    """Return the identity of the process with a number; None if there is none. Raises OSError if unknown."""
     start = start_tick_of(pid)
     boot, namespace = current_namespace()
     return None if start is None else ProcessIdentity(pid, start, boot, namespace)
 
 
 def start_tick_of(pid: int) -> int | None:
-    """Return the clock tick in which a process has begun; None where none of this number lives. Raises OSError."""
+    """Return the clock tick at which a process started; None if no such process lives. Raises OSError."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except (FileNotFoundError, ProcessLookupError):

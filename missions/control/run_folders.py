@@ -1,7 +1,7 @@
-"""The folders in which a run of this user can have its control socket and its note, whatever the environment says.
+"""Folders for control sockets and notes of this user's runs, including those that do not depend on the environment.
 
-`mission stop` may be typed where other variables are set than where the run began: by cron, a system unit, `su`,
-`docker exec`. So the folders that depend on the environment are looked at, and those that depend on the user alone.
+`mission stop` may have another environment than the run: cron, a system unit, `su`, `docker exec`. So it searches the
+folders that the environment names, and those of the user's session and home.
 """
 
 import os
@@ -22,23 +22,23 @@ from missions.library.folders import runtime_folder, state_folder
 # other call is made on its folder.
 
 FOLDER_TIMEOUT = 1.0
-"""Seconds that a folder has to answer, where a person waits for it."""
+"""Seconds to wait for a folder while a person waits."""
 
 CHECK_TIMEOUT = 0.1
-"""Seconds that a folder has to answer to the thread of a run that also hears stops."""
+"""Seconds to wait for a folder in the control thread, which also receives stops."""
 
 Result = TypeVar("Result")
 
 
 class FolderTimeoutError(TimeoutError):
-    """A folder has not answered: nothing is known of what is in it."""
+    """A folder does not respond, so its contents are unknown."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(f"{folder} does not answer (a network disk that is gone?)")
+        super().__init__(f"{folder} does not respond (network disk disconnected?)")
 
 
 class _FolderCall(Generic[Result]):
-    """One call, in a thread of its own."""
+    """A call in its own thread."""
 
     def __init__(self, work: Callable[[], Result]) -> None:
         self.results: list[Result] = []
@@ -47,7 +47,7 @@ class _FolderCall(Generic[Result]):
         self.thread = Thread(target=self._do, name="folder", daemon=True)
 
     def begin(self) -> None:
-        """Start the thread; where the system allows no more threads, do the work here."""
+        """Start the thread; if the system allows no more threads, make the call here."""
         try:
             self.thread.start()
         except RuntimeError:
@@ -65,7 +65,7 @@ _lock = Lock()
 
 
 def call_with_timeout(folder: Path, work: Callable[[], Result], seconds: float = FOLDER_TIMEOUT) -> Result:
-    """Return the result of work on a folder. Raises what it raises, and FolderTimeoutError after so many seconds."""
+    """Return the result of a call on a folder. Raises its exception, or FolderTimeoutError after ``seconds``."""
     found = call_all_with_timeout({folder: work}, seconds)[folder]
     if isinstance(found, OSError):
         raise found
@@ -75,7 +75,7 @@ def call_with_timeout(folder: Path, work: Callable[[], Result], seconds: float =
 def call_all_with_timeout(
     works: Mapping[Path, Callable[[], Result]], seconds: float = FOLDER_TIMEOUT
 ) -> dict[Path, Result | OSError]:
-    """Return the result of work on each of several folders at the same time, or its OSError."""
+    """Call each function on its folder, in parallel; return the results, or the OSErrors."""
     calls: dict[Path, _FolderCall[Result]] = {}
     for folder, work in works.items():
         with _lock:
@@ -108,29 +108,29 @@ def call_all_with_timeout(
 
 
 SYSTEM_ROOT = "MISSION_SYSTEM_ROOT"
-"""The variable with the folder below which `/run/user` and the homes of users are looked for: tests set it."""
+"""Environment variable with the root folder of `/run/user` and of home folders; tests set it."""
 
 SESSION_SUBFOLDER = "missiontree/runs"
-"""The folder of runs below that of a session, such as `/run/user/1000`."""
+"""Folder of runs below a session folder such as `/run/user/1000`."""
 
 HOME_SUBFOLDER = ".local/state/missiontree/run/runs"
-"""The folder of runs below the home of a user."""
+"""Folder of runs below a home folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A ``folder`` of runs. ``is_own`` says that it is one of this user, who may create it."""
+    """A ``folder`` for runs; ``is_own`` means that it belongs to this user, who may create it."""
 
     folder: Path
     is_own: bool = True
 
     def prepare(self) -> Path:
-        """Return the folder, created where it is missing, for its owner alone.
+        """Return the folder; create it with access for its owner only.
 
-        Raises OSError: also for the folder of another user, into which no run of this user is put.
+        Raises OSError, also if the folder belongs to another user.
         """
         if not self.is_own:
-            raise PermissionError(f"{self.folder} is not this user's")
+            raise PermissionError(f"{self.folder} belongs to another user")
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = self.folder.stat()
         if status.st_uid != os.geteuid():
@@ -140,11 +140,9 @@ class RunFolder:
         return self.folder
 
     def file_names(self) -> list[str]:
-        """Return the names of the files; none if the folder does not exist.
+        """Return the file names; empty if the folder does not exist or belongs to another user.
 
-        None either where the folder belongs to another user: none of this user's runs is in it.
-
-        Raises OSError where the folder cannot be read.
+        Raises OSError if the folder cannot be read.
         """
         try:
             if os.geteuid() not in (0, self.folder.stat().st_uid):
@@ -159,9 +157,9 @@ class RunFolder:
 
 
 def _nearest_owner(folder: Path) -> int | None:
-    """Return the owner of the innermost folder on the way that can be seen; None for nobody known.
+    """Return the owner of the nearest parent folder that can be read; None if unknown.
 
-    Where that is another user, this user could not have put a run into the folder either.
+    If that is another user, the folder cannot contain a run of this user.
     """
     for parent in (folder, *folder.parents):
         try:
@@ -174,9 +172,9 @@ def _nearest_owner(folder: Path) -> int | None:
 
 
 def run_folders(environment: Mapping[str, str] = os.environ, seconds: float = FOLDER_TIMEOUT) -> list[RunFolder]:
-    """Return where runs of this user can be, the place for a new one first; for root those of all sessions besides.
+    """Return the folders of this user's runs, the one for new runs first; for root also those of other users.
 
-    A home that does not answer within so many ``seconds`` counts as there.
+    A home folder that does not respond within ``seconds`` is included.
     """
     uid = os.geteuid()
     found = [RunFolder(folder) for folder in _own_folders(environment, uid, seconds)]
@@ -202,7 +200,7 @@ def _own_folders(environment: Mapping[str, str], uid: int, seconds: float) -> It
 
 
 def _other_users_folders(environment: Mapping[str, str], seconds: float) -> Iterator[RunFolder]:
-    """Yield the places of all who have a session, and of the user for whom `sudo` was typed."""
+    """Yield the folders of all users with a session, and of the user of `sudo`."""
     sessions = _system_root(environment) / "run/user"
     try:
         names = call_with_timeout(sessions, lambda: os.listdir(sessions), seconds)  # noqa: PTH208 - as above
@@ -223,7 +221,7 @@ def _system_root(environment: Mapping[str, str]) -> Path:
 
 
 def _home(environment: Mapping[str, str], uid: int, seconds: float) -> Path | None:
-    """Return the home that the system knows of a user, whatever HOME says; None for a user without one."""
+    """Return the home folder from the password database, independent of HOME; None if there is none."""
     if root := environment.get(SYSTEM_ROOT):
         return Path(root) / "home" / str(uid)
     try:
@@ -236,11 +234,11 @@ def _home(environment: Mapping[str, str], uid: int, seconds: float) -> Path | No
 
 
 _home_cache: dict[int, Path] = {}
-"""By user: without a descriptor left, the password file looks as if it were empty."""
+"""Home folders by user id; without a free descriptor, the password file seems empty."""
 
 
 def _may_exist(folder: Path, seconds: float) -> bool:
-    """Return whether there is such a folder, or that is not known."""
+    """Return whether the folder exists, or this is unknown."""
     try:
         return stat.S_ISDIR(call_with_timeout(folder, folder.stat, seconds).st_mode)
     except (FileNotFoundError, NotADirectoryError):

@@ -1,6 +1,6 @@
-"""The search for all that can move a robot of this user: by socket files, notes, and abstract sockets.
+"""Search for all processes of this user that can move a robot: by socket files, notes and abstract sockets.
 
-What cannot be looked at is a `StopWarning`: an error while looking is never taken for "nothing runs".
+A place that cannot be searched yields a warning: an error never means that nothing is running.
 """
 
 import errno
@@ -20,26 +20,26 @@ from missions.control.processes import ProcessIdentity, identity_of
 from missions.control.run_folders import RunFolder, call_all_with_timeout, run_folders
 from missions.control.sockets import Address
 
-MANUAL_STOP_HINT = "pgrep -af mission  (what runs), and kill its process; or the robot's own switch"
-"""What to type where nothing better is known."""
+MANUAL_STOP_HINT = "pgrep -af mission  (lists processes), then kill PID; or the robot's own switch"
+"""Hint if no better command is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class StopWarning:
-    """A reason why something may move on, and what to type."""
+    """Reason why a robot may still move, with a hint."""
 
     reason: str
     hint: str = MANUAL_STOP_HINT
 
     @property
     def message(self) -> str:
-        """What people are told."""
+        """Text for people."""
         return f"perhaps not stopped: {self.reason}\n  try: {self.hint}"
 
 
 @dataclass(frozen=True, slots=True)
 class FoundProcess:
-    """A run, or a command without a control socket: the ``addresses`` where it may answer, and what its notes tell."""
+    """A run, or a command without a control socket: its ``addresses`` and the contents of its notes."""
 
     run: str
     addresses: tuple[Address, ...] = ()
@@ -48,26 +48,26 @@ class FoundProcess:
 
     @property
     def is_command(self) -> bool:
-        """Whether it can only be ended."""
+        """True if it has no control socket and can only be ended."""
         if self.addresses or (self.holder is not None and self.holder.is_run):
             return False
         return self.holder is not None or (self.abstract_name is not None and not self.abstract_name.is_run)
 
     @property
     def key(self) -> object:
-        """What tells it from all others, wherever its sockets are."""
+        """Key that identifies the process, independent of its addresses."""
         return self.run, self.identity or self.addresses
 
     @property
     def identity(self) -> ProcessIdentity | None:
-        """The process, as far as it is known."""
+        """Identity of the process, if known."""
         if self.holder is not None and self.holder.identity is not None:
             return self.holder.identity
         return None if self.abstract_name is None else self.abstract_name.identity
 
     @property
     def local_identity(self) -> ProcessIdentity | None:
-        """The process by its number on this side of a container, if that is known."""
+        """Identity of the process in this pid namespace, if known."""
         return (
             self.identity
             if self.abstract_name is None or self.abstract_name.local_identity is None
@@ -75,7 +75,7 @@ class FoundProcess:
         )
 
     def is_process(self, process: int) -> bool:
-        """Return whether the process at the other end of a connection may be this one: another may have its name."""
+        """Return whether the process with this number, at the other end of a connection, can be this one."""
         return (
             self.abstract_name is None
             or self.abstract_name.local_identity is None
@@ -83,24 +83,24 @@ class FoundProcess:
         )
 
     def end_hint(self, peer: ProcessIdentity | None = None) -> str:
-        """Return what to type if it does not end. ``peer`` is the process that listens at its socket, if known."""
+        """Return the command that ends it by force. ``peer`` is the process that listens at its socket, if known."""
         for known in (self.local_identity, peer):
             with suppress(OSError):  # its number is not known from here
                 if known is not None and known.is_visible:
-                    return f"if process {known.pid} is there still: kill -9 {known.pid}"
+                    return f"if process {known.pid} still exists: kill -9 {known.pid}"
         return MANUAL_STOP_HINT
 
     @property
     def uid(self) -> int:
-        """Whose it is."""
+        """User id of its owner."""
         if self.abstract_name is not None:
             return self.abstract_name.uid
         return os.geteuid() if self.holder is None or self.holder.uid is None else self.holder.uid
 
     def is_alive(self, peer: ProcessIdentity | None) -> bool:
-        """Return whether its process has not ended. Raises OSError where that is not known.
+        """Return whether its process still exists. Raises OSError if this is unknown.
 
-        ``peer`` is who has listened at its socket, for one that has left no note and no name.
+        ``peer`` is the process that listens at its socket, for a process without note and abstract name.
         """
         if self.abstract_name is not None and self.abstract_name.local_identity is not None:
             return self.abstract_name.local_identity.is_alive()
@@ -108,11 +108,11 @@ class FoundProcess:
             return self.holder.is_alive()
         identity = peer if self.abstract_name is None else self.abstract_name.identity
         if identity is None:
-            raise OSError("it is not known which process it is")
+            raise OSError("the process is unknown")
         return identity.is_alive()
 
     def terminate(self, peer: ProcessIdentity | None) -> None:
-        """Send its process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
+        """Send SIGTERM if the process still exists. Raises OSError if the process cannot be identified."""
         if self.abstract_name is not None and self.abstract_name.local_identity is not None:
             self.abstract_name.local_identity.terminate()
         elif self.holder is not None:
@@ -122,15 +122,15 @@ class FoundProcess:
         elif self.abstract_name is not None and self.abstract_name.has_its_process():
             self.abstract_name.identity.terminate(None if os.geteuid() else self.abstract_name.uid)
         else:
-            raise OSError("it is not known which process it is")
+            raise OSError("the process is unknown")
 
     def as_holder(self) -> RobotHolder:
-        """Return the command, also where it could leave no note."""
+        """Return the holder of a command, also if it has no note. Raises OSError if the process is unknown."""
         if self.holder is not None:
             return self.holder
         name = self.abstract_name
         if name is None or (name.local_identity is None and not name.has_its_process()):
-            raise OSError("it is not known which process it is")
+            raise OSError("the process is unknown")
         identity, simulated = (
             name.local_identity or name.identity,
             SIMULATED_SUFFIX[1:] * name.kind.endswith(SIMULATED_SUFFIX),
@@ -139,20 +139,20 @@ class FoundProcess:
 
     @property
     def description(self) -> str:
-        """What it is, as people are told."""
+        """Description for people."""
         if self.holder is not None:
             return self.holder.description
         return f"{self.run}: {'a command' if self.is_command else 'a run'}"
 
     def matches(self, wanted_names: Sequence[str]) -> bool | None:
-        """Return whether one of these names is its own; None where that is not known before it answers."""
+        """Return whether one of the names is its own; None if this is unknown until it replies."""
         if not wanted_names or not self.names.isdisjoint(wanted_names):
             return True
         return None if self.holder is None else False
 
     @property
     def names(self) -> set[str]:
-        """The names by which it can be meant, as far as they are known."""
+        """Known names by which a user can select it."""
         if self.holder is None:
             return {self.run}
         return {self.run, str(self.holder.process), self.holder.name, *self.holder.name.split()[:1]}
@@ -160,16 +160,16 @@ class FoundProcess:
 
 @dataclass(slots=True)
 class SearchResult:
-    """What was found, and what could not be looked at. ``files`` are the socket files among the addresses."""
+    """Found processes, and warnings about places that could not be searched."""
 
     processes: list[FoundProcess] = field(default_factory=list)
     warnings: list[StopWarning] = field(default_factory=list)
 
 
 def search_runs(*, thorough: bool = True) -> SearchResult:
-    """Look in every place where a run, or a command that moves a robot, of this user can be.
+    """Search all places for runs, and for commands that move a robot, of this user.
 
-    Where it is ``thorough`` each process of this user is looked at, too, which takes some milliseconds.
+    If ``thorough``, each process of this user is inspected too, which takes some milliseconds.
     """
     result = SearchResult()
     holders, files = list[RobotHolder](), list[Path]()
@@ -186,12 +186,12 @@ def search_runs(*, thorough: bool = True) -> SearchResult:
 
 
 def listed_runs() -> list[FoundProcess]:
-    """Return the runs of this user that the kernel lists by name: no folder is looked at, so none can delay this."""
+    """Return the runs of this user in the kernel's socket list. No folder is read, so none can delay this."""
     return [each for each in _merge_processes([], [], _listed_names([], thorough=False)) if not each.is_command]
 
 
 class _FolderContents(NamedTuple):
-    """What is in one folder of runs."""
+    """Contents of one folder of runs."""
 
     holders: list[RobotHolder]
     files: list[Path]
@@ -199,7 +199,7 @@ class _FolderContents(NamedTuple):
 
 
 def _read_folder(place: RunFolder) -> _FolderContents:
-    """Return what is in a folder of runs. Raises OSError where it cannot be read."""
+    """Return the contents of a folder of runs. Raises OSError if it cannot be read."""
     names = place.file_names()
     found = _FolderContents([], [place.folder / name for name in names if name.endswith(sockets.SOCKET_SUFFIX)], [])
     for name in names:
@@ -214,7 +214,7 @@ def _read_folder(place: RunFolder) -> _FolderContents:
 
 
 def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[AbstractName]:
-    """Return the names that the kernel has of this user's runs; of others only that there is one is told."""
+    """Return the abstract names of this user's runs; for those of other users, only add a warning."""
     names = list[AbstractName]()
     for look, what in (
         (abstract_sockets.listed_names, abstract_sockets.SOCKET_LIST),
@@ -230,7 +230,7 @@ def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[Abstra
             mine.append(name)
         elif not name.kind.endswith(SIMULATED_SUFFIX):
             warnings.append(
-                StopWarning(f"process {name.run} of another user ({name.uid}) has a robot", "sudo mission stop")
+                StopWarning(f"process {name.run} of another user ({name.uid}) holds a robot", "sudo mission stop")
             )
     return mine
 
@@ -238,7 +238,7 @@ def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[Abstra
 def _merge_processes(
     holders: Sequence[RobotHolder], files: Sequence[Path], names: Sequence[AbstractName]
 ) -> list[FoundProcess]:
-    """Return each process once, with all that is known of it. A file that is in no note is one of its own."""
+    """Return each process once, with all its data. A socket file without a note is a process of its own."""
     found: dict[tuple[str, ProcessIdentity | None], FoundProcess] = {}
     for holder in holders:
         key = holder.run, holder.identity
@@ -265,16 +265,16 @@ def _merge_processes(
 
 
 def _with_files(process: FoundProcess, files: Sequence[Path]) -> FoundProcess:
-    """Return a run that has no address with the socket files of its name: its note may be missing, or be refused."""
+    """Return a run without addresses with the socket files of its name, as its note may be missing or unreadable."""
     if process.addresses or process.abstract_name is None or not process.abstract_name.is_run:
         return process
     return replace(process, addresses=tuple(path for path in files if sockets.run_of_socket(path) == process.run))
 
 
 def warning_for(subject: str, error: OSError) -> StopWarning:
-    """Return the doubt that an error leaves."""
+    """Return the warning for an error."""
     hints: Mapping[int | None, str] = {
-        errno.EMFILE: "mission stop  (in another terminal: no file descriptor is left here; ulimit -n tells how many)",
+        errno.EMFILE: "mission stop  (in another terminal: no file descriptor is left here; ulimit -n shows the limit)",
         errno.ENFILE: "mission stop  (again: no file descriptor is left on this computer)",
         errno.EACCES: "sudo mission stop",
         errno.EPERM: "sudo mission stop",
@@ -283,12 +283,12 @@ def warning_for(subject: str, error: OSError) -> StopWarning:
 
 
 def error_text(error: OSError) -> str:
-    """Return an error in words."""
+    """Return the text of an error."""
     return error.strerror or str(error)
 
 
 def is_own_process(process: FoundProcess) -> bool:
-    """Return whether it is of this process: who stops all others does not end itself."""
+    """Return whether it is this process, which must not end itself."""
     if process.holder is not None and process.holder.identity is None:
         return process.holder.process == os.getpid()
     known = process.identity
@@ -296,7 +296,7 @@ def is_own_process(process: FoundProcess) -> bool:
 
 
 def addresses_of(run: str) -> list[Address]:
-    """Return where a run may answer; none for one that is not there. Raises OSError where that is not known."""
+    """Return the addresses of a run; empty if it does not exist. Raises OSError if this is unknown."""
     result = search_runs(thorough=False)
     found = [address for each in result.processes if each.run == run for address in each.addresses]
     if result.warnings and not found:
@@ -305,12 +305,12 @@ def addresses_of(run: str) -> list[Address]:
 
 
 def has_control_socket(run: str) -> bool:
-    """Return whether a run has a control socket, as far as can be seen."""
+    """Return whether a run has a control socket, as far as this can be seen."""
     return any(each.run == run and each.addresses for each in search_runs(thorough=False).processes)
 
 
 def may_be_alive(process: FoundProcess) -> bool:
-    """Return whether a process is there, or that is not known; not where only the file of a socket was left."""
+    """Return whether the process lives, or this is unknown; False if only a socket file is left."""
     if process.holder is None and process.abstract_name is None:
         return False
     try:

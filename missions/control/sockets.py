@@ -1,7 +1,7 @@
-"""The control sockets of the runs of this user: where they are, which of them answer, and how to speak to one.
+"""Control sockets of this user's runs: their paths, and connections to them.
 
-Each run has one in a folder that only its owner may enter, named after its process, and an abstract one besides. A
-socket that nobody answers any more belongs to a run that was killed; who finds it takes it away.
+Each run has a socket in a folder that only its owner can enter, named after its process, and an abstract one. A socket
+without a listener belongs to a killed run; it is removed when a connection to it fails.
 """
 
 import json
@@ -23,31 +23,31 @@ from missions.control.run_folders import FOLDER_TIMEOUT, call_with_timeout, run_
 SOCKET_SUFFIX = ".sock"
 
 MAX_PATH_BYTES = 100
-"""Bytes of the path of a Unix socket, at most: Linux takes 107, others 103."""
+"""Maximum length of a Unix socket path; Linux allows 107 bytes, other systems 103."""
 
 REPLY_TIMEOUT = 1.0
-"""Seconds that a run has to answer."""
+"""Seconds to wait for a reply of a run."""
 
 CONNECT_TRIES, RETRY_INTERVAL = 4, 0.1
-"""How often a run that hangs up at once is called, and how many seconds later each time."""
+"""Connection attempts to a run that disconnects at once, and the seconds between them."""
 
 MAX_MESSAGE_BYTES = 1 << 24
-"""Bytes of a message of a run, at most."""
+"""Maximum length of a message of a run."""
 
 
 Address = Path | str
-"""Where a socket is: a file, or an abstract address that begins with "@"."""
+"""Address of a socket: a path, or an abstract address that begins with "@"."""
 
 
 def socket_folder() -> Path:
-    """Return the folder for the sockets of new runs; it is created. Raises OSError where none can be used."""
+    """Return the folder for sockets of new runs, created if missing. Raises OSError if none can be used."""
     errors = list[OSError]()
     for place in run_folders():
         try:
             return place.prepare()
         except OSError as error:
             errors.append(error)
-    raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where sockets can be")
+    raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR is set")
 
 
 _own_runs: set[str] = set()
@@ -55,7 +55,7 @@ _lock = Lock()
 
 
 def new_run_name() -> str:
-    """Return the name of a new run of this process: its number, and for one beside others a number of its own."""
+    """Return the name of a new run of this process: the process number, with a suffix if the name is taken."""
     process = os.getpid()
     names = (f"{process}{more}" for more in ("", *(f"-{number}" for number in range(2, 1000))))
     with _lock:
@@ -64,7 +64,7 @@ def new_run_name() -> str:
 
 
 def _is_taken(run: str) -> bool:
-    """Return whether a run of this name is there already: of a container with the same folders and numbers."""
+    """Return whether a run of this name listens: one in a container with the same folders and numbers."""
     for place in run_folders():
         path = place.folder / f"{run}{SOCKET_SUFFIX}"
         try:
@@ -77,28 +77,28 @@ def _is_taken(run: str) -> bool:
 
 
 def release_run_name(run: str) -> None:
-    """A run of this process is over."""
+    """Free the name of a run that has ended."""
     _own_runs.discard(run)
 
 
 def pid_of_run(run: str) -> int:
-    """Return the number of the process that the name of a run begins with. Raises ValueError."""
+    """Return the process number in the name of a run. Raises ValueError."""
     return int(run.partition("-")[0])
 
 
 def run_of_socket(path: Path) -> str:
-    """Return the run whose socket this is."""
+    """Return the name of the run that a socket file belongs to."""
     return path.name.removesuffix(SOCKET_SUFFIX)
 
 
 def socket_path(run: str) -> Path:
-    """Return where the socket of a run is."""
+    """Return the path of the socket of a run."""
     return socket_folder() / f"{run}{SOCKET_SUFFIX}"
 
 
 @contextmanager
 def bindable_address(where: Address) -> Iterator[str]:
-    """Give what to bind or connect a socket to: a path that is too long is shortened by way of its folder."""
+    """Yield the address to bind or connect to; a path that is too long is shortened through its folder's descriptor."""
     if isinstance(where, str) and where.startswith("@"):
         yield f"\0{where[1:]}"
         return
@@ -114,10 +114,10 @@ def bindable_address(where: Address) -> Iterator[str]:
 
 
 def listen(path: Path) -> socket.socket:
-    """Return a socket that listens at ``path``, for this user alone. Raises OSError.
+    """Return a socket that listens at ``path``, for this user only. Raises OSError.
 
-    It is put there once it listens, in one move: who asks at any moment before is not refused, which would mean that
-    the run is gone. What a killed process of this number has left goes by that.
+    The file is moved to its path once the socket listens. Otherwise a client could be refused for a moment, which means
+    that the run has ended. A socket file of a killed process with the same number is replaced.
     """
     begun = path.with_suffix(".begun")
     begun.unlink(missing_ok=True)
@@ -135,7 +135,7 @@ def listen(path: Path) -> socket.socket:
 
 
 def connect(where: Address) -> socket.socket:
-    """Return a socket that is connected to a run. Raises OSError; a socket of a process that is gone is taken away."""
+    """Return a socket connected to a run. Raises OSError; the socket file of a process that has ended is removed."""
     if isinstance(where, str):
         return _connect(where)
     return call_with_timeout(where.parent, partial(_connect, where), REPLY_TIMEOUT + FOLDER_TIMEOUT)
@@ -160,7 +160,7 @@ def _connect(where: Address) -> socket.socket:
 
 
 def _remove_if_left(where: Address) -> None:
-    """Remove the socket file of a process that is gone, if this user put it there."""
+    """Remove the socket file of a process that has ended, if it belongs to this user."""
     if isinstance(where, str) or where.parent.stat().st_uid != os.geteuid():
         return
     with suppress(ValueError):  # it is not named after a process
@@ -169,7 +169,7 @@ def _remove_if_left(where: Address) -> None:
 
 
 def process_exists(process: int) -> bool:
-    """Return whether there is a process of this number: another one may have it by now."""
+    """Return whether a process with this number exists; it may be another one that reuses the number."""
     try:
         os.kill(process, 0)
     except PermissionError:
@@ -180,9 +180,9 @@ def process_exists(process: int) -> bool:
 
 
 def peer_credentials(connection: socket.socket) -> tuple[int, int]:
-    """Return the numbers of the process at the other end, and of its user, as the kernel knows them.
+    """Return process number and user id of the peer, from the kernel.
 
-    That of a process in a container which is not seen from here is 0.
+    The number is 0 for a process in a container that cannot be seen from here.
     """
     told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
     pid, uid, _ = struct.unpack("3i", told)
@@ -191,9 +191,9 @@ def peer_credentials(connection: socket.socket) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class RunConnection:
-    """A connection to a run, for one who waits: ``mission stop``. ``run_info`` is the first message of the run.
+    """Blocking connection to a run, for ``mission stop``; ``run_info`` is the first message of the run.
 
-    ``process`` and ``uid`` are the process and the user at the other end.
+    ``process`` and ``uid`` belong to the peer.
     """
 
     connection: socket.socket
@@ -204,7 +204,7 @@ class RunConnection:
 
     @classmethod
     def open(cls, where: Address) -> Self:
-        """Connect, and hear what the run is: nothing where it hangs, or has no room. Raises OSError where none is."""
+        """Connect, and receive the first message; it is empty if the run hangs or has no room. Raises OSError."""
         for left in reversed(range(CONNECT_TRIES)):
             connection = connect(where)
             link = cls(connection, *peer_credentials(connection), {})
@@ -238,7 +238,7 @@ class RunConnection:
         while b"\n" not in self._received:
             data = self.connection.recv(1 << 16)
             if not data or len(self._received) > MAX_MESSAGE_BYTES:
-                raise ConnectionError("the run has gone")
+                raise ConnectionError("the run closed the connection")
             self._received += data
         line, _, self._received = self._received.partition(b"\n")
         return parse_object(line)
@@ -251,12 +251,12 @@ class RunConnection:
         return int(told["state"]["stops"])
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self.connection.close()
 
 
 @contextmanager
 def open_connection(where: Address) -> Iterator[RunConnection]:
-    """Give a connection to a run while this is entered. Raises OSError."""
+    """Yield a connection to a run, and close it at the end. Raises OSError."""
     with closing(RunConnection.open(where)) as link:
         yield link

@@ -1,4 +1,4 @@
-"""What a run tells its clients: all that is so far, and then what is new, in few messages."""
+"""The state of a run for its clients: the complete state, and the changes since the last message."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,17 +16,17 @@ from missions.trees.feed import ViewFeed
 from missions.trees.value_text import value_text
 
 POSITION_INTERVAL = 0.25
-"""Seconds from one place of the base to the next."""
+"""Seconds between two stored positions of the base."""
 
 MAX_POSITIONS = 2000
-"""Places of the way that are kept; of a longer one it is every second one, again and again."""
+"""Stored positions of the path; when it is full, every second one is dropped."""
 
 MAX_VALUES = 60
-"""Values of each variable that are kept."""
+"""Stored values of each variable."""
 
 
 class RunHistory:
-    """A listener that keeps what a page shows of before, however many watch; told from another thread."""
+    """Listener that stores the path of the base and the values of variables for late clients. Thread-safe."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -36,7 +36,7 @@ class RunHistory:
         self._lock = Lock()
 
     def __call__(self, event: Event) -> None:
-        """Keep an event."""
+        """Store an event."""
         if isinstance(event, VariableSet):
             with self._lock:
                 name = f"{event.scope} {event.name}".lstrip()
@@ -56,7 +56,7 @@ class RunHistory:
                     self._positions = [*self._positions[:: 1 + (len(self._positions) >= MAX_POSITIONS)], place]
 
     def as_dict(self) -> dict[str, object]:
-        """Return it as a scene has it."""
+        """Return the history as members of a scene."""
         with self._lock:
             way, values = self._positions, {name: list(events) for name, events in self._values.items()}
         past = {
@@ -69,28 +69,29 @@ class RunHistory:
 Json = dict[str, object]
 
 UNLOGGED_EVENTS = (Ticked, NodeChanged, VariableSet, PerceptSeen, CommandSent)
-"""Events that are no lines of a log."""
+"""Events that are not lines of the log."""
 
 LOGGED_PARTS = ("voice", "screen")
-"""The parts whose commands are worth a line all the same."""
+"""Parts whose commands are lines of the log."""
 
 MAX_LOG_LINES = 500
-"""Lines of the log that are kept for who comes later, and that wait for a client that does not read."""
+"""Log lines stored for new clients, and queued for slow ones."""
 
 MAX_QUEUED_EVENTS = 5000
-"""Events that wait for a client that does not read; older ones are lost to it."""
+"""Events queued for a slow client; older ones are dropped."""
 
 MAX_SCAN_POINTS = 360
-"""Points of a range finder's turn that are told."""
+"""Points sent of one revolution of a range finder."""
 
 POSE_INTERVAL = 0.04
-"""Seconds from one look at where the robot is to the next, in simulated time."""
+"""Seconds between two reads of the pose in simulated time."""
 
 
 class StateFeed:
-    """A listener that gathers what happens in a run; ``take_changes`` says what is new, ``state`` what is so. From two threads.
+    """Listener that collects the state of a run for its clients. Used from the event thread and the control thread.
 
-    ``wake`` is called, from the thread of the events, when there is something to be told and somebody ``is_watched``.
+    ``take_changes`` returns the changes, ``state`` the complete state. ``wake`` is called from the event thread when
+    there are changes and a client watches.
     """
 
     def __init__(self, runner: Runner, *, wall: Clock | None = None) -> None:
@@ -124,7 +125,7 @@ class StateFeed:
         self.wake: Callable[[], None] = lambda: None
 
     def __call__(self, event: Event) -> None:
-        """Keep an event."""
+        """Add an event."""
         self._parts.on_event(event)
         self._feed(event)
         self.history(event)
@@ -147,7 +148,7 @@ class StateFeed:
             self._update_pose()
 
     def update(self) -> None:
-        """Look how the robot is: time has passed without a tick. For the thread of the ticks, in simulated time."""
+        """Read the state of the robot when time passes without ticks. For the tick thread, in simulated time."""
         self._feed.poll_parts()
         self._update_pose()
 
@@ -159,7 +160,7 @@ class StateFeed:
             self.wake()
 
     def take_changes(self, more: Mapping[str, object]) -> Json:
-        """Return what is new since it was asked last, with ``more``: what a `state` has beside ``say`` and ``run``."""
+        """Return the changes since the last call, together with ``more``, as members of a `state`."""
         told: Json = {**self._feed.take_changes(), **more}
         told.pop("log", None)
         place = self._pose_state if self._in_tick else self._read_pose_state()
@@ -182,11 +183,11 @@ class StateFeed:
 
     @property
     def state(self) -> Json:
-        """All that is so, as of the last ``take_changes``; the log apart."""
+        """Complete state as of the last ``take_changes``, without the log."""
         return self._state
 
     def take_events(self) -> tuple[list[Mapping[str, object]], int]:
-        """Return the events since it was asked last, and how many before them are lost."""
+        """Return the events since the last call, and the number of dropped events before them."""
         with self._lock:
             found, count = list(self._events), self._event_count - self._taken_count
             self._events.clear()
@@ -194,7 +195,7 @@ class StateFeed:
         return [event.as_dict() for event in found], count - len(found)
 
     def _read_pose_state(self) -> Json:
-        """Return where the robot is, and what its arm and its range finder tell."""
+        """Return pose, joints and new range scan."""
         told: Json = {}
         robot = self._robot
         if robot.base_part is not None and (base := robot.base_part.state().value) is not None:
@@ -211,7 +212,7 @@ class StateFeed:
         return told
 
     def _new_scan_points(self, robot: Robot) -> list[Sequence[float]] | None:
-        """Return a new turn of the range finder as points on the robot; None where there is none."""
+        """Return a new revolution of the range finder as points in the robot frame (m); None if there is none."""
         import numpy as np  # noqa: PLC0415 - most runs have no range finder
 
         scan = None if robot.ranger_part is None else robot.ranger_part.scan().value
@@ -227,7 +228,7 @@ class StateFeed:
 
 
 def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
-    """Yield the joints of all arms; those of further ones after the arm's name: `right_arm.elbow`."""
+    """Yield the joints of all arms; those of further arms with the arm's name: `right_arm.elbow`."""
     if robot.arm_part is not None:
         yield from robot.arm_part.states().items()
     for name, other in robot.extra_parts.items():
@@ -236,7 +237,7 @@ def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
 
 
 def merge_states(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
-    """Return what both together say, where the newest of each holds."""
+    """Return two states merged, the newer value of each member winning."""
     found = {**old, **new}
     for name in ("changed", "variables", "commands"):
         before, after = old.get(name), new.get(name)
@@ -252,7 +253,7 @@ def merge_states(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
 
 
 def scene_of(runner: Runner) -> Json:
-    """Return what does not change of a run while it goes on."""
+    """Return the members of a scene that do not change during the run."""
     from missions.trees.drawing import to_json  # noqa: PLC0415
     from missions.trees.drawing_builder import drawing_of, first_values  # noqa: PLC0415 - a run that nobody watches draws nothing
 

@@ -1,4 +1,4 @@
-"""Who of those that are connected to a run drives it, and which of their commands still count."""
+"""Control of the wheels by clients: one driver at a time, with checks of the age of each command."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from missions.control.pilot import MAX_STATE_AGE, DriveInput, Pilot
 # Stamps of the states that a run sends, by which it knows how old the state behind a drive command is.
 
 STAMP_BITS = 53
-"""Bits of a stamp: JavaScript has no larger whole numbers."""
+"""Bits of a stamp; JavaScript has no larger exact integers."""
 
 STAMP_LIFETIME = 10.0
 """Seconds for which the age of a stamp is known."""
@@ -24,10 +24,10 @@ MAX_KEPT_STAMPS = 1024
 
 
 class StateStamps:
-    """Draws a stamp for each state, and remembers when it was issued. For one thread.
+    """Random stamps of state messages, with their times of issue. Not thread-safe.
 
-    Stamps are drawn by chance, not counted: a client cannot name one that it has not received. Only this clock is
-    read, so that clocks of clients do not matter.
+    Stamps are random, not counted, so a client cannot guess one that it has not received. Only this clock is read;
+    clocks of clients do not matter.
     """
 
     def __init__(self, clock: Clock, draw: Callable[[], int] = lambda: randbits(STAMP_BITS)) -> None:
@@ -35,7 +35,7 @@ class StateStamps:
         self._issued: OrderedDict[int, float] = OrderedDict()
 
     def issue(self) -> int:
-        """Return the stamp of a state that is sent now."""
+        """Return the stamp for a state that is sent now."""
         now = self._clock.now()
         while self._issued and (len(self._issued) >= MAX_KEPT_STAMPS or now - self._oldest > STAMP_LIFETIME):
             self._issued.popitem(last=False)
@@ -46,7 +46,7 @@ class StateStamps:
         return stamp
 
     def issued_at(self, stamp: int) -> float | None:
-        """Return when a stamp was issued, by the clock of this run; None for one unknown or forgotten."""
+        """Return the time of issue of a stamp, by the clock of this run; None if unknown or expired."""
         return self._issued.get(stamp)
 
     @property
@@ -55,23 +55,23 @@ class StateStamps:
 
 
 HEAD_SPEED = radians(60)
-"""How fast the head turns with the stick pushed all the way, in rad/s."""
+"""Turn rate of the head at full input, in rad/s."""
 
 RELEASE_HINT = "mission stop --release, or “Hold to release” on the page"
-"""What to do where a stop is latched."""
+"""Hint while a stop is latched."""
 
 MAX_TURN_TIME = 0.1
-"""Seconds that a command turns the head for at most."""
+"""Maximum seconds that one command turns the head."""
 
 
 class WheelState(Enum):
-    """State of the wheels; STOPPED: the base stands, and its driver has to let go before it moves again."""
+    """State of the wheels; STOPPED: the base stands, and its driver must release the input before it moves again."""
 
     STILL, MOVING, STOPPED = range(3)
 
 
 class WheelEvent(Enum):
-    """Command of a driver (PUSH, or LET_GO for zero and for a new driver), or a STOP for whatever reason."""
+    """Command of a driver (PUSH, or LET_GO for zero and for a new driver), or a STOP for any reason."""
 
     PUSH, LET_GO, STOP = range(3)
 
@@ -86,9 +86,9 @@ TRANSITIONS: Final = {
 
 
 class WheelArbiter:
-    """Gives the wheels of a run to one driver at a time, and passes on what that one commands. For one thread.
+    """Gives control of the wheels to one client at a time, and forwards its commands. Not thread-safe.
 
-    Drivers are known by any key. Raises BadMessage, with the name of the mistake, for what does not count.
+    Clients are identified by any hashable key. Raises BadMessage with the name of the error for refused commands.
     """
 
     def __init__(self, base: Base | None, head: Head | None, clock: Clock) -> None:
@@ -103,38 +103,38 @@ class WheelArbiter:
         self._looked_at = -inf
         self._state = WheelState.STILL
         self.round_trip = 0.0
-        """How old (s) the state behind the driver's last command was; 0 where there is none."""
+        """Age in seconds of the state behind the driver's last command; 0 without one."""
 
     @property
     def ends_at(self) -> float:
-        """When the base is to stop, as the state behind the command in force is too old then; inf where it stands."""
+        """Time at which the base must stop because the state of the last command becomes too old; inf if it stands."""
         return self._state_at + MAX_STATE_AGE if self._state is WheelState.MOVING else inf
 
     def stamp(self) -> int:
-        """Return the stamp of a state that is sent now."""
+        """Return the stamp for a state that is sent now."""
         return self._stamps.issue()
 
     def check(self, now: float) -> None:
-        """Stop the base if the state behind the command in force is too old."""
+        """Stop the base if the state behind the last command is too old."""
         if now >= self.ends_at:
             self._stop_base()
 
     @property
     def driver(self) -> str:
-        """The name of who drives; empty for nobody."""
+        """Name of the driver; empty without one."""
         return "" if self._driver is None else self._names[self._driver]
 
     @property
     def waiting_names(self) -> list[str]:
-        """The names of those who ask for the wheels, in their order."""
+        """Names of the clients that request the wheels, in order."""
         return [name for key, name in self._names.items() if key is not self._driver]
 
     def is_participant(self, client: object) -> bool:
-        """Say whether one drives, or asks for the wheels."""
+        """Return whether a client drives or requests the wheels."""
         return client in self._names
 
     def take(self, client: object, name: str) -> bool:
-        """Give the wheels to who asks, or note that they are asked for; say whether they are given."""
+        """Give the wheels to a client, or queue its request; return whether it has them."""
         if self._pilot is None:
             raise BadMessage("no_base", "this run has no base to drive")
         self._names[client] = name
@@ -144,14 +144,14 @@ class WheelArbiter:
         return self._driver is client
 
     def give(self, client: object) -> None:
-        """Take the wheels from who has had enough, or has gone: the base stops at once, and the next one has them."""
+        """Remove a client; if it was driving, the base stops at once and the next client gets the wheels."""
         self._names.pop(client, None)
         if self._driver is client:
             self._stop_base()
             self._hand_to(next(iter(self._names), None))
 
     def drive(self, client: object, command: DriveCommand) -> None:
-        """Drive as commanded, for ``COMMAND_TIMEOUT``, and no longer than until ``ends_at``."""
+        """Drive for ``COMMAND_LIFE``, at most until ``ends_at``. Raises BadMessage."""
         pilot, base, _ = self._require_control(client, command)
         still = command.ahead == 0 and command.left == 0
         self._handle(WheelEvent.LET_GO if still else WheelEvent.PUSH)
@@ -166,7 +166,7 @@ class WheelArbiter:
             raise BadMessage("device", pilot.trouble)
 
     def look(self, client: object, command: LookCommand) -> None:
-        """Turn the head on, as far as a command may."""
+        """Turn the head by the elapsed time, at most ``MAX_TURN_TIME``. Raises BadMessage."""
         pilot, _, now = self._require_control(client, command)
         if not self._has_head:
             raise BadMessage("no_base", "this run has no head to turn")
@@ -179,27 +179,27 @@ class WheelArbiter:
             raise BadMessage("device", pilot.trouble)
 
     def stop(self) -> None:
-        """A stop was latched: nothing of before is in force."""
+        """Stop the base after a latched stop; earlier commands are void."""
         self._stop_base()
 
     def _require_control(self, client: object, command: DriveCommand | LookCommand) -> tuple[Pilot, Base, float]:
-        """Return with what and when to do a command, if it counts; at one that does not the base stops."""
+        """Return pilot, base and time for a valid command; an outdated one stops the base. Raises BadMessage."""
         now = self._clock.now()
         if self._pilot is None or self._base is None:
             raise BadMessage("no_base", "this run has no base to drive")
         if self._driver is not client:
-            who = f"{self.driver} drives" if self._driver is not None else "nobody has taken the wheels"
+            who = f"{self.driver} drives" if self._driver is not None else "no client has the wheels"
             raise BadMessage("no_wheels", who, "take")
         self.check(now)
         number, self._number = self._number, max(self._number, command.n)
         if command.n <= number:
             self._pilot.steer(None)
-            raise BadMessage("out_of_order", f"number {command.n} comes after {number}: the base stops")
+            raise BadMessage("out_of_order", f"number {command.n} is not above {number}: the base stops")
         self._check_state(command.stamp, now)
         return self._pilot, self._base, now
 
     def _check_state(self, stamp: int, now: float) -> None:
-        """Raise BadMessage and stop the base unless the state behind a command is young, and none before the last."""
+        """Raise BadMessage and stop the base if the state behind a command is too old, or older than the last one."""
         issued = self._stamps.issued_at(stamp)
         if issued is not None:
             self.round_trip = now - issued
@@ -209,7 +209,7 @@ class WheelArbiter:
                 f"over {STAMP_LIFETIME:g} s old, or not of this run" if issued is None else f"{now - issued:.1f} s old"
             )
             more = f"the state behind the command is {age}: the base stops ({MAX_STATE_AGE:g} s at most)"
-            raise BadMessage("stale", more, "let go, and drive once the link is quicker")
+            raise BadMessage("stale", more, "release the input, and drive when the connection is faster")
         if issued < self._state_at:
             self._stop_base()
             raise BadMessage("out_of_order", "its state is older than that of the last command: the base stops")
@@ -231,4 +231,6 @@ class WheelArbiter:
 
 
 def _let_go_error() -> BadMessage:
-    return BadMessage("let_go", "the base has stopped, as commands or states were late", "let go, and begin anew")
+    return BadMessage(
+        "let_go", "the base has stopped, as commands or states were late", "release the input, then drive again"
+    )

@@ -1,1 +1,1 @@
-"""From a plan to py_trees nodes, and the loop that ticks them safely."""
+"""Builds py_trees nodes from a plan, and ticks them safely."""

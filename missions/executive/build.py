@@ -1,4 +1,4 @@
-"""From a checked plan to the nodes that are ticked."""
+"""Builds the nodes that are ticked from a checked plan."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -19,16 +19,16 @@ from missions.language.nodes import FOR_EACH, MISSION
 from missions.language.plan import Plan, Step
 
 RobotFor = Callable[[Node], Robot]
-"""Gives a leaf the robot that it sees: one that knows in whose name a command is sent."""
+"""Returns the robot for a leaf, whose commands carry the name of the leaf."""
 
 Substitute = Callable[[Step, Leaf | None], Leaf | None]
-"""Given a step, and its leaf where it is one, returns what is to stand in its place; None: it is built as it is."""
+"""Returns a replacement for a step, given its leaf if it has one; None to build the step itself."""
 
 Scope = dict[str, object]
 
 
 def keep_leaf(step: Step, leaf: Leaf | None) -> Leaf | None:
-    """Put nothing in the place of anything."""
+    """Replace nothing."""
     del step
     return leaf
 
@@ -36,7 +36,7 @@ def keep_leaf(step: Step, leaf: Leaf | None) -> Leaf | None:
 def build(plan: Plan, run: RunState, robot_for: RobotFor, *, substitute: Substitute = keep_leaf) -> Node:
     """Build the tree of ``plan``. The root's key is "1", its children's "1.1", "1.2" and so on.
 
-    What ``run.variables`` holds already (the robot's state) can be read in the mission and in all inside it.
+    Variables that are in ``run.variables`` already (the robot's state) can be read in all missions of the run.
     """
     builder = TreeBuilder(run, robot_for, dict(run.variables), substitute)
     run.variables.update(plan.params)
@@ -50,11 +50,11 @@ NODES: Mapping[str, type[Parent]] = {
     FOR_EACH: ForEach,
     MISSION: Submission,
 }
-"""The classes that are ticked, by the words of their kinds."""
+"""Node classes by word."""
 
 
 class TreeBuilder:
-    """Builds nodes for one run. ``lasting`` are the variables that every mission of the run can read."""
+    """Builds nodes for one run; all missions of the run can read ``shared_variables``."""
 
     def __init__(
         self, run: RunState, robot_for: RobotFor, shared_variables: Scope, substitute: Substitute = keep_leaf
@@ -65,7 +65,7 @@ class TreeBuilder:
         self._shared_variables = shared_variables
 
     def build(self, step: Step, key: str, scope: Scope) -> Node:
-        """Build a step and all below it; ``scope`` are the variables of its mission."""
+        """Build a step and its children; ``scope`` holds the variables of its mission."""
         inner = dict(self._shared_variables) if step.kind == MISSION else scope
         whole = None if step.leaf is not None or step.kind in MODIFIERS else self._substitute(step, None)
         if whole is not None:
@@ -75,7 +75,7 @@ class TreeBuilder:
         return self._set_position(self._node(step, children, inner), step, key, scope)
 
     def _set_position(self, node: Node, step: Step, key: str, scope: Scope) -> Node:
-        """Tell a node where it stands, and give it what it needs to run."""
+        """Set the key, the place in the file, the run and the scope of a node."""
         node.key, node.kind, node.line, node.file = key, step.kind, step.mark.line, step.source.name
         node.run, node.scope = self._run, scope
         if isinstance(node, Leaf):
@@ -90,7 +90,7 @@ class TreeBuilder:
 
 
 def _set_arguments(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
-    """Set the arguments that are known now; leave the rest to be filled each time that the leaf starts."""
+    """Set the constant arguments of a leaf; the others are computed each time it starts."""
     leaf.output_variable = step.output_variable
     kind = None if step.leaf is None else kind_of_type(step.leaf.output_type)
     if isinstance(kind, str) and kind in UNITS:

@@ -1,4 +1,4 @@
-"""The composites of the mission language, as py_trees composites that halt what runs before something else starts."""
+"""Composites of the mission language, as py_trees composites that halt the running child before another starts."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -15,11 +15,11 @@ from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 
 
 class _ReactiveComposite(Composite):
-    """The children from the first at every tick; one that ends the search halts the running one behind it first.
+    """Ticks its children from the first at every tick; a child that takes over halts the running one before.
 
-    It stands still while a child is suspended: ``_running`` keeps its place without being ticked. ``_stood`` says that
-    children before it may run for that reason alone; ``_ended`` is one that has ended meanwhile, by a deadline of its
-    own, and is not started anew when its turn comes.
+    While a child is suspended, the composite waits: ``_running`` keeps its progress without being ticked. ``_stood`` is
+    true if earlier children may run only for that reason. ``_ended`` is a child that ended meanwhile by its own
+    deadline; it is not started again at its turn.
     """
 
     run_state = ("_running", "_retiring", "_stood", "_ended")
@@ -58,7 +58,7 @@ class _ReactiveComposite(Composite):
         return self.end(self.adopt_failure(child) if status is FAILURE else status)
 
     def _suspend_with(self, child: Node, behind: Node | None) -> Status:
-        """Stand still with a suspended child; fail once it has waited for too long, whatever comes behind it."""
+        """Wait for a suspended child; fail once it has waited too long, even if a later child could take over."""
         self.suspension = suspension = child.suspension
         if suspension is not None and suspension.timed_out:
             self.feedback_message = sensor_timeout_reason(suspension.reason, self.run.sensor_timeout)
@@ -79,7 +79,7 @@ class _ReactiveComposite(Composite):
         return self.end(status)
 
     def _halt_others(self, child: Node) -> None:
-        """Halt what was suspended when this tick came no farther than to ``child``."""
+        """Halt the children that were suspended, except ``child``."""
         self._stood, self._ended = False, None
         for other in self.members:
             if other is not child and other is not self._retiring and other.status is RUNNING and not other.halt():
@@ -95,16 +95,16 @@ class _ReactiveComposite(Composite):
         return RUNNING
 
     def _is_retired(self) -> bool:
-        """True once what gave way at an earlier tick is at rest."""
+        """Return True once the preempted child is at rest."""
         if self._retiring is not None and self._retiring.halt():
             self._retiring = None
         return self._retiring is None
 
     def _tick_before(self, child: Node, behind: Node) -> Status:
-        """Tick a child of higher priority than the one that runs; where it takes over, that one is halted first.
+        """Tick a child of higher priority than the running one; if it takes over, halt the running one first.
 
-        A leaf that is about to drive an actuator halts it before it starts (through ``Run.preempt``). Others show
-        only by their status that they take over: it is halted before that status is published.
+        A leaf that is about to claim an actuator halts it before it starts (through ``Run.preempt``). Other nodes take
+        over by their status: the running child is halted before that status is published.
         """
         preemptible = self.run.preemptible
         preemptible.append(behind)
@@ -120,7 +120,7 @@ class _ReactiveComposite(Composite):
 
 
 class ReactiveSequence(_ReactiveComposite, composites.Sequence):
-    """A sequence from the first child at every tick."""
+    """Sequence that restarts from the first child at every tick."""
 
     passes = SUCCESS
 
@@ -129,7 +129,7 @@ class ReactiveSequence(_ReactiveComposite, composites.Sequence):
 
 
 class ReactiveSelector(_ReactiveComposite, composites.Selector):
-    """A selector from the first child at every tick."""
+    """Selector that restarts from the first child at every tick."""
 
     passes = FAILURE
 
@@ -138,9 +138,9 @@ class ReactiveSelector(_ReactiveComposite, composites.Selector):
 
 
 class OrderedComposite(Composite):
-    """One child after another, resuming at the running one.
+    """Ticks one child after another, continuing with the running one.
 
-    ``passes`` is the status that leads to the next; ``order`` the children in this run's order.
+    ``passes`` is the status of a child that leads to the next; ``order`` is the order of the children in this run.
     """
 
     run_state = ("_index", "order", "_lost")
@@ -175,7 +175,7 @@ class OrderedComposite(Composite):
         return self._blame_last(child) if status is FAILURE else status
 
     def _blame_last(self, child: Node) -> Status:
-        """Return a failure for the reason of ``child``; it is for a silent sensor if that of any child was."""
+        """Return a failure with the reason of ``child``; a sensor failure of any child makes it one."""
         self.adopt_failure(child)
         if self.suspension is None and self.passes is FAILURE:
             self.suspension = self._lost
@@ -190,7 +190,7 @@ class OrderedComposite(Composite):
 
 
 class Sequence(OrderedComposite, composites.Sequence):
-    """Does its children one after another; fails at the first failure."""
+    """Ticks its children one after another; fails at the first failure."""
 
     passes = SUCCESS
 
@@ -199,7 +199,7 @@ class Sequence(OrderedComposite, composites.Sequence):
 
 
 class Selector(OrderedComposite, composites.Selector):
-    """Tries its children one after another until one succeeds."""
+    """Ticks its children one after another until one succeeds."""
 
     passes = FAILURE
 
@@ -208,7 +208,7 @@ class Selector(OrderedComposite, composites.Selector):
 
 
 class RandomOrderComposite(OrderedComposite):
-    """One child after another, in an order drawn afresh at each start from the mission's own seed."""
+    """Ticks its children one after another, in an order drawn at each start from the seed of the run."""
 
     def begin(self) -> None:
         super().begin()
@@ -218,7 +218,7 @@ class RandomOrderComposite(OrderedComposite):
 
 
 class RandomSequence(RandomOrderComposite, composites.Sequence):
-    """A sequence in an order drawn afresh at each start."""
+    """Sequence in a random order, drawn at each start."""
 
     passes: ClassVar[Status] = SUCCESS
 
@@ -227,7 +227,7 @@ class RandomSequence(RandomOrderComposite, composites.Sequence):
 
 
 class RandomSelector(RandomOrderComposite, composites.Selector):
-    """A selector in an order drawn afresh at each start."""
+    """Selector in a random order, drawn at each start."""
 
     passes: ClassVar[Status] = FAILURE
 
@@ -245,4 +245,4 @@ COMPOSITES: Mapping[str, type[Composite]] = {
     "random_sequence": RandomSequence,
     "random_selector": RandomSelector,
 }
-"""The composites with a list of children, by their words."""
+"""Classes of the composites with a list of children, by word."""

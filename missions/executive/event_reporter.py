@@ -1,4 +1,4 @@
-"""From what the parts of a robot tell, each on its own thread, to the events of a run."""
+"""Converts notices, speech, views and commands of a robot, from their threads, into events of a run."""
 
 import logging
 import traceback
@@ -13,11 +13,11 @@ from missions.executive.stream import EventStream
 from perception.api import Face, Marker, Percept, Thing, View
 
 OVERRIDE_SOURCES = frozenset({Source.SAFETY, Source.TELEOP})
-"""Who commands the base before a mission does, and is named as the source of such a command."""
+"""Sources that take precedence over the mission, and are reported as the source of a command."""
 
 
 class EventReporter:
-    """Hands on to the ``stream`` of a ``run`` what its robot tells, and wakes the run where that is worth a tick."""
+    """Emits events of the robot to the ``stream`` of a ``run``, and wakes the run if a tick should follow."""
 
     def __init__(self, run: RunState, stream: EventStream) -> None:
         self._run = run
@@ -26,42 +26,41 @@ class EventReporter:
         self._commands: dict[str, tuple[str, Mapping[str, object]]] = {}  # the last of each part
 
     def on_notice(self, notice: DeviceStatus) -> None:
-        """Tell what a device says of itself."""
+        """Emit a status change of a device."""
         self._stream.emit(FaultRaised(self._run.clock.now(), notice.device, notice.kind, notice.message, notice.hint))
         self._run.wake()
 
     def on_log(self, record: logging.LogRecord) -> None:
-        """Tell a line of the log."""
+        """Emit a log line."""
         text = record.getMessage()
         if record.exc_info is not None:
             text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
         self._stream.emit(Logged(self._run.clock.now(), record.levelname.lower(), text))
 
     def on_speech(self, text: str) -> None:
-        """Tell what the robot says aloud."""
+        """Emit speech of the robot."""
         self._stream.emit(Logged(self._run.clock.now(), "voice", text))
 
     def on_person_speech(self, who: str, text: str) -> None:
-        """Tell what somebody in a simulated world says."""
+        """Emit speech of a person in a simulated world."""
         self._stream.emit(Logged(self._run.clock.now(), "person", f"{who}: {text}"))
 
     def on_view(self, view: View) -> None:
-        """Tell what was found in a picture."""
+        """Emit the percepts of a picture."""
         self._stream.emit(percept_event(view, self._run.clock.now()))
         self._run.wake()
 
     def on_command(self, to: str, source: str, values: Mapping[str, object]) -> None:
-        """Tell what a part was commanded, unless that is what the same source commanded last; words, every time."""
+        """Emit a command, unless it repeats the last one of the same source; always emit commands to the voice."""
         if to != "voice" and self._commands.get(to) == (source, values):
             return
         self._commands[to] = source, values
         self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
 
     def on_steering(self, steering: Steering) -> None:
-        """Tell what somebody else than a mission commands the base; a mission's behaviours tell that themselves.
+        """Emit commands to the base from sources other than the mission; leaves report their own commands.
 
-        Who commanded it before, and does not any more, has stopped it. One that is stopped until somebody enables it,
-        whoever wanted that, is so for safety.
+        A source that no longer commands has stopped the base. A latched base is reported with source `safety`.
         """
         before, self._last_source = self._last_source, steering.source
         source = steering.source or (Source.SAFETY if steering.reason else before)
@@ -79,7 +78,7 @@ class EventReporter:
 
 @contextmanager
 def capture_log(on_record: Callable[[logging.LogRecord], None]) -> Iterator[None]:
-    """Hear what is logged, from the level of information up: ``log`` in missions, and what goes wrong inside."""
+    """Pass log records from level INFO up to ``on_record``: those of missions, and internal errors."""
     handler, before = _LogHandler(on_record), (log.level, log.propagate)
     log.addHandler(handler)
     log.setLevel(logging.INFO)
@@ -92,19 +91,18 @@ def capture_log(on_record: Callable[[logging.LogRecord], None]) -> Iterator[None
 
 
 class _LogHandler(logging.Handler):
-    """Hands log records on."""
+    """Logging handler that calls a function."""
 
     def __init__(self, on_record: Callable[[logging.LogRecord], None]) -> None:
         super().__init__()
         self._on_record = on_record
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Hand on one record."""
         self._on_record(record)
 
 
 def percept_event(view: View, t: float) -> PerceptSeen:
-    """Return the event that tells at ``t`` seconds what was found in a picture."""
+    """Return the event for the percepts of a view at ``t`` seconds."""
     faces, things, markers = (
         tuple(_percept_dict(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
     )
@@ -113,7 +111,7 @@ def percept_event(view: View, t: float) -> PerceptSeen:
 
 
 def _percept_dict(percept: Percept) -> Mapping[str, object]:
-    """Return a percept as events tell it: the angles in radians, the box in pixels."""
+    """Return a percept as in events: angles in radians, the box in pixels."""
     box = percept.box
     told = {
         "id": percept.id,

@@ -1,4 +1,4 @@
-"""What happens in a run, as events: what `missions.executive.stream` tells its listeners."""
+"""Events of a run, which `missions.executive.stream` delivers to its listeners."""
 
 import json
 from collections.abc import Collection, Mapping
@@ -17,39 +17,39 @@ STATUS_WORDS = {
     Status.FAILURE: "failure",
     Status.INVALID: "idle",
 }
-"""How a status is written in events, tests and pictures."""
+"""Statuses as written in events, tests and pictures."""
 
 SUSPENDED = "suspended"
-"""How the status is written of a node that runs only because a sensor has not reported."""
+"""Status of a node that is running only because a sensor is silent."""
 
 SKIPPED = "skipped"
-"""The same of one that has succeeded though its behaviour was not started, because its ``if`` was false."""
+"""Status of a node that succeeded without starting its behaviour because its ``if`` was false."""
 
 
 def status_word(node: Node) -> str:
-    """Return how the status of a node is written now."""
+    """Return the present status of a node as written in events."""
     if node.is_skipped:
         return SKIPPED
     return SUSPENDED if node.is_suspended else STATUS_WORDS[node.status]
 
 
 def plain_status(word: str) -> str:
-    """Return a status as a parent takes it: what was skipped counts as success."""
+    """Return a status as parents see it: "skipped" is a success."""
     return STATUS_WORDS[Status.SUCCESS] if word == SKIPPED else word
 
 
 @dataclass(slots=True)
 class Event:
-    """Something that happened ``t`` seconds after the start of the run. ``event`` names its kind in files.
+    """Event ``t`` seconds after the start of the run; ``event`` is its type in files.
 
-    Not frozen, which would make each cost twice as much; not to be altered, since every listener gets the same one.
+    Not frozen, which would double the cost of each; do not change it, since all listeners share it.
     """
 
     event: ClassVar[str] = ""
     t: float
 
     def as_dict(self) -> dict[str, object]:
-        """Return it as it is written to a file: ``event`` first, then its fields; what is None is left out."""
+        """Return the event as in files: ``event`` first, then its fields without those that are None."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         values["t"] = round(self.t, 6)
         return {"event": self.event} | {name: value for name, value in values.items() if value is not None}
@@ -57,7 +57,7 @@ class Event:
 
 @dataclass(slots=True)
 class Started(Event):
-    """A mission begins."""
+    """A mission has started."""
 
     event: ClassVar[str] = "started"
     mission: str
@@ -68,7 +68,7 @@ class Started(Event):
 
 @dataclass(slots=True)
 class Ticked(Event):
-    """The root was ticked for the ``tick``-th time, with this result; ``late`` says by how many seconds too late."""
+    """The root was ticked for the ``tick``-th time with this status; ``late`` is the delay in seconds."""
 
     event: ClassVar[str] = "tick"
     tick: int
@@ -78,7 +78,7 @@ class Ticked(Event):
 
 @dataclass(slots=True)
 class NodeChanged(Event):
-    """A node has a new status. ``node`` is its stable id within the tree."""
+    """A node has a new status; ``node`` is its key in the tree."""
 
     event: ClassVar[str] = "node_changed"
     tick: int
@@ -92,7 +92,7 @@ class NodeChanged(Event):
 
 @dataclass(slots=True)
 class PerceptSeen(Event):
-    """Perception has searched a frame, taken at ``stamp`` (seconds since the start)."""
+    """A frame of the time ``stamp`` (seconds since the start) was searched; it holds the percepts."""
 
     event: ClassVar[str] = "percept"
     stamp: float
@@ -103,9 +103,9 @@ class PerceptSeen(Event):
 
 @dataclass(slots=True)
 class CommandSent(Event):
-    """Somebody has commanded a part of the robot: a behaviour, ``safety`` for its own reflexes, or ``teleop``.
+    """A part received a command from a behaviour, from ``safety`` (its reflexes), or from ``teleop``.
 
-    Where not all of it is in force, ``values`` also have what was ``wanted``, and may say ``because`` of what.
+    If the command was limited, ``values`` also has the requested values, and a reason ``because``.
     """
 
     event: ClassVar[str] = "command"
@@ -117,9 +117,9 @@ class CommandSent(Event):
 
 @dataclass(slots=True)
 class VariableSet(Event):
-    """A variable has another value: of the mission, or of the one inside it whose node has ``scope`` as its key.
+    """A variable has a new value; ``scope`` is the key of the sub-mission's node, empty for the main mission.
 
-    Params are told once, at the start. What is not known, or not there any more, is None. ``dimension`` is that of a
+    Params are reported once, at the start. The value is None if it is unknown or deleted. ``dimension`` belongs to a
     quantity ("length"), whose value is in SI units.
     """
 
@@ -133,10 +133,10 @@ class VariableSet(Event):
 
 @dataclass(slots=True)
 class ReflexFired(Event):
-    """The base feels something, or is stopped or weak, from now on; or not any more, where ``on`` is False.
+    """A condition of the base begins, or ends if ``on`` is False: a contact, a hazard, a stop, a low battery.
 
-    ``what`` is one of ``missions.executive.guard.REFLEXES``. ``where`` says more of it: sides, the number of a button,
-    why it is stopped, what is left in the battery.
+    ``what`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: sides, the number of a button, the
+    reason of a stop, the battery percentage.
     """
 
     event: ClassVar[str] = "reflex"
@@ -148,7 +148,7 @@ class ReflexFired(Event):
 
 @dataclass(slots=True)
 class FaultRaised(Event):
-    """A part of the robot tells of itself: ``what`` is ``offline``, ``online`` or ``fault``."""
+    """A part of the robot reports a change of its state: ``what`` is ``offline``, ``online`` or ``fault``."""
 
     event: ClassVar[str] = "fault"
     part: str
@@ -158,7 +158,7 @@ class FaultRaised(Event):
 
     @property
     def detail_without_part(self) -> str:
-        """What is the matter, without the part's name, for where that stands beside it."""
+        """The detail without the name of the part."""
         return self.detail.removeprefix(f"{self.part}: ")
 
 
@@ -166,8 +166,8 @@ class FaultRaised(Event):
 class Logged(Event):
     """A line for people.
 
-    ``level`` is a level of Python's logging in small letters, ``voice`` for what the robot says, or ``person`` for what
-    somebody in a simulated world does ("Anna: Hello").
+    ``level`` is a lower-case level of Python's logging, ``voice`` for speech of the robot, or ``person`` for speech in
+    a simulated world ("Anna: Hello").
     """
 
     event: ClassVar[str] = "log"
@@ -177,7 +177,7 @@ class Logged(Event):
 
 @dataclass(slots=True)
 class Notified(Event):
-    """The mission has something to tell somebody who is not there."""
+    """The mission sends a notice to an absent person."""
 
     event: ClassVar[str] = "notice"
     tick: int
@@ -186,7 +186,7 @@ class Notified(Event):
 
 @dataclass(slots=True)
 class Ended(Event):
-    """The mission is over and the robot at rest."""
+    """The mission has ended and the robot is at rest."""
 
     event: ClassVar[str] = "ended"
     mission: str
@@ -200,7 +200,7 @@ class Ended(Event):
 
 
 def json_value(value: object) -> object:
-    """Return ``value`` in plain terms: an object by its fields, a number that is none as None, others in words."""
+    """Return ``value`` as JSON types: objects by their fields, non-finite numbers as None, anything else as text."""
     match value:
         case None | bool() | int() | str():
             return value
@@ -221,7 +221,7 @@ def _json_values(values: Collection[object]) -> list[object]:
 
 
 class JsonLinesWriter:
-    """Writes events to a text file, one JSON object a line, each flushed, so that a killed run keeps its past.
+    """Listener that writes events as JSON lines, flushed one by one, so that a killed run leaves complete lines.
 
     ``is_complete`` is False once an event could not be written.
     """

@@ -1,4 +1,4 @@
-"""The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
+"""The tick loop: schedules ticks, takes the snapshot of each, and ends a run safely."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
@@ -32,17 +32,16 @@ from missions.language.kinds import STATE_KINDS
 Variables = dict[str, object]
 
 _MUTABLE_TYPES = frozenset({list, dict, set})
-"""Kinds of values that may be others by the time they are told."""
+"""Types whose values may change before they are reported."""
 
 _COMPARABLE_TYPES = frozenset({bool, int, float, str, Quantity})
-"""Kinds of values that say the same when they are equal. With others, only one and the same is surely no news."""
+"""Types whose equal values are the same; other values are unchanged only if they are identical."""
 
 
 class VariableChanges:
-    """Tells the ``stream`` what is new in the variables of a mission and of those inside it.
+    """Reports changed variables of a mission and its sub-missions to the ``stream``.
 
-    To be asked after what may have stored something; in between it costs nothing. A list that a behaviour alters,
-    instead of storing another, is no news.
+    Call ``emit`` after variables may have changed. A list that a behaviour changes in place is not reported.
     """
 
     def __init__(self, root: Node, run: RunState, stream: EventStream) -> None:
@@ -54,7 +53,7 @@ class VariableChanges:
         ]
 
     def emit(self) -> None:
-        """Tell all that is new, if anybody wants to know."""
+        """Report all changes if the stream has listeners."""
         if not self._stream.has_listeners:
             return
         time, tick = self._run.clock.now(), self._run.tick
@@ -65,7 +64,7 @@ class VariableChanges:
 
 
 def _take_changes(variables: Variables, reported: Variables) -> Iterator[tuple[str, object]]:
-    """Yield what is new in ``variables`` since it was ``told``, and tell it there; what is gone is None."""
+    """Yield the changes of ``variables`` since ``reported``, and update that; a deleted variable is None."""
     for name, value in variables.items():
         if name not in STATE_KINDS and not (name in reported and _is_same_value(value, reported[name])):
             reported[name] = value
@@ -82,23 +81,26 @@ def _is_same_value(one: object, other: object) -> bool:
 
 
 SAMPLE_INTERVAL_TICKS = 10
-"""Ticks from one look at the parts of the robot that a mission does not ask, to the next."""
+"""Ticks between two samples of the parts that the mission does not read."""
 
 MOVING_SAMPLE_INTERVAL_TICKS = 3
-"""Ticks from one look at joints to the next while some are on the move: a leg makes a step in less than a second.
+"""Ticks between two samples of moving joints; a leg makes a step in less than a second.
 
-Not 2 or 4: a walk of 0.8 s would be looked at in the same phases of its cycle all along, and its peaks be missed.
+Not 2 or 4: a walking cycle of 0.8 s would always be sampled at the same phases, and its peaks missed.
 """
 
 JOINTS_QUERY = "states"
-"""The question that joints are looked at by."""
+"""Query by which joints are sampled."""
 
 TickObserver = Callable[[TickRecord], None]
-"""Told of each frozen tick, on the thread that ticks, right after it: it must neither wait nor raise."""
+"""Called with the record of each tick, on the tick thread, right after the tick; it must neither block nor raise."""
 
 
 class TickSnapshot:
-    """Begins and ends the frozen ticks of a ``run``, and hands on the record of each, with its ``answers``."""
+    """Begins and ends the tick snapshots of a ``run``, in which time stands still and inputs are cached.
+
+    Passes the record of each to the observers.
+    """
 
     def __init__(self, run: RunState, cache: TickCache, changes: VariableChanges) -> None:
         self._run = run
@@ -109,24 +111,24 @@ class TickSnapshot:
         self._is_moving = False
 
     def observe(self, on_tick: TickObserver) -> None:
-        """Call ``on_moment`` with the record of each frozen tick."""
+        """Add an observer of tick records."""
         self._observers += (on_tick,)
         self._cache.is_recording = True
 
     def emit_changes(self) -> None:
-        """Tell what variables have changed."""
+        """Report changed variables."""
         self._run.variables_changed = False
         self._changes.emit()
 
     def begin(self) -> None:
-        """Let time stand still."""
+        """Freeze the time, and open the cache."""
         if self._observers:
             self._began_at = self._run.wall.now()
         self._cache.is_open = True
         self._run.tick_time = self._run.clock.now()
 
     def end(self, kind: TickKind, late: float = 0.0) -> None:
-        """Let time go on, and hand over what the tick has brought."""
+        """Unfreeze the time, close the cache, and pass the record to the observers."""
         run = self._run
         time, run.tick_time = run.tick_time or 0.0, None
         if kind == "tick":
@@ -149,7 +151,7 @@ class TickSnapshot:
 
 
 def is_moving(answers: Sequence[Answer]) -> bool:
-    """Say whether joints that were looked at are on the move."""
+    """Return whether sampled joints are moving."""
     looks = [value for _, what, _, value in answers if what == JOINTS_QUERY]
     return any(
         isinstance(reading, Reading) and isinstance(reading.value, JointState) and reading.value.moving
@@ -186,21 +188,23 @@ TRANSITIONS: Final = {
 }
 
 HALT_TIMEOUT = 2.0
-"""Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
+"""Seconds that leaves have to halt at the end of a run; then their actuators are stopped anyway."""
 
 GUARD_INTERVAL = 1.0
-"""Seconds within which the guard looks at a base that feels nothing new, while the mission is paused."""
+"""Maximum seconds between two checks of the guard while the mission is paused."""
 
 STOP_POLL_INTERVAL = 0.05
-"""Seconds within which a ``stop`` is seen. It wakes nobody: a signal handler must not take the lock of an Event, which
-may be the very one that it has interrupted."""
+"""Seconds within which a ``stop`` is noticed.
+
+A stop wakes no thread: a signal handler must not take the lock of an Event, which it may have interrupted.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a run ended: ``result`` is success, failure, interrupted or error.
+    """Result of a run: ``result`` is success, failure, interrupted or error.
 
-    A success has a ``reason`` only where motions succeeded by dead reckoning.
+    A success has a ``reason`` only if motions succeeded by dead reckoning.
     """
 
     mission: str
@@ -211,16 +215,16 @@ class Result:
 
 
 class Executive:
-    """Ticks a tree at up to ``rate`` ticks a second, at once when woken, until it ends or is told to stop.
+    """Ticks a tree at up to ``rate`` ticks a second, at once when woken, until it ends or is stopped.
 
-    The rate is a ceiling on waiting: ticks keep to an absolute schedule, and ``Run.wake`` brings the next one forward.
-    ``tick`` may also be called by hand, with no loop and no waiting: for tests, simulated time and single steps.
-    The ``guard`` looks before each tick: once it says why the mission must end, the tree is halted, and has failed.
+    Ticks keep to an absolute schedule; ``Run.wake`` brings the next one forward. ``tick`` may also be called without
+    the loop: for tests, simulated time and single steps. The ``guard`` is checked before each tick: with a reason from
+    the guard, the tree is halted and fails.
 
-    Within a tick, a look of the guard while the mission is paused, and each part of the halting at the end, time stands
-    still, and the robot's parts, which must have been ``asked`` through ``answers``, say each thing once. From the
-    records of these moments, which ``observe`` hands on, ``replay_tick`` decides over again as it was decided then.
-    ``check_tick`` is called when a tick is over, on its thread.
+    Each tick, each check of the guard while paused, and each step of the final halt is a snapshot: the time stands
+    still, and the parts, which need proxies with ``cache``, return one value per query. From the records of these
+    snapshots, which ``observe`` passes on, ``replay_tick`` repeats the decisions. ``after_tick`` is called after each
+    tick, on its thread.
     """
 
     def __init__(
@@ -249,7 +253,7 @@ class Executive:
         self._period = 1.0 / rate
         self._woken = run.wake_event
         self.idle: Callable[[float], object] = run.wake_event.wait
-        """Lets time pass while the mission is paused: real time, unless somebody puts a simulated one in its place."""
+        """Waits while the mission is paused: real time, unless replaced by simulated time."""
         self._stop_reason: str | None = None
         self._mode, self._mode_lock = RunMode.TICKING, Lock()
         self._steps: SimpleQueue[None] = SimpleQueue()  # counts: no step is lost, whatever thread it comes from
@@ -257,41 +261,41 @@ class Executive:
         run.notify = self._notify
 
     def observe(self, on_tick: TickObserver) -> None:
-        """Call ``on_moment`` with the record of each frozen tick, from the next one on."""
+        """Add an observer of tick records, from the next tick on."""
         self._tick_snapshot.observe(on_tick)
 
     # --- called from any thread ---------------------------------------------------------------------------------------
 
     def stop(self, reason: str) -> None:
-        """End the run after the present tick. The one call that a signal handler may make."""
+        """End the run after the present tick. The only method that a signal handler may call."""
         self._stop_reason = reason
 
     @property
     def stopping(self) -> bool:
-        """True once ``stop`` was called."""
+        """True after ``stop``."""
         return self._stop_reason is not None
 
     def pause(self) -> None:
-        """Stop ticking; the mission keeps its place, and its actuators hold still."""
+        """Stop ticking; the mission keeps its state, and its actuators hold still."""
         self._change_mode(RunModeEvent.PAUSE)
 
     @property
     def paused(self) -> bool:
-        """True from ``pause`` to ``resume``."""
+        """True between ``pause`` and ``resume``."""
         return self._mode is not RunMode.TICKING
 
     def hold(self, *, held: bool) -> None:
-        """Pause, and neither tick nor step, whatever anybody asks for, until held no longer; it is paused then."""
+        """Pause without ticks or steps until released, and ignore resume requests; then the mission is paused."""
         self._change_mode(RunModeEvent.HOLD if held else RunModeEvent.RELEASE)
 
     def step(self) -> None:
-        """Tick once while paused; nothing while held."""
+        """Tick once while paused; no effect while held."""
         if self._mode is not RunMode.HELD:
             self._steps.put(None)
             self._woken.set()
 
     def resume(self) -> None:
-        """Go on after ``pause``; nothing while held."""
+        """Continue after ``pause``; no effect while held."""
         self._change_mode(RunModeEvent.RESUME)
 
     def _change_mode(self, event: RunModeEvent) -> None:
@@ -302,14 +306,14 @@ class Executive:
     # --- the loop -----------------------------------------------------------------------------------------------------
 
     def emit_start(self, *, file: str, robot: str, params: Mapping[str, object]) -> None:
-        """Begin the stream of events."""
+        """Emit the start event, and the initial variables."""
         self.stream.emit(
             Started(self.time(), self.mission, file, robot, {name: str(value) for name, value in params.items()})
         )
         self._tick_snapshot.emit_changes()
 
     def loop(self) -> Result:
-        """Tick until the tree succeeds or fails, or ``stop`` is called; then halt what runs. Does not raise."""
+        """Tick until the tree ends or ``stop`` is called, then halt; return the result. Does not raise."""
         due = self.run.now()
         held = False
         while self._stop_reason is None:
@@ -338,10 +342,9 @@ class Executive:
         return self._make_result()
 
     def _wait(self, due: float) -> float:
-        """Wait until the next tick is due, or until woken or stopped; return when the next scheduled tick is due.
+        """Wait for the next tick, a wake or a stop; return the time of the next scheduled tick.
 
-        The schedule is absolute: a tick that came early because it was woken moves nothing, and ticks that were missed
-        are counted, not made up for.
+        The schedule is absolute: an early tick does not shift it, and missed ticks are counted, not made up for.
         """
         now = self.run.now()
         if now >= due:
@@ -356,7 +359,7 @@ class Executive:
         return due
 
     def tick(self, *, late: float = 0.0) -> Status:
-        """Tick the tree once, which was due ``late`` seconds ago, and return its status."""
+        """Tick the tree once, ``late`` seconds after it was due, and return its status."""
         self.run.tick += 1
         self._tick_snapshot.begin()
         try:
@@ -373,7 +376,7 @@ class Executive:
         return status
 
     def _guard_paused(self, now: float) -> None:
-        """Have the guard look while the mission is paused: at once when the base feels something, or now and then."""
+        """Check the guard while paused: at once if the base reports a change, otherwise at intervals."""
         if self._guard is not None and (now - self._guarded_at >= GUARD_INTERVAL or self._guard.has_changed()):
             self._guarded_at = now
             self._run_guard_snapshot()
@@ -390,7 +393,7 @@ class Executive:
             self._alarm = self._alarm or self._guard.check()
 
     def _halt_for_alarm(self) -> Status:
-        """Halt the tree because of the alarm, in as many ticks as it needs; then it has failed."""
+        """Halt the tree because of the alarm, over several ticks if needed; then it has failed."""
         if not self._halt_tree():
             return Status.RUNNING
         self.root.feedback_message, self._alarm = self._alarm, ""
@@ -398,7 +401,7 @@ class Executive:
         return Status.FAILURE
 
     def halt(self) -> bool:
-        """Halt the tree; True once it is at rest. Leaves may need several ticks: they are given up after HALT_TIME."""
+        """Halt the tree; return True once it is at rest. Leaves that need more than HALT_TIMEOUT are abandoned."""
         self._tick_snapshot.begin()
         try:
             return self._halt_tree()
@@ -417,9 +420,9 @@ class Executive:
         return True
 
     def replay_tick(self, record: TickRecord) -> None:
-        """Do over again what was done at a ``moment``; its time must be that of the run's clock.
+        """Repeat a recorded snapshot; the clock of the run must return its time.
 
-        All that the parts of the robot are asked then is for the caller to answer as in the moment's ``answers``.
+        The caller must make the parts return the ``answers`` of the record.
         """
         self.run.tick = record.tick
         if record.overheld is not None:
@@ -436,14 +439,14 @@ class Executive:
                 self.halt()
 
     def wait_period(self) -> None:
-        """Let the time from one tick to the next pass, whatever wakes: for ticks by hand in simulated time."""
+        """Wait for one tick period, ignoring wakes: for manual ticks in simulated time."""
         due = self.run.now() + self._period
         while (left := due - self.run.now()) > 0:
             self._woken.clear()
             self.run.wait(left)
 
     def time(self) -> float:
-        """Seconds since the start of the run; from any thread."""
+        """Return the seconds since the start of the run. Thread-safe."""
         return self.run.clock.now()
 
     def _notify(self, text: str) -> None:
@@ -467,5 +470,5 @@ class Executive:
             self.run.record_heartbeat()
 
     def emit_end(self, result: Result) -> None:
-        """End the stream of events."""
+        """Emit the end event."""
         self.stream.emit(Ended(self.time(), result.mission, result.result, result.reason, result.seconds, result.ticks))

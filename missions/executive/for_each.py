@@ -1,4 +1,4 @@
-"""The node that does its child once for each member of a list."""
+"""Nodes that select or repeat children by the value of an expression: switches and ``for_each``."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -20,7 +20,7 @@ from missions.language.switches import case_key
 
 
 class Switch(Composite, composites.Selector):
-    """Does the child whose case is the value of an expression, asked once, at the start; else its default.
+    """Ticks the child whose case equals the value of an expression, evaluated at the start; otherwise the default.
 
     ``cases`` belong to the members in order; one more member is the default.
     """
@@ -50,14 +50,14 @@ class Switch(Composite, composites.Selector):
         return FAILURE if self._chosen is None else self.tick_chosen(self._chosen)
 
     def tick_chosen(self, child: Node) -> Status:
-        """Tick the child that was chosen."""
+        """Tick the selected child."""
         self.current_child = child
         status = child.execute_tick()
         self.suspension = child.suspension
         return self.adopt_failure(child) if status is FAILURE else status
 
     def select_child(self) -> Node | None:
-        """Return the child for the value that the expression has now; None, with a reason, where there is none."""
+        """Return the child for the present value of the expression; None, with a reason, if there is none."""
         try:
             found = self.on.resolve(self.scope)
         except (ExpressionError, ValueError) as error:
@@ -75,7 +75,7 @@ class Switch(Composite, composites.Selector):
 
 
 class ReactiveSwitch(Switch):
-    """A switch that asks at every tick. Another case halts the child that runs, and starts once that is at rest."""
+    """Switch that evaluates at every tick; a new case halts the running child, and starts once that is at rest."""
 
     def on_running(self) -> Status:
         chosen = self.select_child()
@@ -91,23 +91,23 @@ SWITCHES: Mapping[str, type[Switch]] = {
     SWITCH: Switch,
     REACTIVE_SWITCH: ReactiveSwitch,
 }
-"""The composites that choose, by their words."""
+"""Switch classes by word."""
 
 
 def _format_case(value: object) -> str:
-    """Write a value as a case would be."""
+    """Return a value as a case is written."""
     return str(value).lower() if isinstance(value, bool) else format_value(value)
 
 
 MAX_SHOWN_LENGTH = 40
-"""Characters of a member that a reason tells."""
+"""Maximum characters of a member in a reason."""
 
 
 class ForEach(Parent, Decorator):
-    """Does its child once for each member of a list, which is asked for when it starts; the next at the next tick.
+    """Runs its child once for each member of a list, evaluated at the start; one member after another.
 
-    ``names`` are the variables for the member and, if there is a second, for its number. It fails at the first
-    failure, for the reason of its child with the member before it, and succeeds at once where there is no member.
+    ``names`` are the variables for the member and, optionally, for its number. It fails at the first failure, with the
+    member in the reason, and succeeds at once if the list is empty.
     """
 
     run_state = ("setting", "_place")
@@ -149,7 +149,7 @@ class ForEach(Parent, Decorator):
         return self._on_child_status(status)
 
     def _on_child_status(self, status: Status) -> Status:
-        """Return the status of this node after one of the child."""
+        """Return the status of this node for a status of the child."""
         self.suspension = self.child.suspension
         if status is FAILURE:
             self.feedback_message = f"{self.kind} {self._describe_member()}: {self.child.feedback_message}"
@@ -162,7 +162,7 @@ class ForEach(Parent, Decorator):
         return SUCCESS
 
     def _start_member(self) -> None:
-        """Give the next member to the child."""
+        """Set the variables to the next member, and reset the child."""
         self.child.reset()
         values = (self.setting.member(self._place), self.setting.number(self._place))
         self.scope.update(zip(self.names, values, strict=False))
@@ -170,7 +170,7 @@ class ForEach(Parent, Decorator):
         self.feedback_message = f"{self._place + 1} of {self.setting.count}: {self._describe_member()}"
 
     def _describe_member(self) -> str:
-        """Return the member in words, its number where it is no plain value."""
+        """Return the member as text, or its number if it is not a plain value."""
         member = self.setting.member(self._place)
         said = " ".join(format_value(member).split()) if isinstance(member, str | int | float | None) else ""
         if not said:

@@ -1,4 +1,4 @@
-"""Looks at the base before every tick, above the tree: tells what it felt, and ends a mission that must end."""
+"""Checks the base before every tick: reports its contacts and reflexes, and ends a mission with a critical battery."""
 
 from collections.abc import Callable
 from math import inf
@@ -9,17 +9,17 @@ from missions.executive.events import ReflexFired
 from missions.executive.stream import EventStream
 
 CONFIRM_TIME = 2.0
-"""Seconds between two readings that have to agree: under load the voltage dips, and the percentage with it."""
+"""Seconds between two readings that must agree: under load the voltage dips, and the percentage with it."""
 
 HYSTERESIS_PERCENT = 3.0
-"""Percent above a threshold from which on it does not hold any more."""
+"""Percent above a threshold at which it is released."""
 
 
 class BatteryWatch:
-    """Looks at readings of a battery; ``low`` and ``critical`` say how it is as of the last one.
+    """Battery thresholds with confirmation and hysteresis; ``low`` and ``critical`` are the present states.
 
-    Thresholds are in percent, 0 for never. Either holds once two readings at least ``CONFIRM_TIME`` apart were below it, and
-    none between was above, until the battery charges or is ``HYSTERESIS_PERCENT`` above it.
+    Thresholds are in percent, 0 for never. A threshold is reached if all readings over ``CONFIRM_TIME`` were below it.
+    It is released when the battery charges, or is ``HYSTERESIS_PERCENT`` above it.
     """
 
     def __init__(self, low: float, critical: float) -> None:
@@ -29,16 +29,16 @@ class BatteryWatch:
 
     @property
     def low(self) -> bool:
-        """True when it should be charged soon."""
+        """True if the battery should be charged soon."""
         return self._low.is_reached
 
     @property
     def critical(self) -> bool:
-        """True when nothing should be begun with it any more."""
+        """True if no mission should continue."""
         return self._critical.is_reached
 
     def update(self, percent: float, now: float, *, charging: bool) -> bool:
-        """Take in a reading (0..100) of time ``now`` in seconds; False where there was and is plenty: nothing holds."""
+        """Add a reading (0..100) at ``now`` seconds; return False if the battery is clearly above both thresholds."""
         percent = inf if charging else percent
         if not self._was_below and percent >= self._clear_percent:
             return False
@@ -49,7 +49,7 @@ class BatteryWatch:
 
 
 class _Threshold:
-    """One of the two."""
+    """One threshold."""
 
     def __init__(self, percent: float) -> None:
         self._percent = percent
@@ -67,20 +67,20 @@ class _Threshold:
 
 
 CONTACTS = ("bumper", "cliff", "wheel_drop")
-"""What a base feels with its left, its middle and its right; events and state call it so."""
+"""Contact sensors of a base with a left, middle and right side; the names in events and states."""
 
 REFLEXES = (*CONTACTS, "hazard", "button", "docked", "charging", "latched", "battery_low", "battery_critical")
-"""All that the guard tells of."""
+"""All conditions that the guard reports."""
 
 _Feedback = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool, bool]
 _NO_FEEDBACK: _Feedback = (Sides(), Sides(), Sides(), frozenset(), frozenset(), False, False)
 
 
 class BaseGuard:
-    """What a ``base`` does about all this by itself is its driver's business; see ``drivers.api.Reflexes``.
+    """Watches a ``base`` before each tick; the reflexes themselves are in its driver, see ``drivers.api.Reflexes``.
 
-    ``battery`` is what the readings of its battery come to, by the thresholds of ``reflexes``. ``enabled`` is called
-    when a person enables the base, or presses its button for that: it enables all other parts as well.
+    ``battery`` is the battery state by the thresholds of ``reflexes``. ``on_enable`` is called when a person enables
+    the base, or presses its button for that; it enables all other parts.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class BaseGuard:
         self._battery_state = False, False  # whether the battery was low, and critical
 
     def check(self) -> str:
-        """Look once; return why the mission must end, or nothing. What is not reported afresh is as it was."""
+        """Report changes; return the reason if the mission must end. Missing readings change nothing."""
         latched = self._base.latched
         if latched != self._latched:
             self._emit("latched", latched or self._latched, on=bool(latched))
@@ -115,7 +115,7 @@ class BaseGuard:
         return self._check_battery(state)
 
     def has_changed(self) -> bool:
-        """True while it feels or says something else than when it was looked at last: worth a look at once."""
+        """Return whether the base reports a change since the last check, so that a check is due at once."""
         reading = self._base.state()
         state = reading.value
         if self._base.latched != self._latched:
@@ -123,7 +123,7 @@ class BaseGuard:
         return state is not None and reading.good and _feedback_of(state) != self._feedback
 
     def _emit_feedback(self, before: _Feedback, after: _Feedback) -> None:
-        """Tell what is new of all that the base feels."""
+        """Report the changes between two readings."""
         *contacts_before, hazards_before, buttons_before, docked_before, charging_before = before
         *contacts, hazards, buttons, docked, charging = after
         for what, was, now in zip(CONTACTS, contacts_before, contacts, strict=True):
@@ -141,7 +141,7 @@ class BaseGuard:
             self._emit("charging", "", on=charging)
 
     def _check_battery(self, state: BaseState) -> str:
-        """Take in how full the battery is; return why the mission must end."""
+        """Update the battery state; return the reason if the mission must end."""
         battery, percent = self.battery, state.battery_percent
         before = self._battery_state
         if not battery.update(percent, self._run.now(), charging=state.charging):

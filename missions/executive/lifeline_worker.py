@@ -1,9 +1,9 @@
-"""The program that ends a run which was told to end, and shows no life.
+"""Process that kills a run which was told to end and shows no sign of life.
 
-It is a process of its own: in the other nothing of Python runs while a call into C keeps the interpreter for itself.
-``lifeline_worker.py PROCESS SIGNALS HEART SECONDS NUMBERS``: the process to be ended; the socket into which its signals
-are written, which is looked at and never read; the pipe of its heartbeats, whose end is ours too; how long it may be
-silent once it has got one of the signals with these numbers. It imports nothing of ours.
+A separate process, since no Python code of the run executes while a C call holds the GIL. ``lifeline_worker.py PROCESS
+SIGNALS HEART SECONDS NUMBERS``: the process to kill; the socket with its signals, which is peeked at and never read;
+the pipe of its heartbeats; the timeout after a signal; the numbers of the signals that count. Imports nothing of
+MissionTree.
 """
 
 import os
@@ -14,11 +14,11 @@ import time
 from contextlib import suppress
 
 POLL_INTERVAL = 0.25
-"""Seconds between two looks."""
+"""Seconds between two checks."""
 
 
 def main() -> None:
-    """Watch until the heart has ended, or has to be."""
+    """Watch until the heartbeat pipe is closed, or kill the run."""
     process, signals, heart = (int(word) for word in sys.argv[1:4])
     seconds, numbers = float(sys.argv[4]), frozenset(map(int, sys.argv[5].split(",")))
     heard: float | None = None

@@ -1,4 +1,4 @@
-"""The modifiers of the mission language, as py_trees decorators."""
+"""Modifiers of the mission language, as py_trees decorators."""
 
 from collections.abc import Mapping
 
@@ -13,14 +13,14 @@ from missions.language.expressions import Expression
 # The modifiers that go by the time.
 
 MAX_RETICK_INTERVAL = 1.5
-"""Seconds within which a timeout is taken for asked again at the next tick: the slowest robot has a tick a second."""
+"""Maximum seconds between ticks in which a timeout counts as ticked again; the slowest rate is one tick a second."""
 
 
 class TimeoutModifier(Modifier):
-    """Fails, halting the node, when it still runs after that long; at the deadline it is not ticked once more.
+    """Fails, and halts the node, if it still runs after the setting; at the deadline the node is not ticked again.
 
-    After it has failed around a suspended node it fails at once while that is still suspended: ``gave_up`` is when it
-    did so last. A reactive composite asks again at each tick, and would stand still for the whole time again.
+    After a timeout around a suspended node, it fails at once while the node stays suspended: ``gave_up`` is the time of
+    the last one. Otherwise a reactive composite, which ticks it again, would wait for the whole time again.
     """
 
     run_state = ("setting", "since", "_waits")
@@ -61,9 +61,9 @@ class TimeoutModifier(Modifier):
 
 
 class HoldModifier(Modifier):
-    """Succeeds once the node has succeeded at every tick for that long; until then it runs.
+    """Succeeds once the node has succeeded at every tick for the setting; runs until then.
 
-    A tick in which the node is suspended is none in which it succeeds. It fails where a sensor stays silent.
+    A tick in which the node is suspended does not count. It fails if a sensor stays silent.
     """
 
     run_state = ("setting", "_succeeding_since")
@@ -98,7 +98,7 @@ class DelayModifier(Modifier):
 
 
 class CooldownModifier(Modifier):
-    """Fails without starting within that long after its last success."""
+    """Fails without starting the node within the setting after its last success."""
 
     run_state = ("setting",)
     lasting_state = ("_succeeded_at",)
@@ -120,7 +120,7 @@ class CooldownModifier(Modifier):
 
 
 def _running_tip(node: Node) -> Node:
-    """Return the node that best tells why ``node`` still runs: it where it is suspended, else a running leaf."""
+    """Return the node that explains best why ``node`` runs: itself if suspended, or else a running leaf."""
     if node.suspension is not None:
         return node
     for child in node.children:
@@ -132,18 +132,18 @@ def _running_tip(node: Node) -> Node:
 
 
 class ConditionModifier(Modifier):
-    """One whose ``value`` is a condition; it fails where that rests on what nothing measures."""
+    """Modifier whose ``value`` is a condition; it fails if the condition rests on values that are not measured."""
 
     def on_start(self) -> str:
         why = unmeasured_reason(self.value, self.scope)
         return f"{self.kind}: {why}" if why else super().on_start()
 
     def is_true(self) -> bool:
-        """Ask the expression in ``value`` now. Raises ExpressionError."""
+        """Evaluate the condition. Raises ExpressionError."""
         return bool(self.value.resolve(self.scope))
 
     def false_reason(self) -> str:
-        """Return the reason where it is false."""
+        """Return the reason if the condition is false."""
         condition = self.value.template
         return (
             f"not true: {condition.text if isinstance(condition, Expression) else 'a condition that is always false'}"
@@ -151,7 +151,7 @@ class ConditionModifier(Modifier):
 
 
 class IfModifier(ConditionModifier):
-    """Asked once, at the start; where it is false the node is skipped and succeeds."""
+    """Evaluated once, at the start; if false, the node is skipped and succeeds."""
 
     run_state = ("setting",)
 
@@ -167,7 +167,7 @@ class IfModifier(ConditionModifier):
 
 
 class WhileModifier(ConditionModifier):
-    """Asked at every tick; once it is false the node is halted and fails."""
+    """Evaluated at every tick; once false, the node is halted and fails."""
 
     def on_running(self) -> Status:
         if self.is_true():
@@ -177,14 +177,14 @@ class WhileModifier(ConditionModifier):
 
 
 class UntilModifier(ConditionModifier):
-    """Asked at every tick; once it is true the node is halted and succeeds."""
+    """Evaluated at every tick; once true, the node is halted and succeeds."""
 
     def on_running(self) -> Status:
         return self.end(SUCCESS) if self.is_true() else self.tick_child()
 
 
 class RetryModifier(Modifier):
-    """Starts again, at the next tick, after a failure; the setting counts attempts, None is for ever."""
+    """Restarts the node at the next tick after a failure; the setting is the number of attempts, None for no limit."""
 
     run_state = ("setting", "_attempts")
     _attempts = 0
@@ -207,7 +207,7 @@ class RetryModifier(Modifier):
 
 
 class RepeatModifier(Modifier):
-    """Starts again, at the next tick, after a success; the setting counts runs, None is for ever."""
+    """Restarts the node at the next tick after a success; the setting is the number of runs, None for no limit."""
 
     run_state = ("setting", "_runs")
     _runs = 0
@@ -230,7 +230,7 @@ class RepeatModifier(Modifier):
 
 
 class InvertModifier(Modifier):
-    """Success for failure and failure for success; what failed because a sensor is silent has still failed."""
+    """Exchanges success and failure; a failure because of a silent sensor stays a failure."""
 
     def conclude(self, status: Status) -> Status:
         if status is SUCCESS:
@@ -240,14 +240,14 @@ class InvertModifier(Modifier):
 
 
 class OnFailureModifier(Modifier):
-    """A failure counts as success."""
+    """Turns a failure into a success."""
 
     def conclude(self, status: Status) -> Status:
         return SUCCESS if status is FAILURE else status
 
 
 class OnSuccessModifier(Modifier):
-    """A success counts as failure."""
+    """Turns a success into a failure."""
 
     def conclude(self, status: Status) -> Status:
         if status is SUCCESS:
@@ -257,7 +257,7 @@ class OnSuccessModifier(Modifier):
 
 
 class OnRunningModifier(Modifier):
-    """A node that runs counts as a success or a failure, and is halted; one that is suspended is waited for."""
+    """Turns a running node into a success or failure, and halts it; waits for a suspended node."""
 
     run_state = ("setting",)
 
@@ -272,9 +272,9 @@ class OnRunningModifier(Modifier):
 
 
 class OnceModifier(Modifier):
-    """After its first end, keeps answering with that result while the value that it had at the start stays the same.
+    """Returns the first result of the node again, while the value of the expression stays the same.
 
-    A failure because a sensor is silent is no answer, and not kept.
+    A failure because of a silent sensor is not stored.
     """
 
     run_state = ("setting",)

@@ -1,6 +1,6 @@
-"""How simulated time passes while the executive waits: as fast as it can, or at a pace that people can watch.
+"""Simulated time while the executive waits: as fast as possible, or at a multiple of real time.
 
-While the mission is paused it passes only as long as the robot has not come to rest, or somebody drives it.
+While the mission is paused, time passes only until the robot is at rest, or while a person drives it.
 """
 
 from collections.abc import Callable
@@ -17,20 +17,19 @@ if TYPE_CHECKING:
 
 
 MAX_LAG = 0.5
-"""Seconds of real time that simulated time may be late and makes up for; after a pause it does not race."""
+"""Maximum seconds by which simulated time catches up with real time; after a longer delay it does not race."""
 
 MAX_STILL_SPEED = 0.005
-"""m/s and rad/s below which a base is at rest."""
+"""Speed in m/s and rad/s below which a base is at rest."""
 
 MAX_STILL_TURN = 1e-4
-"""Radians that a head at rest turns at most from one look to the next."""
+"""Maximum turn in radians of a head at rest between two checks."""
 
 
 class SimulationPacer:
-    """Stands in for ``Run.wait``: waiting makes the simulated world go on, in the same thread.
+    """Replacement for ``Run.wait`` that advances the simulated world in the same thread.
 
-    ``speed`` is how many times faster than real time it goes at most, by the run's ``wall`` clock, on which ``wait``
-    waits.
+    ``speed`` is the maximum factor relative to the run's ``wall`` clock; ``wait`` waits on that clock.
     """
 
     def __init__(
@@ -44,7 +43,7 @@ class SimulationPacer:
         self._start: tuple[float, float] | None = None
 
     def __call__(self, seconds: float) -> bool:
-        """Let so much simulated time pass, or less when woken; say whether it was."""
+        """Advance simulated time by ``seconds``, or until woken; return whether it was woken."""
         clock = self._timeline.clock
         if self._start is None:
             self._start = self._wall.now(), clock.now()
@@ -60,10 +59,9 @@ class SimulationPacer:
 
 
 class PausedPacer:
-    """Stands in for ``Executive.idle`` in simulated time: the world stands still once the robot is at rest.
+    """Replacement for ``Executive.idle`` in simulated time: the world stops once the robot is at rest.
 
-    Until then, and while somebody drives by hand, time passes in the same thread: at ``speed``, and no faster than real
-    time.
+    Until then, and while a person drives, time passes in the same thread, at ``speed`` and at most in real time.
     """
 
     def __init__(
@@ -78,13 +76,13 @@ class PausedPacer:
         self._pacer = SimulationPacer(run, timeline, speed=min(speed, 1.0), wait=wait)
         self._woken, self._robot = run.wake_event, robot
         self.is_driven: Callable[[], bool] = lambda: False
-        """Whether somebody drives by hand."""
+        """Returns whether a person drives by hand."""
         self.on_wait: Callable[[], None] = lambda: None
-        """Called after each wait, in the same thread: the robot may stand otherwise than at the last tick."""
+        """Called after each wait, in the same thread: the robot may have moved since the last tick."""
         self._pan_tilt: tuple[float, float] | None = None
 
     def __call__(self, seconds: float) -> None:
-        """Let so much time pass, simulated or real."""
+        """Wait for ``seconds``, simulated or real."""
         if self._is_moving() or self.is_driven():
             self._pacer(seconds)
         else:
@@ -92,7 +90,7 @@ class PausedPacer:
         self.on_wait()
 
     def _is_moving(self) -> bool:
-        """Say whether base, head or an arm still moves."""
+        """Return whether base, head or an arm moves."""
         robot = self._robot
         turned, self._pan_tilt = self._pan_tilt, None
         head = None if robot.head_part is None else robot.head_part.pose().value

@@ -1,4 +1,4 @@
-"""The composites that do their children all at once."""
+"""Composites that tick all their children: parallel and race."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -14,9 +14,9 @@ from missions.language.plan import Step
 
 
 class Parallel(Composite, composites.Parallel):
-    """Does its children all at once until enough have ended (see missions.language.parallel_counts), then halts the rest.
+    """Ticks all children until enough have ended (see ``missions.language.parallel_counts``), then halts the rest.
 
-    With no ``counts`` beside it, it succeeds when all have, and fails at the first failure.
+    Without ``counts``, it succeeds when all children have succeeded, and fails at the first failure.
     """
 
     run_state = ("_decision", "_lost")
@@ -68,7 +68,7 @@ class Parallel(Composite, composites.Parallel):
         return RUNNING
 
     def _result(self, succeeded: int, failed: int) -> Status:
-        """Return how it ends with so many successes and failures, or that it goes on."""
+        """Return the status for these numbers of successes and failures."""
         if succeeded + failed == len(self.members) or not self._decision.waits_for_all:
             if failed >= self._decision.failures:
                 return self._fail_with_all_reasons(failed)
@@ -77,7 +77,7 @@ class Parallel(Composite, composites.Parallel):
         return RUNNING
 
     def _fail_with_all_reasons(self, failed: int) -> Status:
-        """Return a failure, for the reasons of all that have failed."""
+        """Return a failure with the reasons of all failed children."""
         blamed = [child for child in self.members if child.status is FAILURE]
         number = f"{failed} of {len(self.members)} failed: " if failed > 1 else ""
         self.feedback_message = number + "; ".join(dict.fromkeys(child.feedback_message for child in blamed))
@@ -96,7 +96,7 @@ class Parallel(Composite, composites.Parallel):
 
 
 class Race(Composite, composites.Parallel):
-    """Does its children all at once; ends with the first that ends, halting the rest."""
+    """Ticks all children; ends with the first that ends, and halts the others."""
 
     def __init__(self, name: str) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnOne())
@@ -117,6 +117,6 @@ class Race(Composite, composites.Parallel):
 
 
 def shared_suspension(members: Sequence[Node]) -> Suspension | None:
-    """Return the suspension of a node whose running ``members`` are all suspended: one that is lost, if there is."""
+    """Return the suspension of a node whose running ``members`` are all suspended; a lost one takes precedence."""
     found = [member.suspension for member in members if member.status is RUNNING and member.suspension is not None]
     return max(found, key=lambda suspension: suspension.timed_out, default=None)

@@ -1,4 +1,4 @@
-"""What every node with children does alike: start afresh, halt what runs below, and end once that is at rest."""
+"""Base classes of nodes with children: start, halt of the running children, and end once they are at rest."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
 
 
 class Parent(Node):
-    """A node with ``members``, its children, as the tick walks them.
+    """A node with ``members``, its children in the order of ticking.
 
-    ``ending`` is the result that will stand once every member that still runs has been halted; IDLE when it was this
-    node that was told to halt. ``unstarted`` is whether its start waits for a part of the robot to report.
+    ``ending`` is the result to publish once all running members are halted; IDLE if this node itself is halted.
+    ``unstarted`` is true while its start waits for a part of the robot.
 
-    It is suspended where an expression of its own asks for what is not reported just now, and where its answer is that
-    of a suspended member. In the first case it stands still, and fails after the sensor timeout.
+    A parent is suspended if its own expression reads a silent sensor, or if its status is that of a suspended member.
+    In the first case it waits, and fails after the sensor timeout.
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted", "_ending_for", "_silent_since")
@@ -34,12 +34,12 @@ class Parent(Node):
     @classmethod
     @abstractmethod
     def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
-        """Make the node of a step around its children; ``inner`` are the variables of the mission that they are in."""
+        """Make the node of a step around its children; ``inner`` holds the variables of the mission inside."""
 
     def on_tick(self) -> Status:
-        """Start if need be, then tick on.
+        """Start if needed, then tick the members.
 
-        Ticked again before its halt is through, it finishes that first and starts afresh.
+        A tick before an earlier halt is complete first completes it, then restarts.
         """
         self.visited_tick = self.run.tick
         afresh = self.unstarted or self.status is not RUNNING
@@ -75,7 +75,7 @@ class Parent(Node):
         return self.on_running()
 
     def _suspend(self, reason: str) -> Status:
-        """Stand still for a sensor that has not reported; fail once that lasts too long."""
+        """Wait for a silent sensor; fail once that lasts too long."""
         self.suspension = self.suspension_for(reason)
         if self.suspension.timed_out:
             self.feedback_message = sensor_timeout_reason(reason, self.run.sensor_timeout)
@@ -86,7 +86,7 @@ class Parent(Node):
         return self.members_stand_still()
 
     def on_time_passed(self) -> Status:
-        """Bring to an end what was ending, else let time pass for the members that run."""
+        """Complete an ending, or let time pass for the running members."""
         if self.ending is not None:
             self.suspension = self._ending_for
             status = self.end(self.ending)
@@ -101,7 +101,7 @@ class Parent(Node):
             return RUNNING
 
     def members_stand_still(self) -> Status:
-        """Let time pass for the members that run, and return the status that this node has then."""
+        """Let time pass for the running members; return the status of this node."""
         for member in self.members:
             if member.status is RUNNING:
                 status = member.pass_time()
@@ -110,20 +110,20 @@ class Parent(Node):
         return RUNNING
 
     def member_ended(self, member: Node, status: Status) -> Status:
-        """Return the status of this node after a member has ended while it stood still. Nothing may be started."""
+        """Return the status after a member ended while this node was waiting. Must not start anything."""
         self.feedback_message, self.suspension = member.feedback_message, member.suspension
         return status
 
     def on_start(self) -> str:
-        """Forget an earlier run; return why it cannot start, or nothing."""
+        """Reset an earlier run; return the reason if it cannot start, empty otherwise."""
         return ""
 
     @abstractmethod
     def on_running(self) -> Status:
-        """Tick the members by this node's rule."""
+        """Tick the members by the rule of this node."""
 
     def end(self, status: Status) -> Status:
-        """End with ``status`` once the members that still run are at rest; running until then."""
+        """Halt the running members; return ``status`` once they are at rest, RUNNING until then."""
         at_rest = True
         for member in self.members:
             if member.status is RUNNING:
@@ -133,13 +133,13 @@ class Parent(Node):
         return status if at_rest else RUNNING
 
     def adopt_failure(self, member: Node) -> Status:
-        """Return a failure, for the reason that ``member`` gives."""
+        """Return a failure with the reason of ``member``."""
         self.feedback_message = member.feedback_message
         self.suspension = member.suspension
         return FAILURE
 
     def halt(self) -> bool:
-        """Halt every member that runs; True once all are at rest."""
+        """Halt all running members; return True once they are at rest."""
         if self.status is not RUNNING:
             return True
         if self.end(IDLE) is RUNNING:
@@ -148,19 +148,19 @@ class Parent(Node):
         return True
 
     def clear_results(self, cleared: list[Node]) -> None:
-        """Forget the result, and those of the members before it."""
+        """Clear the result, and before it the results of the members."""
         if self.status is not IDLE:
             for member in self.members:
                 member.clear_results(cleared)
             super().clear_results(cleared)
 
     def abandon_halt(self) -> None:
-        """Forget an end that was under way."""
+        """Abandon an ending."""
         self.ending = None
 
 
 class Composite(Parent):
-    """What all composites share: they forget their children's results when they start."""
+    """Base class of composites; they clear their children's results when they start."""
 
     @classmethod
     def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
@@ -175,11 +175,11 @@ class Composite(Parent):
         return ""
 
     def begin(self) -> None:
-        """Forget where an earlier run of it was."""
+        """Reset the progress of an earlier run."""
 
 
 def set_children(parent: Composite, children: Sequence[Node]) -> None:
-    """Give ``parent`` its children, in py_trees' list and in the tuple that the tick walks."""
+    """Set the children of ``parent``, in py_trees' list and in the tuple that is ticked."""
     for child in children:
         child.parent = parent
     parent.children = list(children)
@@ -190,7 +190,7 @@ def set_children(parent: Composite, children: Sequence[Node]) -> None:
 
 
 class Modifier(Parent, Decorator):
-    """One node around another: ``value`` as it stands in the mission, ``setting`` as it was when the node started."""
+    """A node around another: ``value`` as in the mission, ``setting`` as evaluated at the start."""
 
     child: Node
     setting: Any = None
@@ -221,18 +221,18 @@ class Modifier(Parent, Decorator):
         return self.status is SUCCESS and self.child.is_skipped
 
     def begin(self) -> None:
-        """Forget an earlier run of it."""
+        """Reset the progress of an earlier run."""
 
     def on_running(self) -> Status:
         return self.tick_child()
 
     def tick_child(self) -> Status:
-        """Tick the child, and return what this node makes of its status."""
+        """Tick the child, and return the status of this node."""
         return self.member_ended(self.child, self.child.execute_tick())
 
     def member_ended(self, member: Node, status: Status) -> Status:
         return self.conclude(super().member_ended(member, status))
 
     def conclude(self, status: Status) -> Status:
-        """Return the status of this node, which has the child's reason and suspension, from the child's status."""
+        """Return the status of this node for the child's status; reason and suspension are the child's."""
         return status

@@ -1,4 +1,4 @@
-"""How the parts of a robot are: each in one of four levels, with the age of what it has measured last."""
+"""Health of the parts of a robot, in four levels, with the age of the last reading."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -13,27 +13,27 @@ from drivers.api.kinds import KINDS
 from missions.executive.events import Event, ReflexFired
 
 Level = Literal["OK", "WARN", "ERROR", "STALE"]
-"""The levels by which robots tell of themselves: fine; worth a look; not there, or refusing; silent for too long."""
+"""Health levels: fine; needs attention; disconnected or refusing; silent for too long."""
 
 MISSES_WINDOW = 2.0
-"""Seconds for which replies that were missed are worth a look."""
+"""Seconds over which missed replies are counted."""
 
 PICTURE_TIMEOUT = 2.0
-"""Seconds after which the newest picture that was searched is too old."""
+"""Maximum age in seconds of the last processed picture."""
 
 MISSES_PREFIX = "misses"
-"""How drivers begin the names of counters of replies that never came."""
+"""Prefix of driver counters for missed replies."""
 
 BATTERY_TEXTS = {"battery_critical": "its battery is critical", "battery_low": "its battery is low"}
-"""What reflexes tell of a base's battery, the worse first."""
+"""Texts for battery reflexes, the worse first."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartStatus:
-    """How a part is. ``age`` is that of its newest reading in seconds, None where it has none.
+    """Health of a part; ``age`` of its newest reading in seconds, None without one.
 
-    ``values`` are the figures of that reading, in SI units (``battery`` in percent, ``hottest`` in degrees Celsius).
-    ``detail`` says what is the matter, ``hint`` what to try; both are empty for a part that is OK.
+    ``values`` are the figures of that reading in SI units (``battery`` in percent, ``hottest`` in degrees Celsius).
+    ``detail`` is the problem, ``hint`` the remedy; both are empty if the level is OK.
     """
 
     part: str
@@ -46,10 +46,9 @@ class PartStatus:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The newest reading of a part, as far as that matters here.
+    """Newest reading of a part.
 
-    ``stamp`` is None where there never was one. ``problem`` says what is missing or too old; it is empty where all is
-    there.
+    ``stamp`` is None before the first one. ``problem`` says which data are missing or too old; empty if none are.
     """
 
     stamp: float | None
@@ -58,9 +57,9 @@ class Measurement:
 
 
 class PartsMonitor:
-    """Looks at the ``devices`` of a ``robot``, by the names of their parts; its battery it knows from the events.
+    """Watches the ``devices`` of a ``robot``, by part; the battery state comes from events.
 
-    ``looked`` tells the stamp of the newest picture that was searched, None before the first.
+    ``last_picture_stamp`` returns the stamp of the last processed picture, None before the first.
     """
 
     def __init__(
@@ -73,15 +72,15 @@ class PartsMonitor:
         self._misses: deque[tuple[float, Mapping[str, int]]] = deque()  # when, and how many in all, by part
 
     def on_event(self, event: Event) -> None:
-        """Follow one event of the run."""
+        """Update the battery state from an event."""
         if isinstance(event, ReflexFired) and event.what in BATTERY_TEXTS:
             what = frozenset({event.what})
             self._battery = self._battery | what if event.on else self._battery - what
 
     def check(self, now: float) -> tuple[PartStatus, ...]:
-        """Return how each part is at the time ``now`` of the devices' clock.
+        """Return the status of each part at ``now``, in seconds of the devices' clock.
 
-        In simulated time, to be called by the thread in which it passes.
+        In simulated time, call it from the simulation thread.
         """
         health = {part: device.health() for part, device in self._devices.items()}
         self._misses.append((now, {part: _missed_replies(each) for part, each in health.items()}))
@@ -99,7 +98,7 @@ class PartsMonitor:
             return PartStatus(part, level, age, values, detail.removeprefix(f"{part}: "), hint)
 
         if not health.online:
-            return state("ERROR", health.detail or "not there", health.hint)
+            return state("ERROR", health.detail or "disconnected", health.hint)
         if refusal := self._refusal(part):
             return state("ERROR", refusal)
         if measured is not None and measured.problem:
@@ -109,7 +108,7 @@ class PartsMonitor:
         return state("OK")
 
     def _refusal(self, part: str) -> str:
-        """Return why a part that is there does nothing any more."""
+        """Return the reason why a connected part does not move; empty if it does."""
         device = self._devices[part]
         if isinstance(device, Latchable) and device.latched:
             return f"stopped until it is enabled: {device.latched}"
@@ -118,14 +117,14 @@ class PartsMonitor:
         return BATTERY_TEXTS["battery_critical"] if "battery_critical" in self._battery else ""
 
     def _warning(self, part: str) -> str:
-        """Return what is worth a look at a part that works."""
+        """Return the warning about a working part; empty if there is none."""
         if part == "base" and self._battery:
             return BATTERY_TEXTS["battery_low"]
         before, after = self._misses[0][1].get(part, 0), self._misses[-1][1].get(part, 0)
         return f"{after - before} replies missed within {MISSES_WINDOW:g} s" if after > before else ""
 
     def _measurement(self, part: str, now: float) -> Measurement | None:
-        """Return the newest reading of a part; None for one that measures nothing."""
+        """Return the newest reading of a part; None if it measures nothing."""
         robot, kind = self._robot, part
         if (other := self._robot.extra_parts.get(part)) is not None:
             robot, kind = robot.with_named_parts({other.kind: part}), other.kind
@@ -144,12 +143,12 @@ def _measurement_of(found: Reading[Any] | Mapping[str, Reading[JointState]]) -> 
     if isinstance(found, Mapping):
         return _joints_measurement(found)
     if found.value is None:
-        return Measurement(None, problem="nothing measured yet")
-    return Measurement(found.stamp, found.value.figures(), "" if found.good else "nothing new")
+        return Measurement(None, problem="no reading yet")
+    return Measurement(found.stamp, found.value.figures(), "" if found.good else "no new reading")
 
 
 def _joints_measurement(readings: Mapping[str, Reading[JointState]]) -> Measurement | None:
-    """Return what all joints come to; an arm is as old as its oldest reading."""
+    """Return the combined reading of all joints; its age is that of the oldest."""
     if not readings:
         return None
     known = [(reading.stamp, reading.value) for reading in readings.values() if reading.value is not None]
@@ -161,7 +160,7 @@ def _joints_measurement(readings: Mapping[str, Reading[JointState]]) -> Measurem
 
 
 def _missed_replies(health: Health) -> int:
-    """Return how many replies of a device were missed: its own total, else the sum of what it counts by servo."""
+    """Return the number of missed replies of a device: its total, or the sum over its servos."""
     counters = health.counters
     if MISSES_PREFIX in counters:
         return counters[MISSES_PREFIX]

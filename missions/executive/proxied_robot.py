@@ -1,11 +1,14 @@
-"""A robot as a mission asks and commands it: within a moment each question has one answer, and a part is asked once.
+"""The robot as a mission sees it: each part behind a proxy that caches, permits and records.
 
-That is so whether a run is recorded or not, and it is what makes a record enough to decide everything over again:
-whatever a tree is told from outside comes through here. A command that is not permitted is refused here too, as a
-driver would. So what was decided before a part was back moves it no more: the behaviour fails, and the mission decides
-anew. A leaf sees the robot so that what it commands is told, with its name on it. In answers the parts go by the names
-that they have in ``behaviours.robot.Robot``: base, head, arm, ranger, voice, sight, hearing, screen, and further parts
-of a kind by their own. Arguments are those of the protocol in its order, with what may be left out.
+The proxies guarantee three things, whether a run is recorded or not:
+
+- A property is read from its device once per tick. A later read in the same tick returns the cached value, unless a
+  command went to the device in between. So a record of these values is enough to replay all decisions of the tree.
+- Each command that moves a device is permitted first. A refusal raises DeviceFault, as a refusal by the driver does.
+- Each command of a leaf is reported together with the name of the leaf.
+
+Records name the parts as the fields of ``behaviours.robot.Robot`` do (base, head, arm, ...), and further parts of a
+kind by their own names. Arguments are recorded in the order of the protocol, with defaults filled in.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +35,7 @@ from missions.executive.tick_cache import PartCache, TickCache
 
 
 class _NumberedUtterances:
-    """The utterances of a ``voice`` by their numbers, as far as they go on; and the newest."""
+    """Active utterances of a ``voice`` by number, from 1; records hold the numbers."""
 
     def __init__(self, voice: Voice) -> None:
         self.voice = voice
@@ -57,7 +60,7 @@ class _NumberedUtterances:
 
 
 class VoiceProxy(Proxy):
-    """A voice whose words are told, with how they are said where that is not as usual."""
+    """Proxy of a voice; it reports each utterance, with its manner if that is not the default."""
 
     __slots__ = ("close", "health", "name", "open")
     open: Callable[[], None]
@@ -71,13 +74,11 @@ class VoiceProxy(Proxy):
         self.health = partial(memo.__getitem__, "health")
 
     def rest(self) -> None:
-        """See drivers.api.Device."""
         if self._tell is not None:
             self._tell(self.name, self._source, {"rest": True})
         self._memo.command("rest", self._device.voice.rest)
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """See drivers.api.Voice."""
         if self._tell is not None:
             told = {name: value for name, value in asdict(manner).items() if value}
             self._tell(self.name, self._source, {"say": text, **told, **_priority_dict(priority)})
@@ -86,14 +87,12 @@ class VoiceProxy(Proxy):
         )
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """See drivers.api.Voice."""
         if self._tell is not None:
             self._tell(self.name, self._source, {"play": str(path), **_priority_dict(priority)})
         _, otherwise = non_default_manner(DEFAULT_STYLE, priority)
         return self._utterance_proxy(self._memo.command("play", self._device.play, str(path), otherwise))
 
     def speaking(self) -> Utterance | None:
-        """See drivers.api.Voice."""
         number: int | None = self._memo["speaking"]
         return None if number is None else self._utterance_proxy(number)
 
@@ -102,14 +101,14 @@ class VoiceProxy(Proxy):
 
 
 def voice_proxy(voice: Voice, cache: TickCache) -> Voice:
-    """Return ``voice`` behind its proxy, see ``missions.executive.proxy.make_proxy``: a voice needs no permit."""
+    """Return ``voice`` behind its proxy, as ``missions.executive.proxy.make_proxy`` does; a voice needs no permit."""
     numbered = _NumberedUtterances(voice)
     memo = cache.add_part("voice", {"health": voice.health, "speaking": numbered.speaking})
     return VoiceProxy(numbered, memo)
 
 
 class _UtteranceProxy:
-    """Something being said, by its number."""
+    """Proxy of an utterance, identified by its number."""
 
     __slots__ = ("_known", "_number", "_said")
 
@@ -119,31 +118,26 @@ class _UtteranceProxy:
         self._known = cache
 
     def done(self) -> bool:
-        """See drivers.api.Utterance."""
         return self._known.query("done", lambda _: self._said.done(), self._number)
 
     def cancel(self) -> None:
-        """See drivers.api.Utterance."""
         self._known.command("cancel", lambda _: self._said.cancel(), self._number)
 
     @property
     def cancelled(self) -> bool:
-        """See drivers.api.Utterance."""
         return self._known.query("cancelled", lambda _: self._said.cancelled, self._number)
 
     @property
     def started(self) -> float | None:
-        """See drivers.api.Utterance."""
         return self._known.query("started", lambda _: self._said.started, self._number)
 
     @property
     def mouth(self) -> Sequence[MouthShape]:
-        """See drivers.api.Utterance."""
         return self._known.query("mouth", lambda _: tuple(self._said.mouth), self._number)
 
 
 def non_default_manner(manner: SpeechStyle, priority: Priority) -> tuple[SpeechStyle | None, Priority | None]:
-    """Return how something is said, None for what is as usual: so a record has no more than what was asked for."""
+    """Return manner and priority, None for defaults, so that a record contains only explicit values."""
     return None if manner == DEFAULT_STYLE else manner, None if priority is Priority.NORMAL else priority
 
 
@@ -156,10 +150,10 @@ def _priority_dict(priority: Priority) -> dict[str, str]:
 
 
 class StaleCommandGuard:
-    """The permit of a run: asked before a device is set moving; ``permit`` is asked before.
+    """Permit that refuses the commands of leaves which started before their device reconnected.
 
-    A behaviour that began before the device was back from a long absence raises DeviceFault, so it fails; whatever the
-    mission starts then (the next of a selector, another try) is a fresh decision, and may move it.
+    Such a leaf planned for a situation that may have changed in the meantime, so it fails. The leaf that the mission
+    starts next (another branch, or a retry) may move the device.
     """
 
     def __init__(self, run: RunState, permit: Callable[[], None]) -> None:
@@ -167,23 +161,23 @@ class StaleCommandGuard:
         self._permit = permit
 
     def __call__(self, device: Device) -> None:
-        """Raise DeviceFault where the behaviour that has the word is not to move ``device`` now."""
+        """Raise DeviceFault if the running leaf may not move ``device``."""
         self._permit()
         leaf, returned = self._run.active_leaf, device.health().reconnected_at
         if leaf is not None and returned is not None and leaf.started_at < returned:
             raise DeviceFault(
                 f"{device.name}: it was away for a while, and {leaf.label} began before it was back",
-                hint="decide anew when it is back: put a 'retry' around it",
+                hint="start it again: put a 'retry' around it",
             )
 
 
 PART_FIELDS = tuple(kind.field for kind in KINDS.values())
-"""The parts by their names in answers."""
+"""Names of the parts in records, one for each kind."""
 
 
 @cache
 def resolve_protocol(kind: str) -> type:
-    """Return the protocol of what leaves see of a kind of part, by its name, or that in answers."""
+    """Return the protocol by which leaves see a kind of part, given the kind's name or its name in records."""
     found = next(each for each in KINDS.values() if kind in (each.field, each.name))
     protocol: type = resolve_name(found.leaf_protocol or found.protocol)
     return protocol
@@ -191,15 +185,15 @@ def resolve_protocol(kind: str) -> type:
 
 @cache
 def command_names(kind: str) -> frozenset[str]:
-    """Return what a kind of part is told, by its name in answers; the rest it is asked.
+    """Return the names of the command methods of a kind of part; all others are queries.
 
-    A voice is told to cancel what it says, by its number.
+    Those of a voice include the commands of its utterances.
     """
     return commands(resolve_protocol(kind)) | (commands(Utterance) if kind == "voice" else frozenset())
 
 
 def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) -> Robot:
-    """Return ``robot`` so that its parts answer through ``answers``; ``permit`` is asked before anything moves."""
+    """Return ``robot`` with a proxy for each part; ``permit`` is called before each command that moves a device."""
     return _replace_parts(
         robot,
         {
@@ -212,14 +206,14 @@ def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) ->
 
 
 def robot_for(node: Node, robot: Robot, report: CommandReport) -> Robot:
-    """Return a ``robot`` that ``with_proxies`` has made as ``node`` sees it: each command that it gives is told."""
+    """Return the view of ``node``: its commands are passed to ``report`` with its name; ``robot`` has proxies."""
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
     told = {part: for_leaf(proxy, source, report) for part, kind, proxy in _iter_parts(robot) if command_names(kind)}
     return _replace_parts(robot, told).with_named_parts(getattr(node, "named_parts", {}))
 
 
 def _iter_parts(robot: Robot) -> Iterator[tuple[str, str, Any]]:
-    """Yield the name of each part in answers, that of its kind there, and what stands for it."""
+    """Yield the name of each part in records, that of its kind there, and its device or proxy."""
     for part in PART_FIELDS:
         device = getattr(robot, f"{part}_part")
         if device is not None:

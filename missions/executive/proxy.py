@@ -1,9 +1,8 @@
-"""The proxy of a part: what a mission asks and commands, told, recorded and permitted. Generated from its protocol.
+"""Proxies of parts, generated from their protocols: they cache queries, and report, record and permit commands.
 
-One class is made for each protocol, from the marks at its members (``drivers.api.marks``), as dataclasses are: its
-source is written and compiled. So a question without arguments is a look into the part's memo, without a call of ours,
-since that is what a tick does most; and a command is one method. Its order: tell, record, permit, device; what is told
-only if it was accepted, in the end.
+One class is compiled for each protocol, from the marks of its members (``drivers.api.marks``). So a query without
+arguments is a dict lookup without a call of ours, the most frequent operation of a tick, and a command is one method.
+The order of a command is: report, record, permit, device; some commands are reported after the device accepted them.
 """
 
 import linecache
@@ -20,14 +19,14 @@ from drivers.errors import DriverError
 from missions.executive.tick_cache import PartCache, TickCache
 
 CommandValues = Mapping[str, object]
-"""A command as an event tells it."""
+"""Values of a command in an event."""
 
 CommandReport = Callable[[str, str, CommandValues], None]
-"""Told of a command: to which part, from which source, with which values."""
+"""Called with each command: part, source, values."""
 
 
 def _drive(arguments: tuple[Any, ...], given: Any) -> CommandValues:
-    """Return what is in force, and where not all of it is, what was wanted too."""
+    """Return the velocity in force, and the requested one if it differs."""
     velocity = arguments[0]
     told = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
     if given != velocity:
@@ -70,28 +69,28 @@ REPORTED_VALUES: Mapping[Callable[..., object], Callable[[tuple[Any, ...], Any],
         Joints.recover: _recover,
     }
 )
-"""What is told of a command, by its method: from its arguments as they are kept, and from what the device returned.
+"""Functions that return the reported values of a command, from its arguments and result, by method.
 
-Of a command that is told before the device has it, nothing is returned yet: None. A method that is not here is told by
-its name, with its arguments.
+The result is None if the command is reported before the device gets it. Other methods are reported by name, with their
+arguments.
 """
 
 
 T = TypeVar("T")
 
 Permit = Callable[[Device], None]
-"""Called with a device before that is set moving; raises DeviceFault where that is not to be."""
+"""Called with a device before a command moves it; raises DeviceFault to refuse."""
 
 
 def permit_all(device: Device) -> None:
-    """Permit everything."""
+    """Permit every command."""
     del device
 
 
 class Proxy:
-    """What all proxies have in common: the ``device``, the ``memo`` of its answers, and whom to tell of commands.
+    """Base of all proxies: the ``device``, the ``memo`` with its cached values, and the report of commands.
 
-    ``tell`` is None where nobody is told: then it is no leaf of a mission who commands.
+    ``_tell`` is None if commands are not reported, as they do not come from a leaf.
     """
 
     CAPABILITIES: tuple[str, ...] = ()
@@ -104,7 +103,7 @@ class Proxy:
         self._tell: CommandReport | None = None
 
     def for_leaf(self, source: str, tell: CommandReport) -> Any:
-        """Return a proxy of the same device and the same answers, whose commands are told as from ``source``."""
+        """Return a proxy of the same device and cache whose commands are reported with ``source``."""
         leafs = object.__new__(type(self))
         for name in (*Proxy.__slots__, *self.__slots__):
             setattr(leafs, name, getattr(self, name))
@@ -116,9 +115,9 @@ class Proxy:
 
 
 def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: Permit = permit_all) -> T:
-    """Return a ``device`` with this protocol behind its proxy; in ``answers`` it goes by the name of its ``part``.
+    """Return a proxy of ``device`` with this protocol; ``cache`` knows it by the name of its ``part``.
 
-    ``permit`` is asked before it is set moving.
+    ``permit`` is called before each command that moves the device.
     """
     known = members(protocol).values()
     questions = {each.name: _query_of(device, each) for each in known if each.kind in {"reading", "property"}}
@@ -136,7 +135,7 @@ def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: P
 
 
 def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
-    """Return what asks a device for a reading or a property."""
+    """Return the function that reads a reading or a property from a device."""
     if member.kind == "property":
         return partial(getattr, device, member.name)
     reading: Callable[[], object] = getattr(device, member.name)
@@ -144,16 +143,16 @@ def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
 
 
 def for_leaf(part: T, source: str, tell: CommandReport) -> T:
-    """Return a part that is behind a proxy as a leaf sees it: what the leaf commands is told as from ``source``."""
+    """Return the proxy of a part for a leaf, whose commands are reported with ``source``."""
     if not isinstance(part, Proxy):
-        raise TypeError(f"{part!r} is behind no proxy: a leaf's robot is made from what `asked` returns")
+        raise TypeError(f"{part!r} is not a proxy: call `with_proxies` first")
     leafs: T = part.for_leaf(source, tell)
     return leafs
 
 
 @cache
 def proxy_class(protocol: type) -> type[Any]:
-    """Return the class of the proxies for a protocol. What it does is in its source, which tracebacks show."""
+    """Return the proxy class for a protocol; tracebacks show its generated source."""
     writer = _ProxySourceWriter(protocol)
     source = "\n".join(writer.lines()) + "\n"
     file = f"<proxy of {protocol.__module__}.{protocol.__qualname__}>"
@@ -164,7 +163,7 @@ def proxy_class(protocol: type) -> type[Any]:
 
 
 class _ProxySourceWriter:
-    """Writes the source of a proxy class; ``names`` are those that it uses."""
+    """Generates the source of a proxy class; ``names`` are the values that the source uses."""
 
     def __init__(self, protocol: type) -> None:
         self._protocol = protocol
@@ -251,7 +250,7 @@ class _ProxySourceWriter:
         yield "return result"
 
     def _convert_arguments(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
-        """Yield how arguments are changed before anything is done with them."""
+        """Yield the lines that convert arguments before use."""
         if command.leaf_converters:
             yield "if tell is not None:"
             for parameter, change in command.leaf_converters.items():
@@ -275,7 +274,7 @@ class _ProxySourceWriter:
         yield f"    tell(self.name, self._source, {values})"
 
     def _bind_name(self, name: str, value: object) -> str:
-        """Let the source use a value; return the name by which it does."""
+        """Make a value available to the source; return its name there."""
         self.names[f"_{name}"] = value
         return f"_{name}"
 
@@ -285,13 +284,13 @@ def _parameter_names(member: ProtocolMember) -> str:
 
 
 def _call_arguments(member: ProtocolMember) -> str:
-    """Return the arguments as the device is given them."""
+    """Return the arguments as the device is called."""
     named = Parameter.KEYWORD_ONLY
     return ", ".join(f"{each.name}={each.name}" if each.kind is named else each.name for each in member.parameters)
 
 
 def _reported_argument(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
-    """Return an argument as it is told where nothing else is said of it: of the types that JSON has; True for None."""
+    """Return an argument as reported by default, as a JSON type; True for None."""
     name, kind = parameter.name, parameter.annotation
     if kept.get(name) is tuple:
         told = f"list({name})"

@@ -1,6 +1,6 @@
-"""The signals that end a process, as a request to stop that is heard even while the main thread hangs.
+"""Signals that end a process, as stop requests that are noticed even while the main thread hangs.
 
-A run that nothing of Python can end, since a leaf is stuck in C and keeps the interpreter, is ended by its lifeline.
+If a leaf is stuck in C and holds the GIL, the lifeline ends the run.
 """
 
 import _signal  # type: ignore[import-not-found]
@@ -24,16 +24,15 @@ STOP_SIGNALS = {
     # A suspended process would leave the robot to itself, with the last command that it was given.
     signal.SIGTSTP: "Ctrl-Z",
 }
-"""The signals that end a run safely."""
+"""Signals that end a run safely, with their names for people."""
 
 
 class SignalHandler:
-    """While it is entered, a signal calls ``stop`` with a word for it, and ``first_signal`` gives that word to any thread.
+    """Context manager: a signal calls ``stop`` with its name, and ``first_signal`` returns that name in any thread.
 
-    Python's handlers run on the main thread, between two of its instructions: not while that is stuck in C. The number
-    of a signal is written into a socket at once, wherever the main thread is; that is what ``first_signal`` looks at, and
-    never takes out, since another process does so too (``lifeline``). Off the main thread, signals are not ours to
-    take, and nothing is ever heard. Not ``with_socket``, a signal is heard once its handler has run.
+    Python's handlers run on the main thread between two instructions, so not while it is stuck in C. The signal number
+    is also written to a socket at once; ``first_signal`` peeks there, and the lifeline process does so too. Off the
+    main thread, no signals are handled. Without ``with_socket``, a signal is known only after its handler has run.
     """
 
     def __init__(self, stop: Callable[[str], None], *, with_socket: bool = True) -> None:
@@ -71,11 +70,11 @@ class SignalHandler:
 
     @property
     def socket_descriptor(self) -> int | None:
-        """The file descriptor of the socket; None off the main thread, and while it is not entered."""
+        """File descriptor of the socket; None off the main thread, and outside the context."""
         return None if self._reader is None else self._reader.fileno()
 
     def first_signal(self) -> str | None:
-        """Return the word for the first signal that came, None while there was none. From any thread."""
+        """Return the name of the first signal, None if there was none. Thread-safe."""
         with self._lock:
             if self._word is None and self._reader is not None:
                 try:
@@ -86,7 +85,7 @@ class SignalHandler:
             return self._word
 
     def reinstall(self) -> list[str]:
-        """Take back the signals that a behaviour has taken or ignores; return their names. On the main thread."""
+        """Reinstall handlers that a behaviour has replaced; return the names of the signals. For the main thread."""
         if not self._is_entered:
             return []
         # signal.getsignal asks the same, and then tries to make an Enum's member of each: 40 times as long.
@@ -106,16 +105,16 @@ class SignalHandler:
 
 
 HEARTBEAT_TIMEOUT = 5.0
-"""Seconds without a heartbeat, after a signal that ends a run, until its process is killed (exit code 137).
+"""Seconds without a heartbeat, after a signal, until the process is killed (exit code 137).
 
-By then everything that moves is at rest by itself: the base after 0.5 s without a command, servos at their goals.
+By then all actuators are at rest: the base after 0.5 s without a command, servos at their goals.
 """
 
 WORKER_FILE = Path(__file__).with_name("lifeline_worker.py")
 
 
 class Lifeline:
-    """While it is entered, a process of its own kills this one that got one of ``signals`` and does not ``beat``."""
+    """Context manager: a separate process kills this one if it got one of ``signals`` and does not ``beat``."""
 
     def __init__(self, signals: SignalHandler, timeout: float = HEARTBEAT_TIMEOUT) -> None:
         self._signals = signals
@@ -124,7 +123,7 @@ class Lifeline:
         self._worker: Popen[bytes] | None = None
 
     def beat(self) -> None:
-        """Show that Python runs; from any thread."""
+        """Send a heartbeat. Thread-safe."""
         with suppress(OSError):
             if self._heartbeat_pipe is not None:
                 os.write(self._heartbeat_pipe, b".")

@@ -1,7 +1,7 @@
-"""The robot's state as expressions read it: ``battery.percent``, ``face.seen``, ``base.bumper``.
+"""State of the robot for expressions: ``battery.percent``, ``face.seen``, ``base.bumper``.
 
-What nobody sees is None, so that a comparison with it fails with a reason instead of being true by chance. A part that
-does not report raises SensorSilent, so that whatever asks is suspended.
+A value of an unseen object is None, so that a comparison with it fails with a reason. A part that does not report
+raises SensorSilent, which suspends the node.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,18 +20,18 @@ from perception.api import Face
 T = TypeVar("T")
 
 MAX_FACE_AGE = 0.5
-"""Seconds after which a face is not "seen" any more."""
+"""Maximum age in seconds of a face that counts as seen."""
 
 AHEAD_SECTOR = radians(60)
-"""Radians about straight ahead in which a range finder looks for what is ahead."""
+"""Angle in radians around straight ahead in which ``range.ahead`` is measured."""
 
 
 ValueReader = Callable[[], object]
-"""Calculates a value."""
+"""Returns a value."""
 
 
 class PartValues:
-    """What expressions read of one part: its values are its attributes, each calculated when it is read."""
+    """Values of one part for expressions, as attributes that are computed on access."""
 
     def __init__(self, values: Mapping[str, ValueReader]) -> None:
         self._values = values
@@ -78,7 +78,7 @@ RANGE: Mapping[str, Callable[[RangeScan], object]] = {
 def _make_readers(
     sample: Callable[[], T | None], getters: Mapping[str, Callable[[T], object]]
 ) -> dict[str, ValueReader]:
-    """Return readers of the values of a sample; each is None where there is no such part."""
+    """Return readers of the values of a sample; they return None if the part does not exist."""
 
     def reader(way: Callable[[T], object]) -> ValueReader:
         return lambda: None if (found := sample()) is None else way(found)
@@ -87,14 +87,14 @@ def _make_readers(
 
 
 def require_fresh(reading: Reading[T], part: str) -> T:
-    """Return what was measured lately. Raises SensorSilent where nothing was."""
+    """Return the value of a recent reading. Raises SensorSilent if there is none."""
     if reading.value is None or not reading.good:
         raise SensorSilent(f"the {part} does not report")
     return reading.value
 
 
 def _fresh_faces(robot: Robot, clock: Clock) -> list[Face]:
-    """Return the faces of the last half second, the largest first."""
+    """Return the faces of the last half second, the largest first. Raises SensorSilent."""
     sight = robot.sight_part
     if sight is None:
         return []
@@ -105,9 +105,9 @@ def _fresh_faces(robot: Robot, clock: Clock) -> list[Face]:
 
 
 def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict[str, PartValues]:
-    """Return what expressions read of ``robot``, as ``missions.language.robot_state`` declares it.
+    """Return the state of ``robot`` as ``missions.language.robot_state`` declares it.
 
-    Whether its battery is low is for the ``guard`` to say.
+    The ``guard`` provides the battery levels.
     """
 
     def report() -> BaseState | None:
@@ -141,11 +141,11 @@ def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict
 
 
 def unmeasured_reason(condition: Value, scope: Mapping[str, object]) -> str:
-    """Say what in a condition nothing measures, or nothing. Raises SensorSilent while the base does not report."""
+    """Return the reason if a condition rests on dead reckoning; empty otherwise. Raises SensorSilent."""
     reads = () if condition.template is None else condition.template.reads
     values = ((read.dotted, state_value(read.name, read.member)) for read in reads)
     place = next((name for name, value in values if value is not None and value.is_dead_reckoned), "")
     base = scope.get("base")
     if place and isinstance(base, PartValues) and base.reckoned:
-        return f"{place} is dead reckoning: this base measures nothing that a condition may rest on"
+        return f"{place} is dead reckoning, which no condition may use: this base does not measure its motion"
     return ""

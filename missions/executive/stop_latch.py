@@ -1,4 +1,4 @@
-"""The stop that a person asks for: every actuator still, at once, until somebody releases it."""
+"""Stop by a person: all actuators are stopped at once, and latched until released."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -10,18 +10,17 @@ from drivers.api import Base, Device, Latchable
 from drivers.errors import DeviceFault
 
 REPLY_TIMEOUT = 0.2
-"""Seconds for which a stop waits to hear that the actuators were told: a leaf that hangs may hold a driver's lock."""
+"""Seconds to wait for the confirmation of all parts; a hanging leaf may hold the lock of a driver."""
 
 MAX_KEPT_PRESSES = 64
-"""Presses of one latch that are remembered: each counts as one stop, by however many ways it comes."""
+"""Stored ids of button presses; the same press counts once, even if it arrives over several connections."""
 
 
 class StopLatch:
-    """Latches the ``stilled`` among ``devices`` still, from any thread, whatever the tick does.
+    """Stops and latches the ``parts`` among ``devices``, from any thread, independent of the tick.
 
-    The ``base`` has a latch of its own, in its driver; the others stop safely, by the names of their parts, and take no
-    command of a behaviour: ``permit`` is asked before each, and asks ``before``. ``hold`` keeps the mission where it
-    is.
+    The ``base`` has its own latch in its driver. The other parts stop safely and refuse commands of behaviours:
+    ``permit`` is called before each command, and calls ``permit_first``. ``hold`` pauses the mission.
     """
 
     def __init__(
@@ -36,21 +35,21 @@ class StopLatch:
         self._devices, self._parts, self._base, self._safe_stop = devices, parts, base, safe_stop
         self.hold, self._permit_first = hold, permit_first
         self.reason = ""
-        """Who has stopped it; empty while nobody has."""
+        """Who has stopped the robot, as text; empty if released."""
         self.stop_count = 0
-        """How many stops there were."""
+        """Number of stops so far."""
         self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)  # of those that are latched
 
     @property
     def parts(self) -> list[str]:
-        """The parts that a stop makes still."""
+        """Parts that a stop affects."""
         return [*self._parts]
 
     def stop(self, by: str, press: str = "") -> list[str]:
-        """Stop for ``by``; return the parts that were told within ``REPLY_TIMEOUT``. The others are told when they can be.
+        """Stop on behalf of ``by``; return the parts that confirmed within ``REPLY_TIMEOUT``.
 
-        Again while it is stopped, all are told once more, and it counts as another stop, unless it is a
-        ``press`` that has come another way.
+        The others stop when they can. A repeated stop is sent to all parts again, and counts as a new one unless its
+        ``press`` is known.
         """
         if press not in self._presses:
             self.stop_count += 1
@@ -69,7 +68,7 @@ class StopLatch:
         return [part for part in self._parts if part in told]
 
     def release(self, number: int) -> bool:
-        """Release the stop of this number, if that is the last one; the mission stays paused. Say whether it was."""
+        """Release the stop of this number if it is the last; return whether it was. The mission stays paused."""
         if not self.reason or number != self.stop_count:
             return False
         if self._base is not None:
@@ -81,26 +80,26 @@ class StopLatch:
         return True
 
     def enable(self) -> None:
-        """Enable what stands still because it was away, but for the base."""
+        """Enable the parts that are latched after a disconnect, except the base."""
         for part, device in self._devices.items():
             if part != "base" and isinstance(device, Latchable):
                 device.enable()
 
     def permit(self) -> None:
-        """Raise DeviceFault where a behaviour is not to set an actuator moving now."""
+        """Raise DeviceFault if behaviours must not move actuators now."""
         self._permit_first()
         if self.reason:
             raise DeviceFault(self.reason, hint="mission stop --release")
 
     def _stop_remaining(self, remaining: deque[str], stopped: list[str]) -> None:
-        """Make still what no other thread has taken yet."""
+        """Stop the parts that no other thread has taken."""
         with suppress(IndexError):
             while True:
                 part = remaining.popleft()
                 try:
                     self._stop_part(part, stopped)
                 except Exception:  # the next part must stand still all the same
-                    log.exception("%s could not be made to hold still", part)
+                    log.exception("%s could not be stopped", part)
 
     def _stop_part(self, part: str, stopped: list[str]) -> None:
         if part == "base" and self._base is not None:

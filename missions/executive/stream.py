@@ -1,4 +1,4 @@
-"""The one stream of events that a run makes, and everything else listens to."""
+"""The event stream of a run."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,34 +14,34 @@ from missions.executive.events import Event, NodeChanged, Ticked, status_word
 Listener = Callable[[Event], None]
 
 Change = tuple[float, int, Node, str, str]
-"""A node's new status as the tick keeps it: when, in which tick, which node, its status then, and its reason then."""
+"""A new status of a node: time, tick, node, status, reason."""
 
 Reset = tuple[float, int, Sequence[Node]]
-"""Nodes that have forgotten their results: when, in which tick, and which, in order."""
+"""Nodes whose results were cleared: time, tick, nodes in order."""
 
 CLOSE_TIMEOUT = 2.0
-"""Seconds that slow listeners have, at the end of a run, to hear what is still to be told."""
+"""Seconds that slow listeners have at the end of a run."""
 
 BATCH_INTERVAL = 0.03
-"""Seconds from one telling to the next: what happens meanwhile wakes no thread."""
+"""Seconds between two deliveries; events in between wake no thread."""
 
 IDLE_TICK_DELAY = 0.2
-"""Seconds for which ticks in which nothing happens wait to be told."""
+"""Seconds by which tick events are delayed if nothing else happened."""
 
 MAX_QUEUED_EVENTS = 200_000
-"""What may wait for slow listeners; what comes on top is counted and lost."""
+"""Events queued for slow listeners; further ones are dropped and counted."""
 
 
 class EventStream:
-    """Passes each event to every listener, in one order, from whichever thread it comes.
+    """Delivers each event to every listener in one order, from any thread.
 
-    Between ``open`` and ``close`` that happens on a thread of its own: a listener that is slow, stuck or broken never
-    holds up a tick or a driver. Otherwise, listeners are told at once. One that raises anything is told no more, and
-    named in ``failed_listeners``; the run goes on.
+    Between ``open`` and ``close``, a thread of the stream calls the listeners, so a slow or broken listener never
+    delays a tick or a driver. Otherwise they are called at once. A listener that raises is removed and named in
+    ``failed_listeners``.
 
-    It is a run's ``NodeObserver``: it makes a NodeChanged of every new status. That is a tick's most frequent event by far,
-    so while the stream is open the tick only keeps what is true of the node at that moment; the event is made by the
-    stream's thread, and told with whatever comes next: the end of the tick, at the latest.
+    As the ``NodeObserver`` of a run, it makes a NodeChanged of every new status. These are the most frequent events, so
+    the tick only stores the values; the thread makes the events, and delivers them with the next one, at the latest at
+    the end of the tick.
     """
 
     def __init__(self, listeners: Iterable[Listener] = ()) -> None:
@@ -57,29 +57,29 @@ class EventStream:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Start the thread that tells the listeners."""
+        """Start the thread that calls the listeners."""
         if self._thread is None:
             self._is_ending.clear()
             self._thread = Thread(target=self._run, name="events", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
-        """Tell what is still waiting, for ``CLOSE_TIMEOUT`` at most. Safe more than once."""
+        """Deliver the queued events, for at most ``CLOSE_TIMEOUT``. May be called more than once."""
         if self._thread is not None:
             self._wakeups.put(False)
             self._is_ending.set()
             self._thread.join(CLOSE_TIMEOUT)
             if self._thread.is_alive():
-                self.failed_listeners.append("a listener that did not come to an end")
+                self.failed_listeners.append("a listener that did not finish")
             self._thread = None
 
     @property
     def has_listeners(self) -> bool:
-        """False while an event, told now, would be heard by nobody: it need not even be made."""
+        """False if an event would reach no listener, so that it need not be made."""
         return bool(self.listeners) or self._thread is not None
 
     def emit(self, event: Event) -> None:
-        """Tell all listeners, soon; returns at once and never raises. A tick in which nothing happened can wait."""
+        """Queue an event for all listeners; does not block or raise. Ticks without other events are delayed."""
         if self._queue_event(event):
             if type(event) is Ticked and not self._has_node_changes and 0 <= event.t - self._woken_at < IDLE_TICK_DELAY:
                 return
@@ -87,7 +87,7 @@ class EventStream:
             self._wakeups.put(True)
 
     def on_status(self, time: float, tick: int, node: Node, status: Status, reason: str) -> None:
-        """Tell all listeners of a node's new status, with the next event; returns at once and never raises."""
+        """Queue the new status of a node, delivered with the next event; does not block or raise."""
         del status
         word = status_word(node)
         if (
@@ -99,12 +99,12 @@ class EventStream:
             self._queue_event((time, tick, node, word, reason))
 
     def on_reset(self, time: float, tick: int, nodes: Sequence[Node]) -> None:
-        """Tell all listeners of nodes that were reset, with the next event; returns at once and never raises."""
+        """Queue the reset of nodes, delivered with the next event; does not block or raise."""
         self._queue_event((time, tick, nodes))
         self._has_node_changes = True
 
     def _queue_event(self, told: Event | Change | Reset) -> bool:
-        """Tell it at once, or keep it for the thread; True if it is kept."""
+        """Queue an item, or deliver it at once without a thread; return True if it was queued."""
         if self._thread is None:
             self._deliver(told)
             return False
@@ -138,7 +138,7 @@ class EventStream:
 
 
 def _expand(told: Event | Change | Reset) -> Iterator[Event]:
-    """Yield the events that were kept as one."""
+    """Yield the events of a queued item."""
     match told:
         case Event():
             yield told

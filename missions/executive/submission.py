@@ -1,4 +1,4 @@
-"""A mission inside a mission: its own variables, its params from the caller's, its results handed back."""
+"""Sub-missions: own variables, params from the caller, results returned to the caller."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -16,9 +16,9 @@ from missions.language.plan import Step
 class Submission(Parent, Decorator):
     """Runs the tree of another mission.
 
-    ``params`` are computed among the caller's variables each time that it starts; ``inner`` are the variables of the
-    mission inside, forgotten at each start. ``returns`` are computed among these once it has ended, and kept under
-    their own names, or together as ``keep_as``: all of them after a success, after a failure as far as they were set.
+    ``params`` are evaluated with the caller's variables at each start; ``inner`` holds the variables of the
+    sub-mission, cleared at each start. ``returns`` are evaluated with these at the end, and stored under their own
+    names, or together as ``output_variable``: all of them after a success, after a failure those that can be evaluated.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Submission(Parent, Decorator):
         return SUCCESS
 
     def _store_results(self, *, waits: bool) -> str:
-        """Keep the results that can be computed; return why another cannot, or nothing."""
+        """Store the results that can be evaluated; return the reason if one cannot, empty otherwise."""
         results, problem = {}, ""
         for name, value in self.returns.items():
             try:

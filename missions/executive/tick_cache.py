@@ -1,4 +1,4 @@
-"""What the parts of a robot have answered within one moment: each question is asked once, and all is kept in order."""
+"""Per-tick input cache: each property of a part is read once per tick, and all values are recorded in order."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -12,15 +12,15 @@ T = TypeVar("T")
 A = TypeVarTuple("A")
 
 Query = str | tuple[Any, ...]
-"""A question to a known part: its name, or its name and arguments."""
+"""Query to a known part: its name, or its name with arguments."""
 
 
 class TickCache:
-    """What was answered in the moment that is ``is_open``; until one is, every question goes to its part.
+    """Cached values of all parts within a tick, while ``is_open``; outside a tick each query goes to its part.
 
-    A command makes a part forget what it has answered, so that who looks and then asks is told how it looks now. An
-    error of a driver is an answer, and raised again: ``errors`` has these. All of this moment is ``answers``, in order,
-    as far as it is ``is_recording``. For one thread, the one that ticks.
+    A command clears the cache of its part, so that a later query sees the new state. Driver errors are cached in
+    ``errors`` and raised again. ``answers`` has all results of the tick in order, if ``is_recording``. Only for the
+    tick thread.
     """
 
     __slots__ = ("_fixed", "_part_caches", "_sampled", "answers", "errors", "is_open", "is_recording")
@@ -42,9 +42,9 @@ class TickCache:
         sampled: Mapping[str, Callable[[], object]] | None = None,
         fixed: Iterable[str] = (),
     ) -> "PartCache":
-        """Return what remembers the answers of a ``part`` to its ``questions``, by their names.
+        """Return the cache of a ``part`` with functions for its ``queries``.
 
-        ``sample`` asks the ``sampled`` ones always, and the ``fixed`` ones the first time only.
+        ``sample`` calls the ``sampled`` queries each time, and the ``fixed`` ones only the first time.
         """
         memo = PartCache(part, queries, self)
         self._part_caches.append(memo)
@@ -53,27 +53,24 @@ class TickCache:
         return memo
 
     def close(self) -> None:
-        """End the moment, and forget all that was answered in it."""
+        """End the tick, and clear all caches."""
         self.is_open = False
         list(map(PartCache.clear, self._part_caches))  # a loop would cost several times as much, in each tick
         if self.errors:
             self.errors = {}
 
     def take_answers(self) -> list[Answer]:
-        """End the moment; return what was answered in it, in order, as far as that is kept."""
+        """End the tick; return its recorded answers in order."""
         self.close()
         said, self.answers = self.answers, []
         return said
 
     def clear_errors(self, part: str) -> None:
-        """Forget which questions a part has refused to answer."""
+        """Clear the cached errors of a part."""
         self.errors = {asked: error for asked, error in self.errors.items() if asked[0] != part}
 
     def sample(self, only: str = "") -> None:
-        """Ask what nobody has asked in this moment, for those who look at the record and for missions changed since.
-
-        With ``only``, that one question, of each part that has it.
-        """
+        """Sample all unread properties of this tick for the record, or only the query ``only`` of each part."""
         fixed: list[Callable[[], object]] = []
         if not only:
             fixed, self._fixed = self._fixed, []
@@ -87,10 +84,10 @@ class TickCache:
 
 
 class PartCache(dict[Query, Any]):
-    """What one part has answered, by question: ``memo["pose"]`` asks for it where it is not known yet.
+    """Cached results of one part by query; ``cache["pose"]`` reads the property if it is missing.
 
-    A dictionary, since most of what a tick asks was asked in it before: then that costs no call of ours. Proxies are
-    generated with what ``command`` does in them; it is here for those that are written by hand.
+    A dict, since most reads in a tick are repeated ones, and a dict lookup needs no call of ours. Generated proxies
+    contain the body of ``command``; the method is for proxies written by hand.
     """
 
     __slots__ = ("_queries", "part", "tick_cache")
@@ -102,7 +99,7 @@ class PartCache(dict[Query, Any]):
         self.tick_cache = cache
 
     def __missing__(self, question: str) -> Any:
-        """Ask; raise what the part does. In the hot path of every tick."""
+        """Read a property from the part. Raises the errors of the part. In the hot path of every tick."""
         answers = self.tick_cache
         if answers.errors and (self.part, question) in answers.errors:
             raise answers.errors[self.part, question]
@@ -118,7 +115,7 @@ class PartCache(dict[Query, Any]):
         return answer
 
     def sample(self, query: str, read: Callable[[], object]) -> None:
-        """Have ``query`` answer a question, unless the answer is known. Raises what it does."""
+        """Call ``read`` for a query that is not cached. Raises its errors."""
         if query not in self:
             questions, self._queries = self._queries, {query: read}
             try:
@@ -127,7 +124,7 @@ class PartCache(dict[Query, Any]):
                 self._queries = questions
 
     def query(self, name: str, read: Callable[[*A], T], *arguments: *A) -> T:
-        """Ask a question with arguments, unless the answer is known."""
+        """Return the result of a query with arguments, from the cache or from the part."""
         answers, question = self.tick_cache, (name, *arguments)
         if question in self:
             known: T = self[question]
@@ -145,7 +142,7 @@ class PartCache(dict[Query, Any]):
         return answer
 
     def command(self, name: str, act: Callable[[*A], T], *arguments: *A) -> T:
-        """Have the part do something, and keep what comes of it. Raises what the part does."""
+        """Execute a command of the part, and record its result. Raises the errors of the part."""
         answers = self.tick_cache
         self.clear()
         if answers.errors:
@@ -165,6 +162,6 @@ class PartCache(dict[Query, Any]):
             self.record(name, arguments, error)
 
     def record(self, name: str, arguments: tuple[object, ...], value: object) -> None:
-        """Keep what came of a question or a command, as far as that is kept."""
+        """Record the result of a query or a command, if recording."""
         if self.tick_cache.is_recording and self.tick_cache.is_open:
             self.tick_cache.answers.append((self.part, name, arguments, value))

@@ -1,36 +1,36 @@
-"""The record of one tick: all that the executive was told from outside in it, enough to decide it over again."""
+"""Record of one tick: all inputs of the executive, enough to replay its decisions."""
 
 from typing import Literal
 
 from drivers.api.fast_dataclass import dataclass
 
 Question = tuple[str, str, tuple[object, ...]]
-"""Of which part, what, with which arguments: ``("head", "pose", ())``."""
+"""Part, name and arguments of a query: ``("head", "pose", ())``."""
 
 Answer = tuple[str, str, tuple[object, ...], object]
-"""A question or command with what came of it: its value, or the :class:`~drivers.errors.DriverError` that it raised."""
+"""A query or command with its result: the value, or the raised :class:`~drivers.errors.DriverError`."""
 
 TickKind = Literal["tick", "look", "halt"]
-"""A tick of the tree; a look at the robot while paused; the halting of the tree, which stops the robot."""
+"""A tick of the tree; a check of the guard while paused; a step of the final halt."""
 
 
 @dataclass(slots=True)
 class TickRecord:
-    """One frozen tick of a run. The executive makes it and hands it over; nobody alters it.
+    """Record of one tick snapshot, made by the executive; do not change it.
 
-    Records keep it as ``missiontree.Moment``.
+    Records store it as ``missiontree.Moment``.
     """
 
     kind: TickKind
     tick: int
-    """How many ticks had been made, this one included."""
+    """Number of ticks so far, including this one."""
     t: float
-    """The one time that was read in this moment, in seconds of the run's clock."""
+    """Time of the snapshot, in seconds of the run's clock."""
     late: float
-    """Seconds after the tick was due; 0 where it came early since it was woken, and for what is not due at a time."""
+    """Seconds after the due time; 0 for an early tick, and for snapshots without a due time."""
     spent: float
-    """Seconds of real time that it took."""
+    """Real duration in seconds."""
     answers: list[Answer]
-    """Every answer and result of a command, in order."""
+    """All results of queries and commands, in order."""
     overheld: tuple[str, float] | None = None
-    """The key of the leaf that has failed because it held this tick for too long, and for how many seconds."""
+    """Key of the leaf that failed because it blocked this tick for too long, and the seconds."""

@@ -1,4 +1,4 @@
-"""Who watches the tick loop from outside: whatever holds it up is named, and meanwhile the robot is kept still."""
+"""Watchdog of the tick loop: reports a leaf that blocks it, and stops the robot meanwhile."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -16,22 +16,22 @@ from missions.executive.events import FaultRaised
 from missions.executive.stream import EventStream
 
 CHECK_INTERVAL = 0.05
-"""Seconds between two looks at the loop."""
+"""Seconds between two checks."""
 
 STOP_REPEAT_DELAY = 0.2
-"""Seconds after which actuators are told to keep still once more: a command may have been under way."""
+"""Seconds until actuators are stopped a second time, since a command may have been in progress."""
 
 SUSPEND_THRESHOLD = 1.0
-"""A watchdog that has not looked for so long was asleep itself, as was the loop: the process was stopped, say."""
+"""Seconds without a check that mean a suspended process: neither watchdog nor loop were running."""
 
 
 @dataclass(frozen=True, slots=True)
 class WatchdogLimits:
-    """How long things may take, in seconds.
+    """Time limits in seconds.
 
-    A leaf that holds a tick for ``slow`` is reported. When the loop has shown no life for ``stall`` the robot is kept
-    still. A leaf that has held a tick for ``fail`` has failed, whatever it returns in the end. After ``lost``, or
-    ``react`` after a signal that nobody has reacted to, the run is given up and the process ended.
+    A leaf that blocks a tick for ``slow`` is reported. After ``stall`` without a sign of life of the loop, the robot is
+    stopped. A leaf that blocks a tick for ``fail`` fails, whatever it returns. After ``lost``, or ``react`` after a
+    signal without reaction, the run is abandoned and the process ends.
     """
 
     slow: float = 0.25
@@ -42,7 +42,7 @@ class WatchdogLimits:
 
 
 class LoopState(Enum):
-    """State of a tick loop; STALLED: the robot was stopped, STOPPED_TWICE: and again, for a command under way."""
+    """State of a tick loop; STALLED: the robot was stopped, STOPPED_TWICE: and again, for a command in progress."""
 
     ALIVE, STALLED, STOPPED_TWICE = range(3)
 
@@ -58,22 +58,22 @@ TRANSITIONS: Final = {
     (LoopState.ALIVE, LoopEvent.STALL): LoopState.STALLED,
     (LoopState.STALLED, LoopEvent.REPEAT): LoopState.STOPPED_TWICE,
 }
-"""Any other pair leads to STALLED, in which no leaf may set an actuator moving."""
+"""All other pairs lead to STALLED, in which no leaf may move an actuator."""
 
 
 StopActions = Mapping[str, Callable[[], None]]
-"""How each actuator, by the name of its part, is told to keep still."""
+"""Functions that stop the actuators, by part."""
 
 AbandonRun = Callable[[str, str], None]
-"""Ends the process, since the loop cannot: with a result ("failure" or "interrupted") and a reason."""
+"""Ends the process with a result ("failure" or "interrupted") and a reason, since the loop cannot."""
 
 
 class Watchdog:
-    """Looks at a run every ``CHECK_INTERVAL`` from a thread of its own; nothing it does waits for the loop, nor for a device.
+    """Checks a run every ``CHECK_INTERVAL`` from its own thread; it never waits for the loop or for a device.
 
-    ``is_armed`` says that the loop ought to be running; a paused loop shows life like any other. ``heard`` returns the
-    word for a signal that came, ``abandon`` ends what cannot be saved. A leaf that hangs within a call of a driver may
-    hold that driver's lock, so each actuator is told to keep still from a thread of its own.
+    ``is_armed`` means that the loop should be running; a paused loop shows signs of life too. ``first_signal`` returns
+    the name of a received signal; ``abandon`` ends a run that cannot be saved. A hanging leaf may hold the lock of a
+    driver, so each actuator is stopped in a thread of its own.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Watchdog:
         self._stalled_at = 0.0
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start the thread."""
         if self._thread is None:
             self._done.clear()
             self._process = os.getpid()
@@ -115,7 +115,7 @@ class Watchdog:
             self._thread.start()
 
     def stop(self) -> None:
-        """Look no more. Safe more than once, and from any state."""
+        """Stop the thread. May be called more than once, in any state."""
         self.is_armed = False
         self._done.set()
         if self._thread is not None:
@@ -132,10 +132,9 @@ class Watchdog:
         self.stop()
 
     def permit(self) -> None:
-        """Called before an actuator is set moving.
+        """Raise DeviceFault if the running leaf must not move an actuator.
 
-        Raises DeviceFault for a leaf that is being kept still, and in a process that a leaf has forked: its parent
-        drives the robot.
+        This is so for a leaf that was stopped, and in a process that a leaf has forked: its parent drives the robot.
         """
         if self._process not in (None, os.getpid()):
             raise DeviceFault("kept still: a forked process cannot drive the robot")
@@ -143,7 +142,7 @@ class Watchdog:
             raise DeviceFault(f"kept still: {self._culprit(self._stalled[0])} holds the tick")
 
     def check(self) -> None:
-        """Look once, and do what is due."""
+        """Check once, and take due actions."""
         now = self._run.wall.now()
         if now - self._checked_at > SUSPEND_THRESHOLD:
             self._awake_since = now
@@ -163,10 +162,10 @@ class Watchdog:
             try:
                 self.check()
             except Exception:  # the last one to give up
-                log.exception("the watchdog stumbled")
+                log.exception("error in the watchdog")
 
     def _check_leaf(self, now: float) -> None:
-        """Report a leaf that has had the word, within one tick, for too long."""
+        """Report a leaf that blocks a tick for too long."""
         leaf, tick = watched = self._run.active_leaf, self._run.tick
         if leaf is None or watched != self._watched:
             self._watched, self._watched_since, self._is_reported = watched, now, False
@@ -181,7 +180,7 @@ class Watchdog:
             self._run.overrun = leaf, tick, self._watched_since
 
     def _check_loop(self, now: float, silence: float) -> None:
-        """Keep the robot still while the loop shows no life."""
+        """Stop the robot while the loop shows no sign of life."""
         if silence <= self.limits.stall:
             self._handle(LoopEvent.LIFE)
             return
@@ -223,7 +222,7 @@ class Watchdog:
 
 
 def attempt_all(steps: Mapping[str, Callable[[], object]], seconds: float = 0.0) -> dict[str, Thread]:
-    """Do several things, each in a thread of its own, and wait ``seconds`` for all of them; return the threads."""
+    """Call functions in parallel threads, wait up to ``seconds`` for all of them, and return the threads."""
     threads = {name: Thread(target=_attempt, args=(name, step), name=name, daemon=True) for name, step in steps.items()}
     for thread in threads.values():
         thread.start()
@@ -237,4 +236,4 @@ def _attempt(name: str, step: Callable[[], object]) -> None:
     try:
         step()
     except Exception:  # the others have threads of their own
-        log.exception("%s: what the watchdog tried went wrong", name)
+        log.exception("%s: the watchdog's action failed", name)

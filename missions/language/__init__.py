@@ -1,1 +1,1 @@
-"""From YAML to a checked plan, with every fault at its file, line and column."""
+"""Parses YAML into a checked plan, with each error at its file, line and column."""

@@ -1,4 +1,4 @@
-"""The arguments of a leaf: from what the mission says to what the leaf takes."""
+"""Arguments of leaves: parsing, checks and conversion of the values in a mission."""
 
 import ast
 import math
@@ -41,7 +41,7 @@ from perception.api import Face
 
 
 def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
-    """Note a text that calculates with a variable, where ``name`` is set to it. A quoted one is meant."""
+    """Report a text for ``name`` that looks like a calculation with a variable; quoted texts are accepted."""
     if not isinstance(node, Scalar) or node.quoted or not isinstance(node.value, str) or parse_quantity(node.text):
         return
     try:
@@ -57,34 +57,36 @@ def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
 
 
 FACE_KIND = "face"
-"""The kind of these arguments."""
+"""Kind of arguments that take a face."""
 
 
 def read_face(context: CheckContext, node: Scalar, label: str) -> Value:
-    """Read such an argument: ``${person}``, or nothing."""
+    """Read a face argument: ``${person}``, or nothing."""
     if node.value is None:
         return Value()
     if "${" not in node.text:
         hint = f'write "${{{node.text}}}"' if node.text in context.variables else _face_hint(context)
-        context.fault(node.mark, f"{label} needs a face kept by 'as', got the text {quoted_value(node.text)}", hint)
+        context.fault(node.mark, f"{label} needs a face stored by 'as', got the text {quoted_value(node.text)}", hint)
         return INVALID_VALUE
     found = context.read_value(node, label, as_face)
     kept = context.variable_leaves.get(_variable(found.template))
     if kept is not None and kept.output_type is not None and not _is_face(kept):
-        context.fault(node.mark, f"{label} needs a face kept by 'as', got what '{kept.tag}' keeps", _face_hint(context))
+        context.fault(
+            node.mark, f"{label} needs a face stored by 'as', got the result of '{kept.tag}'", _face_hint(context)
+        )
         return INVALID_VALUE
     return found
 
 
 def as_face(value: object) -> Face | None:
-    """Return a face, or None. Raises ValueError for anything else."""
+    """Return a face, or None. Raises ValueError for any other value."""
     if value is None or isinstance(value, Face):
         return value
-    raise ValueError(f"needs a face kept by 'as', got {describe_value(value)}")
+    raise ValueError(f"needs a face stored by 'as', got {describe_value(value)}")
 
 
 def _variable(formula: Template | Expression | None) -> str:
-    """Return the variable of which a template's value is all; empty where it is more than that."""
+    """Return the variable if the template is that variable alone; empty otherwise."""
     match formula:
         case Template(parts=(Expression(tree=ast.Name(id=name)),)):
             return name
@@ -96,13 +98,13 @@ def _is_face(leaf: type[Leaf]) -> bool:
 
 
 def _face_hint(context: CheckContext) -> str:
-    """Say what to write: a variable that holds a face, where there is one."""
+    """Return the hint for a face argument: a variable that holds a face, if there is one."""
     faces = [name for name, leaf in context.variable_leaves.items() if _is_face(leaf)]
-    return f'write "${{{faces[0]}}}"' if faces else 'keep one with as: person, beside find_face, and write "${person}"'
+    return f'write "${{{faces[0]}}}"' if faces else 'store one with as: person, beside find_face, and write "${person}"'
 
 
 def thing_converter(context: CheckContext, kind: str) -> Convert | None:
-    """Return what finds the things of a kind by their names, and raises LookupError; None for what is no thing."""
+    """Return a converter that looks up a name of this kind, and raises LookupError; None for other kinds."""
     folder = Path(context.source.name).parent
     if kind == "file":
         return partial(_file, context.things.get(kind, Path), folder)
@@ -116,21 +118,21 @@ def _find(lookup: Callable[[str], object], value: object) -> object:
 
 
 def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
-    """Return the file at a path that goes from the mission's folder."""
+    """Return the file at a path relative to the mission's folder."""
     return lookup(str(folder / format_value(value)))
 
 
 TEXT_KINDS = ("text", "joint", "joints", "choice", "file", *REPEATABLE_KINDS)
-"""Kinds whose values are texts, whatever they look like."""
+"""Kinds whose values are texts, even if they look like numbers."""
 
 SWITCH_WORDS = {"on": True, "off": False}
-"""What people write for true and false where something is switched."""
+"""Words for true and false of flags."""
 
 OUTCOMES = {"running": Status.RUNNING, "success": Status.SUCCESS, "failure": Status.FAILURE}
 
 
 def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
-    """Read what stands behind a leaf's word: nothing, its principal argument, or a mapping of named ones."""
+    """Read the value of a leaf's word: nothing, its principal argument, or a mapping of named arguments."""
     if leaf.open_ended:
         return _read_open(context, leaf, key, node)
     declared = leaf.arguments
@@ -155,7 +157,7 @@ def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: N
 
 
 def _defaults(context: CheckContext, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:
-    """Note what must be given and is not; look up the defaults that are names of things."""
+    """Report missing required arguments; look up defaults that are names."""
     values = {}
     for argument in leaf.arguments.values():
         if argument.name in given:
@@ -180,7 +182,7 @@ def _report_no_principal(context: CheckContext, leaf: type[Leaf], node: Node) ->
 
 
 def _read_open(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
-    """Read a leaf whose argument names are the mission's own, such as ``set``."""
+    """Read a leaf whose argument names are chosen by the mission, such as ``set``."""
     if not isinstance(node, Mapping) or not node.entries:
         context.fault(key.mark, f"'{leaf.tag}' needs names and values", f"write {leaf.tag}: {{count: 1}}")
         return {}
@@ -216,7 +218,7 @@ def read_argument(context: CheckContext, argument: Argument, node: Node, label: 
 
 
 def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) -> Scalar:
-    """Return ``node`` with the value that it has for this argument: a text is a text even where it looks like 007."""
+    """Return ``node`` with its value for this argument: a text argument keeps ``007`` as a text."""
     if node.value is None:
         return node
     if argument.kind in (*TEXT_KINDS, *UNITS) or argument.kind in context.things:
@@ -225,7 +227,7 @@ def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) 
 
 
 def default_value(node: Scalar) -> str | float | bool | None:
-    """Return what a scalar means where anything may stand: what looks like a quantity is one, unless it is quoted."""
+    """Return the value of a scalar without a known type: a quantity if it looks like one and is not quoted."""
     found = None if node.quoted else parse_quantity(node.text)
     return node.value if found is None else found
 
@@ -250,7 +252,7 @@ def _read_span(context: CheckContext, argument: Argument, node: Node, label: str
 
 
 def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
-    """Read a mapping from joints to values, each of which may be a param; or one variable that holds all of it."""
+    """Read a mapping from joints to values, each of which may be a param; or a variable that holds the mapping."""
     one = replace(argument, by_joint=False)
     if isinstance(node, Scalar) and "${" in node.text:
         return context.read_value(node, label, partial(_by_joint, converter(context, one)))
@@ -273,7 +275,7 @@ def _by_joint(convert: Convert, value: object) -> dict[str, object]:
 
 
 def converter(context: CheckContext, argument: Argument) -> Convert:
-    """Return what turns a mission's value into this argument's."""
+    """Return the function that converts a value of the mission to a value of this argument."""
     kind = argument.kind
     if kind in UNITS:
         return partial(_measure, argument)

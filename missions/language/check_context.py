@@ -1,4 +1,4 @@
-"""What the checker knows while it reads one mission, and the faults that it has found."""
+"""State of the checker while it reads a mission, and the errors found."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -27,25 +27,25 @@ from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
 
 Lookup = Callable[[str], object]
-"""Finds a thing by its name; raises LookupError that says what is there."""
+"""Finds an object by name; raises LookupError with the known names."""
 
 MAX_STEPS = 10_000
-"""Steps of a mission, those of its sub-missions counted each time that they are used."""
+"""Maximum steps of a mission; steps of sub-missions count at each use."""
 
 MAX_DEPTH = 100
-"""Steps from the root of a tree to its deepest leaf, modifiers and sub-missions counted.
+"""Maximum steps from the root to the deepest leaf, including modifiers and sub-missions.
 
-Reading and ticking go down step by step: a deeper tree would overflow the stack.
+Reading and ticking are recursive, so a deeper tree would overflow the stack.
 """
 
 
 def find_no_mission(name: str, beside: Path) -> Path:
-    """Find no mission: the finder of a text that stands alone."""
+    """Raise LookupError: the mission finder for a text without a library."""
     raise LookupError(f"cannot be found from {beside}: '{name}'")
 
 
 FLAG_WORDS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-"""What others write for what is true or false."""
+"""Words of other languages for true and false."""
 
 
 _OTHER_SYNTAX = re.compile(
@@ -54,16 +54,16 @@ _OTHER_SYNTAX = re.compile(
 
 
 def hole_hint(text: str) -> str:
-    """Say how to write what other languages write as $x, {x} or {{x}}; nothing for any other text."""
+    """Return the hint for a variable written as $x, {x} or {{x}}; empty for other texts."""
     found = _OTHER_SYNTAX.fullmatch(text.strip())
     return f"write ${{{found[found.lastgroup]}}} for its value" if found and found.lastgroup else ""
 
 
 @dataclass(slots=True)
 class Vocabulary:
-    """What any mission may name: leaves, gestures and controllers, and other missions, found from the file's folder.
+    """Names that missions can use: leaves, gestures and other objects, and missions, found from the file's folder.
 
-    ``files`` are the missions that were read already, so that one that is used often is read once.
+    ``files`` caches the missions that were read, so that each is read once.
     """
 
     leaves: Mapping[str, type[Leaf]]
@@ -74,15 +74,14 @@ class Vocabulary:
 
 @dataclass(slots=True)
 class CheckContext:
-    """The mission being read: its text, its params' values, what it may name, and what is wrong with it.
+    """The mission being read: its text, params, known names, and errors.
 
-    ``variables`` are the variables that some step of the mission sets, and the params that are known only when it runs.
-    ``missing_params`` are those params among them that nobody has given yet. ``variable_leaves`` are those variables of which it is known
-    what they hold, each with a leaf that keeps that; ``param_kinds`` are those of the params whose values are not known yet.
-    ``has_unreadable_line`` is whether a line of the file could not be read; ``has_unreadable_mission`` whether a mission in it could not, which may
-    return anything.
-    ``file_chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
-    ``depth`` is how many steps stand above the one that is read now, in all files of the chain.
+    ``variables`` are set by some step of the mission, or are params known only in a run; ``missing_params`` are those
+    that the caller has not set yet. ``variable_leaves`` are variables of known type, each with a leaf that stores it;
+    ``param_kinds`` are the kinds of params without a value. ``has_unreadable_line`` and ``has_unreadable_mission`` mark
+    a file line or a sub-mission that could not be read; the latter may return any variable. ``file_chain`` are the
+    including files, this one last; ``steps`` the steps read so far in all files; ``depth`` the number of steps above
+    the present one.
     """
 
     source: SourceText
@@ -101,46 +100,46 @@ class CheckContext:
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:
-        """The leaves by their words."""
+        """Leaves by word."""
         return self.vocabulary.leaves
 
     @property
     def things(self) -> Mapping[str, Lookup]:
-        """How gestures and controllers are found."""
+        """Lookups of gestures, controllers and other objects by kind."""
         return self.vocabulary.things
 
     def param_kinds_of(self, value: Value) -> Mapping[str, Kind]:
-        """Return the kinds of the params that ``read_value`` reads and that nothing else gives a value to."""
+        """Return the kinds of the params that ``value`` reads and no step sets."""
         names = () if value.template is None else {read.name for read in value.template.reads}
         known = (name for name in names if name in self.params and name not in self.variables)
         return {name: kind_of_value(self.params[name]) for name in known}
 
     def forget_kinds(self, names: Iterable[str]) -> None:
-        """Take it that these variables may hold anything."""
+        """Mark variables as having an unknown type."""
         for name in names:
             self.variable_leaves.pop(name, None)
 
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, certain: bool = False) -> None:
-        """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
+        """Report an error; after an unreadable line only if it is ``certain``."""
         if certain or not self.has_unreadable_line:
             add_diagnostic(self.faults, Diagnostic(self.source, mark, message, suggestion))
 
     def fault_at(self, step: Step, message: str, suggestion: str = "") -> None:
-        """Note a mistake at a step, in whichever file that stands."""
+        """Report an error at a step, in the file of the step."""
         if not self.has_unreadable_line:
             add_diagnostic(self.faults, Diagnostic(step.source, step.mark, message, suggestion))
 
     def check_new_name(self, node: Scalar, label: str) -> None:
-        """Check the name that the mission gives to a param or a variable; ``what`` begins the message of a fault."""
+        """Check a name that the mission gives to a param or a variable; ``label`` begins an error message."""
         if not node.text.isidentifier():
             self.fault(node.mark, f"{label} needs a plain word, got {quoted_value(node.text)}", "such as 'last_seen'")
         elif node.text in {*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS}:
-            self.fault(node.mark, f"{label} cannot be '{node.text}', which means something in expressions already")
+            self.fault(node.mark, f"{label} cannot be '{node.text}', which is reserved in expressions")
 
     def read_value(self, node: Scalar, label: str, convert: Convert, wanted_kind: str = "") -> Value:
-        """Read a scalar: a constant, or a text with ``${...}`` to be filled; ``what`` begins the message of a fault.
+        """Read a scalar: a constant, or a text with ``${...}``; ``label`` begins an error message.
 
-        ``wants`` is the kind of the argument that gets it.
+        ``wanted_kind`` is the kind of the argument.
         """
         try:
             filled = template(node.text)
@@ -154,7 +153,7 @@ class CheckContext:
     def convert_constant(
         self, node: Node, value: object, label: str, convert: Convert, *, certain: bool = False, hint: str = ""
     ) -> Value:
-        """Convert a value that is known now; ``hint`` is what to write where that cannot be."""
+        """Convert a constant value; ``hint`` belongs to a conversion error."""
         try:
             return Value(convert(value))
         except (ValueError, LookupError) as error:
@@ -164,7 +163,7 @@ class CheckContext:
     def read_formula(
         self, node: Scalar, formula: Template | Expression, label: str, convert: Convert, wanted_kind: str = ""
     ) -> Value:
-        """Check the names that an expression reads; where all are params its value is known now."""
+        """Check the names that an expression reads; if all are params, compute its value."""
         known = [self._check_name(node, read, label) for read in formula.reads]
         if not all(known):
             return INVALID_VALUE
@@ -186,20 +185,20 @@ class CheckContext:
         return self.convert_constant(node, found, label, convert)
 
     def awaits_params(self, formula: Template | Expression) -> bool:
-        """Say whether all that it waits for are params that nobody has given yet."""
+        """Return whether an expression reads only params, some of them not set yet."""
         names = {read.name for read in formula.reads}
         return all(
             name in self.missing_params or (name in self.params and name not in self.variables) for name in names
         )
 
     def expression_fault(self, node: Scalar, error: ExpressionError, label: str) -> None:
-        """Note an expression that cannot be read, at its place in ``node``."""
+        """Report an expression that cannot be parsed, at its place in ``node``."""
         self.fault(
             ExpressionLocation(self.source, node, label).place(error.column or 0, error.length), f"{label}: {error}"
         )
 
     def _check_name(self, node: Scalar, read: NameReference, label: str) -> bool:
-        """Note a name that nothing can give a value to, and a member that its value cannot have."""
+        """Report an unknown name or member; return whether it is known."""
         if read.name in self.variable_leaves:
             return self._check_member(node, read, label, self.variable_leaves[read.name])
         if read.name in self.params or read.name in self.variables or read.member in STATE_KINDS.get(read.name, ()):
@@ -211,9 +210,9 @@ class CheckContext:
         return False
 
     def _is_never_set(self, name: str) -> bool:
-        """Say whether a name stands once in the file, and no mission in it may return it: so nothing sets it.
+        """Return whether a name occurs once in the file, and no sub-mission may return it.
 
-        That is so whatever a line was meant for that could not be read.
+        Then nothing sets it, even if a line could not be read.
         """
         words = re.findall(r"\w+", self.source.text)
         return (
@@ -221,7 +220,7 @@ class CheckContext:
         )  # its own header is one
 
     def _check_member(self, node: Scalar, read: NameReference, label: str, leaf: type[Leaf]) -> bool:
-        """Note a member that what ``leaf`` keeps does not have."""
+        """Report a member that the result of ``leaf`` does not have; return whether it has it."""
         members = members_of(leaf.output_type) if isinstance(leaf.output_type, type) else []
         if not read.member or read.member in members or get_origin(leaf.output_type) is not None:
             return True
@@ -235,7 +234,7 @@ class CheckContext:
         return False
 
     def _name_hint(self, read: NameReference) -> str:
-        """Say what may be meant by an unknown name."""
+        """Return a suggestion for an unknown name."""
         own = sorted({*self.params, *self.variables})
         state = [f"{name}.{member}" for name, members in STATE_KINDS.items() for member in members]
         if to_snake_case(read.name) in FLAG_WORDS and not read.member:
@@ -244,7 +243,7 @@ class CheckContext:
         if read.name in STATE_KINDS:
             members = [name for name in state if name.startswith(f"{read.name}.")]
             return (
-                suggest_from(read.dotted, members) if read.member else f"which of it? known are: {', '.join(members)}"
+                suggest_from(read.dotted, members) if read.member else f"add a member; known are: {', '.join(members)}"
             )
         if read.member:  # the name before it is what must be like another
             close = closest(read.name, [*own, *STATE_KINDS])

@@ -1,4 +1,4 @@
-"""Who drives what: no two behaviours may drive one actuator at a time, and the robot must have what they need."""
+"""Checks of actuators and parts: exclusive use of each actuator, and parts and reach of the robot."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,18 +21,18 @@ from missions.language.plan import Step
 
 
 def no_words(texts: Sequence[str]) -> tuple[()]:
-    """Return nothing: ears that know every word, and confuse none."""
+    """Return an empty tuple: default for robots without limits on spoken words."""
     del texts
     return ()
 
 
 class TargetRobot(NamedTuple):
-    """The robot that a mission is for: its name, its parts, and how far the joints of its arms reach, as far as known.
+    """The robot that a mission is checked for: name, parts, and joint ranges of its arms, as far as known.
 
-    ``reaches`` are by the name of the arm; ``further_parts`` are the kinds of further parts, by their own names.
-    ``unpronounceable`` returns those of some words that its ears cannot listen for, ``confusable`` the pairs of some
-    phrases that they easily take for each other. ``head_joints`` are the joints of the arm of which heads are made, each with
-    the name of its head. ``capabilities`` are the optional ones that its parts have.
+    ``reaches`` are joint ranges by arm; ``further_parts`` are the kinds of further parts by name. ``unpronounceable``
+    returns the words that it cannot listen for, ``confusable`` the pairs of phrases that it confuses. ``head_joints``
+    are the joints of the arm that form heads, with the name of the head. ``capabilities`` are optional abilities of its
+    parts.
     """
 
     name: str
@@ -46,7 +46,7 @@ class TargetRobot(NamedTuple):
 
 
 def check_claims(context: CheckContext, tree: Step) -> None:
-    """Note every actuator that two children of a parallel or race can drive at the same time."""
+    """Report each actuator that two children of a parallel or race can drive at the same time."""
     for step in tree.walk():
         if step.kind not in AT_ONCE:
             continue
@@ -70,9 +70,9 @@ def _claimant(step: Step, part: str) -> Step:
 
 
 def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
-    """Note every leaf that needs a part which the robot does not have, or names one of another kind.
+    """Report each leaf that needs a part which the robot does not have, or names a part of another kind.
 
-    What an alternative of a selector drives may be missing where the next one can do without: see ``check_reach``.
+    A missing actuator is allowed in an alternative of a selector if another follows: see ``check_reach``.
     """
     excused = set(map(id, _first_leaves_of_alternatives(tree)))
     for step in tree.walk():
@@ -89,7 +89,7 @@ def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
             _claimed_parts(step) - robot.parts - robot.further_parts.keys() - KINDS.keys() - named.keys()
         ):
             context.fault_at(
-                step, f"'{step.kind}' drives '{part}', which is no part of a robot", suggest_from(part, KINDS)
+                step, f"'{step.kind}' drives '{part}', which is not a part of a robot", suggest_from(part, KINDS)
             )
         for name, kind in named.items():
             known = [*({kind} & robot.parts), *(other for other, its in robot.further_parts.items() if its == kind)]
@@ -100,7 +100,7 @@ def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def _missing_capabilities(step: Step, robot: TargetRobot) -> list[str]:
-    """Return the capabilities that a leaf needs and the part that should have them lacks."""
+    """Return the required capabilities that the part does not have."""
     needed = step.direct_needs & CAPABILITIES.keys() - robot.capabilities
     return sorted(name for name in needed if CAPABILITIES[name] in robot.parts)
 
@@ -110,9 +110,9 @@ def _claimed_parts(step: Step) -> frozenset[str]:
 
 
 def check_reach(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
-    """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now.
+    """Report goals of leaves that the robot's joints cannot reach, as far as the arguments are known.
 
-    A selector has something else to do where its alternative fails at once: that is a hint, of ``impossible_alternatives``.
+    If a selector has another alternative, ``impossible_alternatives`` gives a hint instead.
     """
     excused = set(map(id, _first_leaves_of_alternatives(tree)))
     for step in tree.walk():
@@ -123,7 +123,7 @@ def check_reach(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str, Lookup]) -> list[Diagnostic]:
-    """Return a hint for each alternative of a selector that fails on this robot, which lacks the part or the joints."""
+    """Return a hint for each alternative of a selector that fails on this robot, for lack of a part or range."""
     hints = []
     for step in _first_leaves_of_alternatives(tree):
         missing = _missing_parts(step, robot)
@@ -135,7 +135,7 @@ def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str,
 
 
 def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
-    """Yield the leaves with which an alternative of a selector begins that is not its last."""
+    """Yield the first leaves of each alternative of a selector except the last."""
     for step in tree.walk():
         if step.kind == "selector":
             for child in step.children[:-1]:
@@ -143,7 +143,7 @@ def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
 
 
 def _first_leaves(step: Step) -> Iterator[Step]:
-    """Yield the leaves that are ticked when a step starts, and with which it fails."""
+    """Yield the leaves that are ticked when a step starts, and whose failure makes it fail."""
     if step.leaf is not None:
         yield step
     elif step.kind in AT_ONCE or step.kind in MODIFIERS:
@@ -156,7 +156,7 @@ def _first_leaves(step: Step) -> Iterator[Step]:
 
 
 def _fails_with_child(step: Step) -> bool:
-    """Say whether a modifier, a parallel or a race fails with the first failure below it."""
+    """Return whether a modifier, a parallel or a race fails at the first failure of a child."""
     if step.kind in MODIFIERS:
         return FAILURE in MODIFIERS[step.kind].failure
     decided = decide_parallel(len(step.children), {word: value.constant for word, value in step.arguments.items()})
@@ -165,7 +165,7 @@ def _fails_with_child(step: Step) -> bool:
 
 
 def _missing_parts(step: Step, robot: TargetRobot) -> list[str]:
-    """Return what a leaf drives that the robot has not got."""
+    """Return the actuators of a leaf that the robot does not have, as text."""
     parts = sorted(step.direct_needs & _claimed_parts(step) - robot.parts - robot.further_parts.keys())
     return [f"it has no {part}" for part in (*parts, *_missing_capabilities(step, robot))]
 
@@ -175,7 +175,7 @@ def _impossible_message(step: Step, robot: TargetRobot, reasons: Sequence[str]) 
 
 
 def _possible_gestures(step: Step, robot: TargetRobot, things: Mapping[str, Lookup]) -> str:
-    """Name the gestures that the robot can do instead of a step that plays one; nothing for any other step."""
+    """Return a hint with the gestures that the robot can do, if the step plays one; empty otherwise."""
     declared = {} if step.leaf is None else step.leaf.arguments
     played = next((name for name, each in declared.items() if each.kind in ("gesture", "move")), "")
     if not played or "gesture" not in things:
@@ -189,11 +189,15 @@ def _possible_gestures(step: Step, robot: TargetRobot, things: Mapping[str, Look
         other = replace(step, arguments={**step.arguments, played: instead})
         if not _joint_violations(other, robot.reaches):
             able.append(name)
-    return f"it can do: {', '.join(able)}" if able else "it can do none that there is: `mission servo record` makes one"
+    return (
+        f"it can do: {', '.join(able)}"
+        if able
+        else "it can do no known gesture: record one with `mission servo record`"
+    )
 
 
 def check_necks(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
-    """Note every leaf that moves a joint of which a head is made while another can turn that head."""
+    """Report each leaf that moves a joint of a head while another leaf can turn that head."""
     reach = robot.reaches.get("arm")
     if reach is None:
         return
@@ -218,7 +222,7 @@ def check_necks(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def _joint_violations(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
-    """Return what a leaf asks of the joints of these arms that they cannot do, as far as that is known now."""
+    """Return the goals of a leaf that the joints of these arms cannot reach, as far as known."""
     known = all(value.template is None for value in step.arguments.values())
     own = step.named_parts.get("arm", "arm")
     meant = {own, *(name for name, kind in step.parts_beside.items() if kind == "arm")}

@@ -1,9 +1,8 @@
-"""Variables that are not set on every way to where they are read: found by following every way through the tree.
+"""Definite assignment: variables that are not set on every path to where they are read.
 
-The definite assignment of compilers, over a behaviour tree: for each end of a node, the variables that may be unset by
-then, each with a shortest way that leaves it so. What this cannot know is left to ``mission verify``: a reader behind a
-condition on a variable may be safe, one whose failure is caught may fail, and of nodes that run at the same time each
-may have set something for another.
+As in compilers, but over a behaviour tree: for each end of a node, the variables that may be unset, each with a
+shortest path. Unknown cases are left to ``mission verify``: reads behind a condition on a variable, reads whose failure
+is caught, and variables of concurrent nodes.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -26,7 +25,7 @@ from missions.language.read_analysis import always_read_names, may_fail, nonzero
 
 
 class PathEvent(NamedTuple):
-    """The last event of a way, after those ``previous``; ``length`` counts them all."""
+    """Last event of a path, after the ``previous`` ones; ``length`` counts them all."""
 
     text: str
     previous: "EventPath"
@@ -34,14 +33,13 @@ class PathEvent(NamedTuple):
 
 
 EventPath = PathEvent | None
-"""What has to happen, in order, for a variable to be unset at some place; None where that is so at first."""
+"""Events that leave a variable unset, in order; None at the start of the tree."""
 
 
 class UnsetVariables(NamedTuple):
-    """The variables that may be unset at some place: a bit for each in ``bits``, and the shortest ``paths`` of some.
+    """Variables that may be unset at a place: one bit each in ``bits``, and the shortest ``paths`` of some.
 
-    Every step has such a value. A mapping of all variables to their ways would take time that is quadratic in the
-    number of steps, and so would sets.
+    Every step has such a value, so bits are used: mappings or sets of all variables would take quadratic time.
     """
 
     bits: int
@@ -52,14 +50,14 @@ NOTHING_UNSET = UnsetVariables(0, {})
 
 
 class UnsetAfter(NamedTuple):
-    """What may be unset after each end of a step; None for an end that it cannot come to."""
+    """Variables that may be unset after each end of a step; None for an end that cannot occur."""
 
     success: UnsetVariables | None
     failure: UnsetVariables | None
 
 
 def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None:
-    """Return what is unset, once ``event`` has happened besides."""
+    """Return the variables that are unset after a further event."""
     if unset is None or not unset.paths:
         return unset
     ways = {name: PathEvent(event, way, 1 if way is None else way.length + 1) for name, way in unset.paths.items()}
@@ -67,7 +65,7 @@ def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None
 
 
 def merge_unset(alternatives: Iterable[UnsetVariables | None]) -> UnsetVariables | None:
-    """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
+    """Return the variables that may be unset on one of several paths, each with the shortest; None if no path."""
     bits: int | None = None
     found: dict[str, EventPath] = {}
     for unset in alternatives:
@@ -85,18 +83,18 @@ def _length(way: EventPath) -> int:
 
 
 CONDITION_KINDS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
-"""The kinds of nodes that ask an expression which way to go."""
+"""Kinds of nodes with a condition."""
 
 MAX_TRACED_READS = 100
-"""Readings whose ways are followed: ``config.diagnostics.MAX_DIAGNOSTICS``, since no more than those are reported."""
+"""Reads whose paths are traced: ``config.diagnostics.MAX_DIAGNOSTICS``, the maximum number of reports."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepContext:
-    """What holds for a step from around it: ``assumed_bits`` names count as set, in a ``is_failure_caught`` one failures do no harm.
+    """Context of a step: variables that count as set (``assumed_bits``), and whether its failure is caught.
 
-    ``assumed_bits`` has a bit for each name, as in ``UnsetVariables``. A ``is_guarded`` one stands behind a condition on a variable:
-    whether it is ever run with one unset, nobody can say. By ``nonzero`` names anything can be divided.
+    A step that ``is_guarded`` stands behind a condition on a variable, so it may never run with one unset. ``nonzero``
+    variables can be divisors.
     """
 
     assumed_bits: int = 0
@@ -106,7 +104,7 @@ class StepContext:
 
 
 class UnsetRead(NamedTuple):
-    """A step that reads a variable which is unset where the run has come this way."""
+    """A step that reads a variable which is unset on this path."""
 
     step: Step
     name: str
@@ -114,7 +112,7 @@ class UnsetRead(NamedTuple):
 
     @property
     def events(self) -> Sequence[str]:
-        """The events of the way, in order."""
+        """Events of the path, in order."""
         found, way = list[str](), self.path
         while way is not None:
             found.append(way.text)
@@ -123,9 +121,9 @@ class UnsetRead(NamedTuple):
 
 
 def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, object]) -> list[UnsetRead]:
-    """Return what is read in ``tree`` without being set on every way; ``names`` are unset where it begins.
+    """Return the reads in ``tree`` of variables that are not set on every path; ``names`` are unset at its start.
 
-    The first ``MAX_TRACED_READS`` are complete; of others, only those of the same variables are returned.
+    The first ``MAX_TRACED_READS`` are complete; of the others, only those of the same variables are returned.
     """
     here = StepContext(nonzero=nonzero_variables(tree, params))
     names = tuple(names)
@@ -134,7 +132,7 @@ def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, obje
 
 
 class _UnsetAnalysis:
-    """Goes through a tree once, and notes in ``reads`` what is read too soon. Ways are kept of ``followed`` names."""
+    """Traverses a tree once, and collects the ``reads`` of unset variables, with paths of the ``traced`` names."""
 
     def __init__(self, traced: Collection[str] = frozenset()) -> None:
         self.reads: list[UnsetRead] = []
@@ -142,12 +140,12 @@ class _UnsetAnalysis:
         self._bits: dict[str, int] = {}
 
     def read(self, tree: Step, names: Iterable[str], here: StepContext) -> list[UnsetRead]:
-        """Return what is read too soon in a tree before which ``names`` are unset."""
+        """Return the reads of unset variables in a tree at whose start ``names`` are unset."""
         self.follow(tree, self._initially_unset(names), here)
         return [each for each in self.reads if each.name in self._traced] if self._traced else self.reads
 
     def follow(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
-        """Return what may be unset after ``step``, before which ``unset`` may be."""
+        """Return the variables that may be unset after ``step``, given those before it."""
         for value in step.arguments.values():
             self._check_read(step, value, unset, here)
         if step.leaf is not None:
@@ -166,7 +164,7 @@ class _UnsetAnalysis:
         return self.follow_at_once(step, unset, here, all_succeed=kind.passes == SUCCESS)
 
     def _bits_of(self, names: Iterable[str]) -> int:
-        """Return the bits of some names, each of which has the same one in all steps."""
+        """Return the bits of some names; each name has the same bit in all steps."""
         found = 0
         for name in names:
             found |= self._bits.setdefault(name, 1 << len(self._bits))
@@ -177,14 +175,14 @@ class _UnsetAnalysis:
         return UnsetVariables(self._bits_of(names), dict.fromkeys(name for name in names if name in self._traced))
 
     def _with_set(self, names: Collection[str], unset: UnsetVariables) -> UnsetVariables:
-        """Return what is unset still, once ``names`` are set."""
+        """Return the variables that are still unset after ``names`` are set."""
         if not names:
             return unset
         ways = {name: way for name, way in unset.paths.items() if name not in names}
         return UnsetVariables(unset.bits & ~self._bits_of(names), ways)
 
     def _with_bit(self, names: Iterable[str], bits: int) -> list[str]:
-        """Return those of some names that have a bit."""
+        """Return the names whose bits are set."""
         return [name for name in names if bits & self._bits_of((name,))]
 
     def _check_read(self, step: Step, value: Value, unset: UnsetVariables, here: StepContext) -> None:
@@ -232,7 +230,7 @@ class _UnsetAnalysis:
     # --- composites -----------------------------------------------------------------------------------------------
 
     def follow_in_order(self, step: Step, unset: UnsetVariables, here: StepContext, *, passes: str) -> UnsetAfter:
-        """Follow a sequence or a selector: the next child has its turn where the one before it ``passes``."""
+        """Follow a sequence or a selector: the next child runs after the end ``passes``."""
         stops: list[UnsetVariables | None] = []
         now: UnsetVariables | None = unset
         for child in step.children:
@@ -248,7 +246,7 @@ class _UnsetAnalysis:
         return UnsetAfter(now, merge_unset(stops)) if passes == SUCCESS else UnsetAfter(merge_unset(stops), now)
 
     def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext, *, all_succeed: bool) -> UnsetAfter:
-        """Follow children that run at once, or in any order; ``all_succeed`` where a success needs all of them."""
+        """Follow concurrent children, or children in any order; ``all_succeed`` if a success needs all of them."""
         found = []
         once = twice = 0
         for child in step.children:
@@ -303,7 +301,7 @@ class _UnsetAnalysis:
         )
 
     def follow_for_each(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
-        """Follow one round of a for_each, and the way around it where its list may be empty."""
+        """Follow one round of a for_each, and the path without a round if its list may be empty."""
         after = self.follow(step.children[0], self._with_set(step.binds, unset), here)
         among = step.arguments["in"].constant
         has_member = isinstance(among, ListMembers) and among.count
@@ -345,7 +343,7 @@ def _early_end_event(step: Step) -> str:
 
 
 def catches_failure(step: Step, child: Step) -> bool:
-    """Say whether a failure of ``child`` is nothing bad to ``step``: another has its turn, or it is taken otherwise."""
+    """Return whether ``step`` handles a failure of ``child``: by another child, or by another end."""
     if step.kind in MODIFIERS:
         return FAILURE not in MODIFIERS[step.kind].failure
     kind = COMPOSITES.get(step.kind)
@@ -365,7 +363,7 @@ def _case_label(case: object) -> str:
 
 
 def _has_variable_condition(step: Step) -> bool:
-    """Say whether a condition in ``step`` asks for anything but what the robot senses."""
+    """Return whether a condition in ``step`` reads a variable, and not only the robot's state."""
     asked = (each for each in step.walk() if each.kind in CONDITION_KINDS)
     values = (value.template for each in asked for value in each.arguments.values())
     return any(read.name not in STATE_KINDS for template in values if template is not None for read in template.reads)
@@ -379,17 +377,17 @@ REPEATING_KINDS = frozenset(
         *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
     }
 )
-"""The kinds below which one part may follow any other: in a later round, or at the same time."""
+"""Kinds below which any part may follow any other: in a later round, or at the same time."""
 
 
 MAX_SHOWN_EVENTS = 10
-"""Events of a way that a message lists."""
+"""Maximum events of a path in a message."""
 
-UNSET_HINT = "set it before, such as set: {{{0}: null}}, and ask for it here with if: {0} != null"
+UNSET_HINT = "set it before, such as set: {{{0}: null}}, and test it here with if: {0} != null"
 
 
 def check_assignments(context: CheckContext, tree: Step) -> None:
-    """Note every variable that is read where no step that can come before has set it, or not every way to there."""
+    """Report each variable that is read where no earlier step, or not every path, has set it."""
     before = len(context.faults)
     _check_order(context, tree, set(context.params) | (context.variables - tree.variables))
     if len(context.faults) > before:
@@ -400,13 +398,13 @@ def check_assignments(context: CheckContext, tree: Step) -> None:
 
 
 def _format_events(events: Sequence[str]) -> str:
-    """Return the events of a way for people: the first ones of many."""
+    """Return the events of a path as text, at most ``MAX_SHOWN_EVENTS`` of them."""
     more = len(events) - MAX_SHOWN_EVENTS
     return ", ".join([*events[:MAX_SHOWN_EVENTS], *([f"and {more} more things happen"] if more > 0 else [])])
 
 
 def _check_order(context: CheckContext, step: Step, known: set[str]) -> None:
-    """Check ``step``, before which ``known`` can have been set; add to that what can have been set after it."""
+    """Check ``step``, before which the ``known`` variables can be set; add the ones that it can set."""
     if step.kind in REPEATING_KINDS:
         known |= step.variables
     for value in step.arguments.values():

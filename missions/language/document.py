@@ -1,6 +1,6 @@
-"""The one way from a mission file, or its text, to a checked plan.
+"""Parsing and checking of a mission file, or its text, into a plan.
 
-A variable that keeps what ``listen`` has heard, and is asked for what that never says, is found with the whole of it.
+Comparisons with results of ``listen`` are checked here, after the whole tree is read.
 """
 
 import ast
@@ -30,12 +30,12 @@ from missions.language.wanted_objects import check_objects
 
 
 def check_answers(context: CheckContext, tree: Step) -> None:
-    """Note every text with which an answer is compared, or that is a case of it, and that is none of the phrases."""
+    """Report each text that is compared with a result of ``listen`` but is not among its phrases."""
     _check_mission_answers(context, tree, context.params)
 
 
 def _check_mission_answers(context: CheckContext, tree: Step, params: Collection[str]) -> None:
-    """Check one mission; those in it have variables of their own."""
+    """Check one mission; sub-missions have their own variables."""
     steps = list(steps_in_scope(tree))
     answers = _phrase_variables(steps, params)
     for step in steps:
@@ -53,7 +53,7 @@ def _check_mission_answers(context: CheckContext, tree: Step, params: Collection
 
 
 def _phrase_variables(steps: Collection[Step], params: Collection[str]) -> Mapping[str, frozenset[str]]:
-    """Return the variables that keep nothing but what is heard, each with all that this can be."""
+    """Return the variables that hold only results of ``listen``, each with all possible phrases."""
     found: dict[str, frozenset[str]] = {}
     other = set(params)
     for step in steps:
@@ -70,7 +70,7 @@ def _phrase_variables(steps: Collection[Step], params: Collection[str]) -> Mappi
 
 
 def _text_comparisons(value: Value) -> Iterator[tuple[str, str]]:
-    """Yield the variables that an expression compares with texts, each with the text."""
+    """Yield the comparisons of variables with texts in an expression."""
     parts = getattr(value.template, "parts", (value.template,))
     for tree in (part.tree for part in parts if isinstance(part, Expression)):
         for node in ast.walk(tree):
@@ -88,14 +88,14 @@ _EQUALITY = (ast.Eq, ast.NotEq, ast.In, ast.NotIn)
 
 
 def _texts(node: ast.expr) -> Iterator[str]:
-    """Yield the texts that a node of an expression is, or is a list of."""
+    """Yield the texts in a node of an expression: a text, or a list of texts."""
     for each in node.elts if isinstance(node, ast.List | ast.Tuple) else [node]:
         if isinstance(each, ast.Constant) and isinstance(each.value, str):
             yield each.value
 
 
 def _variable_name(value: Value | None) -> str:
-    """Return the variable that an expression is; empty for any other."""
+    """Return the variable if the expression is a variable alone; empty otherwise."""
     formula = None if value is None else value.template
     return formula.tree.id if isinstance(formula, Expression) and isinstance(formula.tree, ast.Name) else ""
 
@@ -116,10 +116,10 @@ def load_plan(
     complete: bool = False,
     robot: TargetRobot | None = None,
 ) -> Plan:
-    """Read and check a mission, and the missions that it runs.
+    """Read and check a mission and its sub-missions.
 
-    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is the one it is for.
-    Raises InvalidFileError with every mistake, in the files and in the params.
+    ``params`` are texts of the caller; ``complete`` requires all of them. ``robot`` is the robot to check for. Raises
+    InvalidFileError with all errors in files and params.
     """
     source = read_source(path)
     words = Vocabulary(leaves, things, find_mission)
@@ -136,13 +136,13 @@ def check_plan(
     complete: bool = False,
     robot: TargetRobot | None = None,
 ) -> Plan:
-    """Check a mission's text. See ``load_plan``."""
+    """Check the text of a mission. See ``load_plan``."""
     words = Vocabulary(leaves, things, find_mission)
     return _check(source, words, (), params or {}, complete=complete, robot=robot)
 
 
 def declared_params(path: Path, leaves: Mapping[str, type[Leaf]], things: Mapping[str, Lookup]) -> Mapping[str, Param]:
-    """Read what params a mission has, and nothing else of it. Raises InvalidFileError for a mistake in them."""
+    """Read only the params of a mission. Raises InvalidFileError for errors in them."""
     source, faults = read_source(path), list[Diagnostic]()
     root = compose(source, faults)
     notes = CheckContext(source, Vocabulary(leaves, things, find_no_mission), (path.resolve(),), faults=faults)

@@ -1,7 +1,7 @@
-"""Expressions: comparisons, arithmetic and logic over params, variables and the robot's state, and nothing else.
+"""Expressions: comparisons, arithmetic and logic over params, variables and the robot's state.
 
-Python's own parser reads them; a walker with a strict allow-list evaluates them. So an expression cannot import, call
-anything but the plain functions below, or touch an attribute that starts with an underscore.
+Python's parser reads them, and an evaluator with a strict allow-list computes them. An expression cannot import, call
+other functions than those listed, or access attributes that start with an underscore.
 """
 
 import ast
@@ -45,18 +45,18 @@ if TYPE_CHECKING:
 
 
 MAX_LENGTH = 1000
-"""Characters of an expression."""
+"""Maximum characters of an expression."""
 
 MAX_NESTING = 100
-"""Parts of an expression within one another: each is read, checked and evaluated within the one around it."""
+"""Maximum nesting depth: each part is read, checked and evaluated recursively."""
 
-TOO_DEEP_MESSAGE = f"an expression nested too deep: at most {MAX_NESTING} parts within one another"
+TOO_DEEP_MESSAGE = f"an expression nested too deeply: at most {MAX_NESTING} levels"
 
 
 class ExpressionError(ValueError):
-    """An expression that cannot be read or evaluated.
+    """An expression that cannot be parsed or evaluated.
 
-    ``column`` (from 0, None where unknown) and ``length`` say where in the text that ``parse`` was given.
+    ``column`` (from 0, None if unknown) and ``length`` are the place in the text that ``parse`` was given.
     """
 
     def __init__(self, message: str, column: int | None = None, length: int = 1) -> None:
@@ -67,9 +67,9 @@ class ExpressionError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class NameReference:
-    """One name that an expression reads, with the first member if there is one ("percent" of ``battery.percent``).
+    """A name that an expression reads, with its first member ("percent" of ``battery.percent``).
 
-    ``compared`` is whether it is asked for equality with something, as a text may be.
+    ``compared`` is true if it is compared for equality, as a text may be.
     """
 
     name: str
@@ -80,13 +80,13 @@ class NameReference:
 
     @property
     def dotted(self) -> str:
-        """Name and member, as they are written."""
+        """Name and member as written."""
         return f"{self.name}.{self.member}" if self.member else self.name
 
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A parsed expression, with all that it reads, in order."""
+    """A parsed expression, with the names that it reads, in order."""
 
     text: str
     tree: ast.expr
@@ -96,18 +96,18 @@ class Expression:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names that it reads, without members: ``battery`` for ``battery.percent``, in order, each once."""
+        """Names without members: ``battery`` for ``battery.percent``, in order, each once."""
         return tuple(dict.fromkeys(read.name for read in self.reads))
 
     def place(self, node: ast.expr) -> tuple[int, int]:
-        """Return the column of a part of it, in the text that ``parse`` was given, and its length."""
+        """Return column and length of a part, in the text that ``parse`` was given."""
         start, end = character_range(self.python, node)
         return self.column + start, end - start
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
-        """Return its value, with the names of ``scope``.
+        """Return the value, with the variables of ``scope``.
 
-        Raises ExpressionError, or NotConnected where a part of the robot does not report just now.
+        Raises ExpressionError, or NotConnected if a part of the robot does not report now.
         """
         try:
             return _value(self.tree, scope)
@@ -120,10 +120,7 @@ class Expression:
 
 
 def parse(text: str, column: int = 0) -> Expression:
-    """Read an expression, which begins at ``column`` of some text.
-
-    Raises ExpressionError for what is not one, or not allowed.
-    """
+    """Parse an expression that begins at ``column`` of a text. Raises ExpressionError."""
     # As one line, so that columns are places in the text even where it goes over several.
     line = re.sub(r"\s", " ", text)
     stripped = line.strip()
@@ -164,7 +161,7 @@ def _is_too_deep(tree: ast.AST) -> bool:
 
 
 def is_calculation(formula: Expression) -> bool:
-    """Say whether an expression is more than a name or a member of one."""
+    """Return whether an expression is more than a name, a member or a constant."""
     return not isinstance(formula.tree, ast.Name | ast.Attribute | ast.Constant)
 
 
@@ -184,7 +181,7 @@ def _reads(text: str, tree: ast.expr, column: int) -> tuple[NameReference, ...]:
 
 
 def _operands(node: ast.Compare) -> list[ast.expr]:
-    """Return what is asked for equality, the items of lists too; nothing where the comparison is of sizes."""
+    """Return the operands of an equality test, including list items; empty for other comparisons."""
     if not all(isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn) for op in node.ops):
         return []
     sides = [node.left, *node.comparators]
@@ -192,7 +189,7 @@ def _operands(node: ast.Compare) -> list[ast.expr]:
 
 
 class _NotAllowedError(Exception):
-    """A form that is not on the list; ``node`` is where."""
+    """A form that is not allowed, at ``node``."""
 
     def __init__(self, message: str, node: ast.expr) -> None:
         super().__init__(message)
@@ -200,7 +197,7 @@ class _NotAllowedError(Exception):
 
 
 def _check_allowed(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each form: the allow-list
-    """Raise _NotAllowedError for a form that is not on the list."""
+    """Raise _NotAllowedError for a form that is not on the allow-list."""
     match node:
         case ast.Constant(value=int() | float() as value) if out_of_range(value):
             raise _NotAllowedError("a number out of range", node)
@@ -277,7 +274,7 @@ def _look_up(name: str, scope: Mapping[str, object]) -> object:
 
 
 def as_quantity(found: object, kind: object) -> object:
-    """Return what is of a kind: as a quantity, where that is a dimension."""
+    """Return a number as a quantity if its kind is a dimension; other values unchanged."""
     if isinstance(kind, str) and kind in UNITS and isinstance(found, int | float):
         return found if isinstance(found, bool | Quantity) else Quantity(found, kind)
     return found
@@ -313,24 +310,24 @@ _MISSING = object()
 # Values in a mission: constants, ``${...}`` expressions, and texts with expressions in them.
 
 Convert = Callable[[object], object]
-"""Turns what a mission says into what a leaf takes; raises ValueError that says what is wrong."""
+"""Converts a value of a mission to a value of a leaf; raises ValueError with the error text."""
 
 _HOLE = re.compile(r"\$\{((?:[^{}'\"]|'[^']*'|\"[^\"]*\")*)\}")
 
 
 @dataclass(frozen=True, slots=True)
 class Template:
-    """A text with holes: literal parts and expressions in turn. One hole alone keeps its value's type."""
+    """A text with ``${...}`` expressions: literal parts and expressions in turn. A single expression keeps its type."""
 
     parts: tuple[str | Expression, ...]
 
     @property
     def reads(self) -> tuple[NameReference, ...]:
-        """All that its expressions read."""
+        """Names that the expressions read."""
         return tuple(read for part in self.parts if isinstance(part, Expression) for read in part.reads)
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
-        """Fill the holes. Raises ExpressionError."""
+        """Return the text with all values inserted. Raises ExpressionError."""
         if len(self.parts) == 1 and isinstance(self.parts[0], Expression):
             return self.parts[0].evaluate(scope)
         filled = (part if isinstance(part, str) else format_value(part.evaluate(scope)) for part in self.parts)
@@ -344,7 +341,7 @@ class Template:
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """What an argument gets: ``constant``, unless there is a ``template`` to fill when the node starts.
+    """Value of an argument: ``constant``, or a ``template`` that is evaluated when the node starts.
 
     ``location`` is the place of the template in its file.
     """
@@ -355,7 +352,7 @@ class Value:
     location: "ExpressionLocation | None" = field(default=None, compare=False)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
-        """Return the value now. Raises ExpressionError or ValueError with a reason in a few words."""
+        """Return the present value. Raises ExpressionError or ValueError with a short reason."""
         if self.template is None:
             return self.constant
         found = self.template.evaluate(scope)
@@ -363,11 +360,11 @@ class Value:
 
 
 INVALID_VALUE = Value(template=Template(()))
-"""Stands for what a mission says wrongly, which has been noted: nothing is known of it before that is mended."""
+"""Placeholder for a value with an error that has been reported."""
 
 
 def template(text: str) -> Template | None:
-    """Read a text with ``${...}`` in it; None when there is none. Raises ExpressionError with its column."""
+    """Parse a text with ``${...}``; None if there is none. Raises ExpressionError with its column."""
     parts: list[str | Expression] = []
     end = 0
     for hole in _HOLE.finditer(text):
@@ -385,7 +382,7 @@ def template(text: str) -> Template | None:
 
 
 def _require_closed(text: str, start: int, end: int) -> None:
-    """Raise ExpressionError where a ``${`` between the holes was not read as one."""
+    """Raise ExpressionError for a ``${`` that was not parsed as an expression."""
     at = text.find("${", start, end)
     if at >= 0:
         what = "holds a brace, or a quote that is not closed" if "}" in text[at:] else "has no '}'"
@@ -393,7 +390,7 @@ def _require_closed(text: str, start: int, end: int) -> None:
 
 
 def format_value(value: object) -> str:
-    """Write a value into a text as a person would: no trailing zeros, yes and no for true and false."""
+    """Return a value as text for people: no trailing zeros, yes and no for true and false."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
@@ -408,7 +405,7 @@ def format_value(value: object) -> str:
 def in_si(value: object, dimension: str) -> float:
     """Return a value in SI units of ``dimension``. Raises ValueError.
 
-    A number that was calculated is a share, and never another quantity.
+    A calculated number without dimension is a share, and no other quantity.
     """
     if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
         return si_value(value, dimension)
@@ -420,22 +417,22 @@ def in_si(value: object, dimension: str) -> float:
 
 
 def needs_message(dimension: str) -> str:
-    """Return the beginning of a message: what is needed, with an example."""
+    """Return the start of an error message: the required dimension, with an example."""
     return f"needs {dimension_text(dimension)}" + (f" such as '{example(dimension)}'" if dimension in UNITS else "")
 
 
 def divide_hint(dimension: str) -> str:
-    """Say how a quantity becomes a number."""
+    """Return the hint how to turn a quantity into a number."""
     return f"divide it by 1 {unit_of(dimension)}"
 
 
 def multiply_hint(dimension: str) -> str:
-    """Say how a number becomes a quantity."""
+    """Return the hint how to turn a number into a quantity."""
     return f"multiply it by 1 {unit_of(dimension)}" + (" or 1 rad" if dimension == "angle" else "")
 
 
 def as_whole_number(value: object) -> int | None:
-    """Return a value as a whole number, None where it is none."""
+    """Return a value as an int; None if it is not a whole number."""
     if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
         return None
     return int(value) if math.isfinite(value) and value == int(value) else None

@@ -1,4 +1,4 @@
-"""``follow_for_each``: a behaviour done once for each member of a list."""
+"""``for_each``: a behaviour that runs once for each member of a list."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -23,28 +23,28 @@ FOR_EACH_EXAMPLE = 'write for_each: {in: places, as: place, do: {go_to: "${place
 
 @dataclass(frozen=True, slots=True)
 class ListMembers:
-    """The members of a list, as a for_each goes through them."""
+    """Members of the list of a for_each."""
 
     values: tuple[object, ...]
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of members."""
         return len(self.values)
 
     def member(self, place: int) -> object:
-        """Return the member at a place, from 0."""
+        """Return the member at an index from 0."""
         return self.values[place]
 
     def number(self, place: int) -> object:
-        """Return the number of the member at a place, from 1."""
+        """Return the number of the member at an index from 0; numbers count from 1."""
         return place + 1
 
 
 def read_for_each(
     context: CheckContext, key: Scalar, value: Node | None, name: str, read_step: Callable[[CheckContext, Node], Step]
 ) -> Step | None:
-    """Read a for_each."""
+    """Read a for_each; None if it has errors."""
     if not isinstance(value, Mapping):
         context.fault(key.mark, f"'{FOR_EACH}' needs 'in', 'as' and 'do'", FOR_EACH_EXAMPLE)
         return None
@@ -71,7 +71,7 @@ def read_for_each(
 
 
 def _name(context: CheckContext, value: Mapping, word: str) -> str:
-    """Return the variable that a key names; nothing where there is none."""
+    """Return the variable that a key names; empty if there is none."""
     node = value.get(word)
     if node is None:
         return ""
@@ -110,14 +110,14 @@ def _read_listed(context: CheckContext, node: Listing) -> Value:
 
 
 def as_members(value: object) -> ListMembers:
-    """Return the members of a list. Raises ValueError for anything else."""
+    """Return the members of a list. Raises ValueError for any other value."""
     if isinstance(value, list | tuple):
         return ListMembers(tuple(value))
     raise ValueError(f"needs a list, got {describe_value(value)}")
 
 
 def check_loop_names(context: CheckContext, tree: Step) -> None:
-    """Note what gives another value to a name that a for_each is using: something it does, or something beside it."""
+    """Report each step that sets a variable of a running for_each: a step below or beside it."""
     for step in tree.walk():
         if step.kind == FOR_EACH:
             (below,) = step.children
@@ -129,7 +129,7 @@ def check_loop_names(context: CheckContext, tree: Step) -> None:
 
 
 def _parallel_conflicts(children: Sequence[Step]) -> Iterator[tuple[Step, str, Iterator[Step]]]:
-    """Yield each child with each name that it sets, and with the loops of other children that use this name."""
+    """Yield each child with each variable that it sets, and the for_each loops of other children that use it."""
     setters = Counter(name for child in children for name in child.variables)
     shared = {name for name, count in setters.items() if count > 1}
     users: dict[str, list[tuple[Step, Step]]] = defaultdict(list)
@@ -143,18 +143,16 @@ def _parallel_conflicts(children: Sequence[Step]) -> Iterator[tuple[Step, str, I
 
 
 def _report_conflict(context: CheckContext, steps: Step, name: str, loops: Iterable[Step]) -> None:
-    """Note each step among ``steps`` that sets the ``name`` of these loops; what a hole may set is not known."""
+    """Report each step that sets the variable ``name`` of these loops; unread steps are skipped."""
     for loop in loops:
         for step in steps_in_scope(steps):
             if name in step.direct_variables and step.leaf is not PlaceholderLeaf:
                 where = f"for_each (line {loop.mark.line}) is using"
-                context.fault_at(
-                    step, f"'{step.kind}' gives another value to '{name}', which {where}", "take another name"
-                )
+                context.fault_at(step, f"'{step.kind}' sets '{name}', which {where}", "use another name")
 
 
 def steps_in_scope(step: Step) -> Iterator[Step]:
-    """Yield a step and all below it that have the same variables: those inside a sub-mission have their own."""
+    """Yield a step and all below it with the same variables; sub-missions have their own."""
     waiting = [step]
     while waiting:
         found = waiting.pop()

@@ -1,6 +1,6 @@
-"""Type inference of expressions, as far as their variables are known, and whether the type fits its place.
+"""Type inference of expressions, and whether the inferred kind fits its argument.
 
-Where its parts do not go together is found here too.
+Operands of incompatible kinds are reported too.
 """
 
 import ast
@@ -31,23 +31,23 @@ from missions.language.kinds import (
 from missions.language.operators import combined_dimension
 
 Report = Callable[[ast.expr, str, str], None]
-"""Takes a part of an expression, what is wrong with it, and what to write."""
+"""Takes a part of an expression, the error, and a hint."""
 
 
 def ignore_report(node: ast.expr, message: str, hint: str) -> None:
-    """Report nothing."""
+    """Ignore the error."""
     del node, message, hint
 
 
 class TypeInference:
-    """Infers the kinds of expressions, from those of the names that they read."""
+    """Infers the kinds of expressions from the kinds of variables."""
 
     def __init__(self, kinds: Mapping[str, Kind], report: Report = ignore_report) -> None:
         self._kinds = kinds
         self._report = report
 
     def kind(self, node: ast.expr) -> Kind:
-        """Return the kind of an expression; UNSETTLED where there is a mistake in it, which is reported."""
+        """Return the kind of an expression; UNSETTLED if it has an error, which is reported."""
         match node:
             case ast.Constant(value=value):
                 return kind_of_value(value)
@@ -66,7 +66,7 @@ class TypeInference:
             case ast.IfExp():
                 return self._conditional_kind(node)
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
-                return ListKind(self._common_kind(parts, "the members of a list are of one type"))
+                return ListKind(self._common_kind(parts, "the members of a list must have one type"))
         return self._access_kind(node)
 
     def _access_kind(self, node: ast.expr) -> Kind:
@@ -81,11 +81,9 @@ class TypeInference:
             case ast.Subscript(value=value, slice=place):
                 kind, at = self.kind(value), self.kind(place)
                 if is_numeric(at) and at != NUMBER:
-                    return self._report_error(
-                        place, f"the members of a list are counted in whole numbers, not by {describe_kind(at)}"
-                    )
+                    return self._report_error(place, f"list indexes are whole numbers, not {describe_kind(at)}")
                 if is_numeric(kind) or kind in (TEXT, FLAG, NOTHING):
-                    return self._report_error(value, f"only a list has members by number, not {describe_kind(kind)}")
+                    return self._report_error(value, f"only lists have numbered members, not {describe_kind(kind)}")
                 return kind.member_kind if isinstance(kind, ListKind) else None
             case ast.Call(func=ast.Name(id=word), args=parts):
                 return self._call_kind(word, parts)
@@ -116,7 +114,7 @@ class TypeInference:
             return self._report_error(node, str(error), _fix_hint(left, right))
 
     def _require_numeric(self, node: ast.expr, kind: Kind) -> Kind:
-        """Return a kind with which something can be calculated; a mistake where it is of another."""
+        """Return a numeric kind; report an error for other kinds."""
         if kind is None or kind == UNSETTLED or is_numeric(kind):
             return kind
         return NUMBER if kind == FLAG else self._report_error(node, f"cannot calculate with {describe_kind(kind)}")
@@ -146,12 +144,12 @@ class TypeInference:
         one, other = self.kind(node.body), self.kind(node.orelse)
         if is_numeric(one) and is_numeric(other) and join_kinds(one, other) is None:
             return self._report_error(
-                node, f"it is {describe_kind(one)}, or else {describe_kind(other)}", _fix_hint(one, other)
+                node, f"it is either {describe_kind(one)} or {describe_kind(other)}", _fix_hint(one, other)
             )
         return join_kinds(one, other)
 
     def _common_kind(self, parts: list[ast.expr], rule: str) -> Kind:
-        """Return the kind that all parts have."""
+        """Return the common kind of all parts."""
         kinds = [self.kind(part) for part in parts]
         kind: Kind = UNSETTLED
         for part, other in zip(parts, kinds, strict=True):
@@ -178,19 +176,19 @@ def _comparable(op: ast.cmpop, left: Kind, right: Kind) -> bool:
 
 
 def _fix_hint(left: Kind, right: Kind) -> str:
-    """Say what to write where a plain number stands beside a quantity, or beside a text."""
+    """Return the hint for a plain number beside a quantity or a text."""
     if {PERCENT, "share"} == {left, right}:
-        return "what is in percent counts to 100: write 20 for 20 %"
+        return "a percent value is a number from 0 to 100: write 20 for 20 %"
     sizes = [kind for kind in (left, right) if isinstance(kind, str) and is_numeric(kind) and kind != NUMBER]
     if NUMBER in (left, right) and len(sizes) == 1:
-        return f"a plain number is no quantity: write its unit, or {multiply_hint(sizes[0])}"
+        return f"a plain number is not a quantity: write its unit, or {multiply_hint(sizes[0])}"
     if {left, right} == {TEXT, NUMBER}:
         return "a text stands in quotes, a number does not"
     return ""
 
 
 def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
-    """Return the kind of what a value of a mission makes, where names are of these kinds."""
+    """Return the kind of a mission's value, given the kinds of variables."""
     match value.template:
         case None:
             return kind_of_value(value.constant)
@@ -203,7 +201,7 @@ def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
 
 @dataclass(frozen=True, slots=True)
 class ExpressionLocation:
-    """Where an expression stands: in which scalar of a file, as ``label``; ``wanted_kind`` is the kind of the argument."""
+    """Place of an expression: a scalar of a file, with a ``label``; ``wanted_kind`` is the kind of the argument."""
 
     source: SourceText
     node: Scalar
@@ -211,7 +209,7 @@ class ExpressionLocation:
     wanted_kind: str = ""
 
     def place(self, column: int, length: int) -> Mark:
-        """Return the place of a part of the scalar's text: the whole of it where the file writes it otherwise."""
+        """Return the place of a part of the text; the whole scalar if the file spells it differently."""
         begin = self.node.mark.column - 1 + self.node.quoted
         if self.source.line(self.node.mark.line).startswith(self.node.text[: column + length], begin):
             return Mark(self.node.mark.line, begin + column + 1, length)
@@ -221,7 +219,7 @@ class ExpressionLocation:
 def find_mismatches(
     formula: Template | Expression, where: ExpressionLocation, kinds: Mapping[str, Kind]
 ) -> list[Diagnostic]:
-    """Return the mistakes in what is calculated here, where names are of these kinds."""
+    """Return the type errors of an expression or a template, given the kinds of variables."""
     faults: list[Diagnostic] = []
 
     def note(part: Expression, node: ast.expr, message: str, hint: str) -> None:
@@ -248,7 +246,7 @@ def find_mismatches(
 
 
 def _mismatch_alone(kind: Kind, wanted_kind: str) -> tuple[str, str] | None:
-    """Return what is wrong with a value of this kind, and what to write."""
+    """Return error and hint for a value of this kind; None if it fits."""
     if wanted_kind in UNITS:
         if (
             (is_numeric(kind) and not _is_same_dimension(kind, wanted_kind))
@@ -265,7 +263,7 @@ def _mismatch_alone(kind: Kind, wanted_kind: str) -> tuple[str, str] | None:
 
 
 def _mismatch_before_unit(kind: Kind, after: str | Expression, wanted_kind: str) -> tuple[str, str] | None:
-    """Return what is wrong with a value of this kind in a text, before a unit: "${n} deg"."""
+    """Return error and hint for a value before a unit in a text: "${n} deg"; None if it fits."""
     word = _WORD.match(after) if isinstance(after, str) else None
     if word is None or not is_unit(word[1]):
         return None

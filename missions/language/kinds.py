@@ -1,7 +1,7 @@
-"""Kinds: what a value is, as far as that is known before a mission runs.
+"""Kinds: static types of values in missions.
 
-A kind is the dimension of a number ("length", "number"), or ``TEXT``, ``FLAG``, ``NOTHING``, a list or a record; None
-is what may be anything. Classes declare their members in the annotations: ``distance: Annotated[float, "length"]``.
+A kind is the dimension of a number ("length", "number"), ``TEXT``, ``FLAG``, ``NOTHING``, a list or a record; None if
+unknown. Classes declare the kinds of their members by annotations: ``distance: Annotated[float, "length"]``.
 """
 
 import ast
@@ -21,13 +21,13 @@ from missions.language.robot_state import ROBOT_STATE
 
 
 def members_of(kind: type) -> list[str]:
-    """Return the names of what every value of ``kind`` has."""
+    """Return the names of public fields and properties of a class."""
     public = (name for name in dir(kind) if not name.startswith("_"))
     return [name for name in public if not callable(getattr(kind, name, None))]
 
 
 def members_in(value: object) -> list[str]:
-    """Return the names of what ``value`` has; none for a text, a number or a list."""
+    """Return the names of the members of ``value``; empty for a text, a number or a list."""
     if isinstance(value, Mapping):
         return sorted(str(key) for key in value if not str(key).startswith("_"))
     return [] if value is None or isinstance(value, str | int | float | list) else members_of(type(value))
@@ -38,18 +38,18 @@ def members_in(value: object) -> list[str]:
 # Each is replaced by a name of as many characters, so that columns stay places in the text.
 
 CONSTANTS = {"true": True, "false": False, "null": None, "none": None}
-"""Constants, as YAML writes them."""
+"""Constants as written in YAML."""
 
 RESERVED_WORDS = frozenset(
     ["and", "async", "await", "else", "False", "for", "if", "in", "is", "lambda", "None", "not", "or", "True", "yield"]
 )
-"""Words that an expression cannot have as names: Python has a meaning for them within one."""
+"""Words that cannot be names in expressions, since they have a meaning in Python expressions."""
 
 PYTHON_KEYWORDS = "|".join(word for word in keyword.kwlist if word not in RESERVED_WORDS)
 KEYWORD_OR_TEXT = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({PYTHON_KEYWORDS})\b""")
 
 OPERATOR_WORDS = "(?:and|or|if|else|in|not)"
-"""Words that may follow a whole operand."""
+"""Words that can follow an operand."""
 
 BOLD_A = 0x1D41A
 """MATHEMATICAL BOLD SMALL A; the rest of the alphabet follows it."""
@@ -61,38 +61,37 @@ QUANTITY_PATTERN = re.compile(
     r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""  # a text, which is passed over
     rf"|(?<![\w.])((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*(?:(?:{UNIT_PATTERN})(?![\w(])|%(?=\s*(?:$|[])<>=!,*/%+-]|{OPERATOR_WORDS}\b))))"
 )
-"""A quantity within an expression: ``1.5 m/s``. A percent sign is one where nothing follows that it could divide."""
+"""A quantity in an expression: ``1.5 m/s``. "%" is a unit unless an operand follows."""
 
 STAND_IN = "\ua66e"
-"""A letter of which a quantity's stand-in is made, for Python's parser: a name of as many characters."""
+"""Letter of the names that replace quantities of the same length for Python's parser."""
 
 
 def as_python(text: str) -> tuple[str, dict[int, str]]:
-    """Return an expression as Python reads it, and the quantities in it, by where they begin."""
+    """Return an expression in Python syntax, and its quantities by start column."""
     literals = {found.start(): found[2] for found in QUANTITY_PATTERN.finditer(text) if found[2]}
     plain = QUANTITY_PATTERN.sub(lambda found: found[1] or STAND_IN * len(found[2]), text)
     return KEYWORD_OR_TEXT.sub(_as_name, plain), literals
 
 
 def _as_name(found: re.Match[str]) -> str:
-    """Return a word of Python's, such as ``from``, as a name of as many characters that the parser takes for it.
+    """Return a Python keyword such as ``from`` as a name of the same length.
 
-    Python knows its own words by their plain letters, and takes a bold one for a plain one in names alone (NFKC,
-    reference manual 2.3).
+    Python recognises keywords by plain letters only, but normalises bold letters in names (NFKC, reference manual 2.3).
     """
     quoted, word = found.groups()
     return str(quoted) if word is None else chr(BOLD_A + ord(word[0]) - ord("a")) + word[1:]
 
 
 class QuantityRestorer(ast.NodeTransformer):
-    """Puts quantities in the places of their stand-ins."""
+    """Replaces the stand-in names in a syntax tree by their quantities."""
 
     def __init__(self, python: str, literals: Mapping[int, str]) -> None:
         self._python = python
         self._literals = literals
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        """Return the quantity that stands here, or the name."""
+        """Return the quantity of a stand-in name, or the name itself."""
         written = self._literals.get(character_range(self._python, node)[0]) if self._literals else None
         found = None if written is None else parse_quantity(written)
         if found is None:
@@ -101,14 +100,14 @@ class QuantityRestorer(ast.NodeTransformer):
 
 
 def character_range(text: str, node: ast.expr) -> tuple[int, int]:
-    """Return where in its line a node begins and ends, in characters: Python's parser counts bytes of UTF-8."""
+    """Return start and end of a node in characters; Python's parser counts UTF-8 bytes."""
     data = text.encode()
     end = len(data) if node.end_col_offset is None else node.end_col_offset
     return len(data[: node.col_offset].decode()), len(data[:end].decode())
 
 
 def syntax_hint(text: str) -> str:
-    """Say what to write for what other languages, and people, write."""
+    """Return the hint for operators of other languages; empty if there is none."""
     if "${" in text:
         return "; write it without '${' and '}'"
     for sign, word in (("&&", "and"), ("||", "or")):
@@ -122,22 +121,22 @@ def syntax_hint(text: str) -> str:
 TEXT, FLAG, NOTHING = "text", "flag", "nothing"
 
 PERCENT = "percent"
-"""The kind of a number that counts to 100: a number, but no share."""
+"""Kind of numbers from 0 to 100, which are numbers and not shares."""
 
 UNSETTLED = "unsettled"
-"""The kind of what depends on a mistake, or on itself: nothing is said of it."""
+"""Kind of a value that depends on an error or on itself; it is not checked."""
 
 
 @dataclass(frozen=True, slots=True)
 class ListKind:
-    """A list whose members are of one kind."""
+    """A list whose members have one kind."""
 
     member_kind: "Kind"
 
 
 @dataclass(frozen=True, slots=True)
 class RecordKind:
-    """Something with members: those of a class, or some by name; ``other_kind`` is what any other member is."""
+    """A value with members: those of a class, or given ones by name; ``other_kind`` is the kind of all others."""
 
     noun: str
     declared_type: type | None = None
@@ -150,7 +149,7 @@ class RecordKind:
         return known.get(name, self.other_kind)
 
     def lacks(self, name: str) -> bool:
-        """True where all members are known by name, and this is none of them."""
+        """Return True if all members are known and ``name`` is not among them."""
         return (
             self.declared_type is None and self.other_kind is None and bool(self.members) and name not in self.members
         )
@@ -161,23 +160,23 @@ Kind = str | ListKind | RecordKind | None
 STATE_KINDS: Mapping[str, Mapping[str, Kind]] = {
     name: {member: value.kind for member, value in part.values.items()} for name, part in ROBOT_STATE.items()
 }
-"""The kinds of what expressions read of the robot's state, ``battery.percent``, ``face.seen``..."""
+"""Kinds of the robot's state: ``battery.percent``, ``face.seen``..."""
 
 
 def is_numeric(kind: Kind) -> bool:
-    """True for a number, whatever its dimension."""
+    """Return True for a number of any dimension."""
     return isinstance(kind, str) and kind not in (TEXT, FLAG, NOTHING, UNSETTLED)
 
 
 def describe_kind(kind: Kind) -> str:
-    """Return "a length", "a text", "true or false"... for a message."""
+    """Return a kind as text for messages: "a length", "a text", "true or false"."""
     if isinstance(kind, str):
         return {FLAG: "true or false", NOTHING: "nothing", TEXT: "a text"}.get(kind) or dimension_text(kind)
     return "a list" if isinstance(kind, ListKind) else kind.noun if isinstance(kind, RecordKind) else "something"
 
 
 def join_kinds(one: Kind, other: Kind) -> Kind:
-    """Return the kind of what is the one or the other."""
+    """Return the kind of a value that has one of two kinds."""
     if one == other or other in (UNSETTLED, NOTHING):
         return one
     if one in (UNSETTLED, NOTHING):
@@ -204,7 +203,7 @@ def kind_of_value(value: object) -> Kind:
 
 
 def kind_of_type(hint: Any) -> Kind:
-    """Return the kind of the values that a type, or an annotation, stands for."""
+    """Return the kind of a type or an annotation."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return next((each for each in arguments[1:] if each in UNITS), None)
@@ -230,7 +229,7 @@ def _kind_of_class(kind: type) -> Kind:
 
 @cache
 def member_kinds(kind: type) -> Mapping[str, Kind]:
-    """Return what is known of the members of a class, from its annotations and those of its properties."""
+    """Return the kinds of the members of a class, from its annotations and those of its properties."""
     hints = _hints(kind)
     for name in members_of(kind):
         declared = getattr(kind, name, None)
@@ -248,5 +247,5 @@ def _hints(declared: Any) -> dict[str, Any]:
 
 @cache
 def member_dimensions(kind: type) -> Mapping[str, str]:
-    """Return the members of a class that are quantities, each with its dimension."""
+    """Return the dimensions of the members of a class that are quantities."""
     return {name: each for name, each in member_kinds(kind).items() if isinstance(each, str) and each in UNITS}

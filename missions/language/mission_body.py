@@ -1,6 +1,6 @@
-"""What every mission file holds, the one that is run and those that it runs: a header, params, a tree, and so on.
+"""Keys of a mission file, also of a sub-mission: header, params, tree, returns, properties.
 
-``properties`` are what a mission promises of itself, as ``mission verify`` proves or refutes it.
+``properties`` are claims about the mission, which ``mission verify`` proves or refutes.
 """
 
 import re
@@ -19,13 +19,13 @@ from missions.language.synonyms import SYNONYMS
 
 PROPERTIES = {
     "never": (
-        "what must not happen: one thing while, before, after or without another",
+        "a claim that something never happens: one thing while, before, after or without another",
         r" (while|before|after|without) ",
     ),
-    "always eventually": ("what must be reachable from every state that a run can come to", r"\S"),
-    "can": ("an end that must be possible: succeed or fail", r"^(succeed|fail)$"),
+    "always eventually": ("a claim that something stays reachable from every state of a run", r"\S"),
+    "can": ("a claim that an end is possible: succeed or fail", r"^(succeed|fail)$"),
 }
-"""The keys of a property: what each says, and a pattern that its text fits."""
+"""Keys of a property: the meaning, and a pattern of its text."""
 
 PROPERTY_FORMS = (
     "never: gesture while drive",
@@ -36,7 +36,7 @@ PROPERTY_FORMS = (
     "always eventually: say",
     "can: succeed",
 )
-"""An example of each form."""
+"""An example of each form of a property."""
 
 RELATIONS = ("while", "before", "after", "without")
 PROPERTY_ENDS = ("succeed", "fail")
@@ -44,7 +44,7 @@ _HINT = f"such as '{PROPERTY_FORMS[0]}' or '{PROPERTY_FORMS[4]}'"
 
 
 def read_properties(context: CheckContext, node: Node | None, tree: Step | None) -> tuple[MissionProperty, ...]:
-    """Read a list of properties, whose names are those of the steps of ``tree`` and of the actuators it drives."""
+    """Read a list of properties, which name steps of ``tree`` and the actuators that it drives."""
     if node is None or tree is None:  # without a tree there is nothing to promise anything of
         return ()
     if not isinstance(node, Listing) or not node.items:
@@ -57,7 +57,7 @@ def read_properties(context: CheckContext, node: Node | None, tree: Step | None)
 
 
 def property_names(tree: Step) -> set[str]:
-    """Return what a property may name of a tree: its leaves, its sub-missions, and the nodes with a ``name``."""
+    """Return the names that a property can use: leaves, sub-missions, and nodes with a ``name``."""
     return {
         word
         for step in tree.walk()
@@ -126,7 +126,7 @@ def _can(context: CheckContext, value: Scalar, names: set[str], parts: frozenset
 
 
 def _check_known_name(context: CheckContext, value: Scalar, name: str, known: set[str] | frozenset[str]) -> bool:
-    """Note a name that nothing in the mission has, at its place in the text."""
+    """Report an unknown name at its place in the text; return whether it is known."""
     if name in known:
         return True
     at = max(0, value.text.rfind(name) if value.text.rstrip().endswith(name) else value.text.find(name))
@@ -141,14 +141,14 @@ _READERS = {"never": _never, "always eventually": _eventually, "can": _can}
 MISSION_KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
 
 IF_INTERRUPTED = ("retry", "give_up")
-"""What to do about the mission as a task of which nobody knows how far it came."""
+"""Handling of the mission as a task that was interrupted at an unknown point."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionBody:
-    """A mission file, read. ``returns`` are the results that it hands back, by name.
+    """Contents of a mission file. ``returns`` are its results by name.
 
-    ``if_interrupted`` is one of ``IF_INTERRUPTED``; empty where the file says nothing of it.
+    ``if_interrupted`` is one of ``IF_INTERRUPTED``, or empty if not set.
     """
 
     mission: str
@@ -160,13 +160,13 @@ class MissionBody:
 
 
 AssignParams = Callable[[CheckContext, dict[str, Param], str], None]
-"""Gives the params their values: into ``params`` of the notes where known now, else their names into ``stored``."""
+"""Sets the params: known values in ``params`` of the context, other names in ``variables``."""
 
 
 def read_body(
     context: CheckContext, root: Node, assign_params: AssignParams, read_step: Callable[[CheckContext, Node], Step]
 ) -> MissionBody | None:
-    """Read a mission file; None where it is no mapping."""
+    """Read a mission file; None if it is not a mapping."""
     if not isinstance(root, Mapping):
         context.fault(root.mark, "a mission begins with keys", "write 'mission: NAME', then 'tree:'")
         return None
@@ -204,7 +204,7 @@ def _header(context: CheckContext, root: Mapping, key: str, *, required: bool = 
 
 
 def _has_misspelt_key(root: Mapping, key: str) -> bool:
-    """Say whether a key is there under another name, which has been noted."""
+    """Return whether the key is present under another name, which has been reported."""
     return any(word not in MISSION_KEYS and own_words_for(word, SYNONYMS, (key,)) for word in root.keys())  # noqa: SIM118 - no dict
 
 
@@ -219,7 +219,7 @@ def _if_interrupted(context: CheckContext, root: Mapping) -> str:
 
 
 def read_returns(context: CheckContext, node: Node | None) -> dict[str, Value]:
-    """Read ``returns: {name: expression}``, whose expressions are those of the mission of ``notes``."""
+    """Read ``returns: {name: expression}``; the expressions use the variables of this context."""
     if node is None:
         return {}
     if not isinstance(node, Mapping):

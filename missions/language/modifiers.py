@@ -1,4 +1,4 @@
-"""The values of modifiers, read by their types."""
+"""Parsing of the values of modifiers."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ def read_modifier(context: CheckContext, word: str, node: Node) -> Value:
 
 
 def outdent_hint(key: str, behaviour: str) -> str:
-    """Say what to do with a modifier that stands among the arguments of a behaviour; nothing for any other word."""
+    """Return the hint for a modifier among the arguments of a behaviour; empty for other keys."""
     return f"outdent it, to stand beside '{behaviour}'" if key in {*MODIFIERS, "as", "name"} else ""
 
 
@@ -54,7 +54,7 @@ def _condition(context: CheckContext, word: str, node: Scalar) -> Value:
 
 
 def read_expression(context: CheckContext, label: str, node: Scalar, convert: Convert) -> Value:
-    """Read an expression that is asked later; ``what`` begins the message of a fault."""
+    """Read an expression that is evaluated later; ``label`` begins an error message."""
     # Both `if: count < 3` and `if: ${count < 3}` are what people write.
     hole = re.fullmatch(r"\s*\$\{(.*)\}\s*", node.text, re.DOTALL)
     try:
@@ -74,7 +74,7 @@ def _constant(context: CheckContext, word: str, node: Scalar) -> Value:
 
 
 YES_NO_WORDS = ("yes", "no", "on", "off")
-"""Words that people write for true and false, which are neither here."""
+"""Words for true and false that are not accepted here."""
 
 
 def _once(context: CheckContext, word: str, node: Scalar) -> Value:
@@ -93,4 +93,4 @@ _READERS: Mapping[str, Callable[[CheckContext, str, Scalar], Value]] = {
     "duration": _duration,
     "expression": _once,
 }
-"""How the value of a modifier is read, by its type."""
+"""Functions that read the value of a modifier, by type."""

@@ -1,7 +1,7 @@
-"""The kinds of nodes, each declared once: its help, its sign, and how a run goes through it.
+"""Kinds of nodes, each declared once: help, symbol, and rules of execution.
 
-Checker, ``mission verify``, statistics, pictures, schemas and documentation read these tables; the classes that are
-ticked stand in ``missions.executive``, each under the word of its kind.
+Checker, ``mission verify``, statistics, pictures, schemas and docs read these tables; the node classes are in
+``missions.executive``, by the same words.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from drivers.api.fast_dataclass import dataclass
 SUCCESS, FAILURE = "success", "failure"
 
 RESTART = "again"
-"""How a modifier goes on that starts its child anew, or asks it once more."""
+"""Continuation of a modifier that restarts or re-evaluates its child."""
 
 Ends = frozenset[str]
 BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
@@ -20,10 +20,10 @@ BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
 
 @dataclass(frozen=True, slots=True)
 class ParentKind:
-    """A kind of node that has others below it, but for modifiers.
+    """A kind of node with children, other than a modifier.
 
-    ``help`` is what it does, ``symbol`` its sign in the notation of behaviour trees (all are in DejaVu Sans),
-    ``unreached_reason`` why a child of it is never reached.
+    ``help`` is a description, ``symbol`` its sign in behaviour tree notation (in the font DejaVu Sans),
+    ``unreached_reason`` explains why a child is never reached.
     """
 
     help: str
@@ -35,8 +35,8 @@ class ParentKind:
 class CompositeKind(ParentKind):
     """A kind of node with a list of children.
 
-    ``order`` is how it goes through them. ``passes`` is the end of a child that lets it go on with the others: of none
-    in a race. A ``reactive`` one asks again from the first child at every tick.
+    ``order`` is the order of ticking. ``passes`` is the end of a child after which the others continue, empty for a
+    race. A ``reactive`` composite starts from the first child at every tick.
     """
 
     order: Literal["in order", "in any order", "at once"] = "in order"
@@ -45,13 +45,13 @@ class CompositeKind(ParentKind):
 
     @property
     def at_once(self) -> bool:
-        """True where its children run at the same time."""
+        """True if the children run at the same time."""
         return self.order == "at once"
 
 
 @dataclass(frozen=True, slots=True)
 class SwitchKind(ParentKind):
-    """A kind of node that chooses one child by the value of an expression: at its start, or ``reactive``, each tick."""
+    """A kind of node that selects a child by an expression: at its start, or at each tick if ``reactive``."""
 
     reactive: bool = False
 
@@ -60,13 +60,12 @@ class SwitchKind(ParentKind):
 class ModifierKind:
     """A kind of node around one other, written beside it.
 
-    ``takes`` is the form of its value, in words; ``value`` the type of it, and ``constants`` all that it can be, where
-    these are few. ``success`` and ``failure`` are the ways on when its child has ended so: an end of its own, or
-    ``RESTART``. ``early_ends`` are the ends that it comes to besides, without an end of its child (``on_running``: one of them,
-    by its value), and ``early_end_text`` says in which case; nothing where that comes only after an earlier success.
-    ``every_tick`` says that its condition is asked at each tick. ``child_ticks`` says whether the child is ticked at each
-    tick of its own, only at some, or ``afresh`` each time. ``relevant_end`` is the end of its child without which it makes
-    no difference.
+    ``takes`` describes its value, ``value`` is the type of that, ``constants`` are all allowed values if they are few.
+    ``success`` and ``failure`` are the continuations after that end of the child: an end of its own, or ``RESTART``.
+    ``early_ends`` are the ends without an end of the child (``on_running``: one of them, by its value), and
+    ``early_end_text`` says when; empty if this needs an earlier success. ``every_tick`` marks a condition that is
+    evaluated at each tick. ``child_ticks`` says whether the child is ticked always, sometimes, or ``afresh``.
+    ``relevant_end`` is the end of the child without which the modifier has no effect.
     """
 
     help: str
@@ -84,102 +83,104 @@ class ModifierKind:
 
     @property
     def repeats(self) -> bool:
-        """True where it starts its child anew, or asks it once more, after an end."""
+        """True if it restarts or re-evaluates its child after an end."""
         return RESTART in self.success | self.failure
 
     @property
     def remembers(self) -> bool:
-        """True where it answers with an earlier result, without its child."""
+        """True if it returns an earlier result without ticking its child."""
         return self.child_ticks == "afresh" and not self.repeats
 
     def without_limit(self, end: str) -> bool:
-        """True where it goes on for ever after this end of its child, if its count is ``forever``."""
+        """Return True if it never ends after this end of its child when its count is ``forever``."""
         return self.value == "count" and RESTART in (self.success if end == SUCCESS else self.failure)
 
 
 COMPOSITES: Mapping[str, CompositeKind] = {
     "sequence": CompositeKind(
-        "does one after another; fails at the first failure",
+        "ticks its children in order; fails at the first failure",
         "→",
-        "what stands before it never succeeds",
+        "the child before it never succeeds",
         passes=SUCCESS,
     ),
     "reactive_sequence": CompositeKind(
-        "a sequence that asks again from the first at every tick",
+        "a sequence that restarts from the first child at every tick",
         "→↻",
-        "what stands before it never succeeds",
+        "the child before it never succeeds",
         passes=SUCCESS,
         reactive=True,
     ),
     "random_sequence": CompositeKind(
-        "a sequence in an order drawn afresh at each start", "→~", order="in any order", passes=SUCCESS
+        "a sequence in a random order, drawn at each start", "→~", order="in any order", passes=SUCCESS
     ),
     "selector": CompositeKind(
-        "tries one after another until one succeeds", "?", "what stands before it never fails", passes=FAILURE
+        "ticks its children in order until one succeeds", "?", "the child before it never fails", passes=FAILURE
     ),
     "reactive_selector": CompositeKind(
-        "a selector that asks again from the first at every tick",
+        "a selector that restarts from the first child at every tick",
         "?↻",
-        "what stands before it never fails",
+        "the child before it never fails",
         passes=FAILURE,
         reactive=True,
     ),
     "random_selector": CompositeKind(
-        "a selector in an order drawn afresh at each start", "?~", order="in any order", passes=FAILURE
+        "a selector in a random order, drawn at each start", "?~", order="in any order", passes=FAILURE
     ),
     "parallel": CompositeKind(
-        "does all at once; succeeds when all have",
+        "ticks all children; succeeds when all have succeeded",
         "⇉",
-        "what stands before it always ends it first",
+        "an earlier child always ends it first",
         order="at once",
         passes=SUCCESS,
     ),
     "race": CompositeKind(
-        "does all at once; ends with the first that ends",
+        "ticks all children; ends when the first one ends",
         "⇉¹",
-        "what stands before it always ends first",
+        "an earlier child always ends first",
         order="at once",
     ),
 }
-"""The composites with a list of children."""
+"""Composites with a list of children."""
 
 AT_ONCE = frozenset(word for word, kind in COMPOSITES.items() if kind.at_once)
-"""The composites whose children run at the same time."""
+"""Composites whose children run at the same time."""
 
 SWITCH, REACTIVE_SWITCH = "switch", "reactive_switch"
 
-NO_CASE = "the value of this case never comes"
+NO_CASE = "the expression never has the value of this case"
 
 SWITCHES: Mapping[str, SwitchKind] = {
-    SWITCH: SwitchKind("does the one whose case is the value of an expression, asked when it starts", "⇄", NO_CASE),
+    SWITCH: SwitchKind(
+        "runs the child whose case equals the value of an expression, evaluated at the start", "⇄", NO_CASE
+    ),
     REACTIVE_SWITCH: SwitchKind(
-        "a switch that asks at every tick; another case halts the one that runs before it starts",
+        "a switch that evaluates at every tick; a new case first halts the running child",
         "⇄↻",
         NO_CASE,
         reactive=True,
     ),
 }
-"""The composites that choose."""
+"""Composites that select a child."""
 
 FOR_EACH, MISSION = "for_each", "mission"
 
 OTHER_PARENTS: Mapping[str, ParentKind] = {
     **SWITCHES,
     FOR_EACH: ParentKind(
-        "does one behaviour for each member of a list, one after another; fails at the first failure",
+        "runs a behaviour for each member of a list, one after another; fails at the first failure",
         "∀",
         "its list is always empty",
     ),
     MISSION: ParentKind("runs another mission", "▣"),
 }
-"""The nodes that have others below them in ways of their own."""
+"""Nodes with children in other forms."""
 
 BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHER_PARENTS}
-"""All nodes that have others below them, but for modifiers."""
+"""All nodes with children except modifiers."""
 
 MODIFIERS: Mapping[str, ModifierKind] = {
     "if": ModifierKind(
-        "asked once, at the start; false skips the node, which counts as success; for 'else' use switch",
+        "evaluated once, at the start; if false, the node is skipped and succeeds; for 'else' use switch",
         "an expression",
         "condition",
         early_ends=frozenset({SUCCESS}),
@@ -188,7 +189,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         unreached_reason="its condition is never true",
     ),
     "while": ModifierKind(
-        "asked at every tick; once false, the node is halted and fails",
+        "evaluated at every tick; once false, the node is halted and fails",
         "an expression",
         "condition",
         early_ends=frozenset({FAILURE}),
@@ -198,7 +199,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         unreached_reason="its condition is never true",
     ),
     "until": ModifierKind(
-        "asked at every tick; once true, the node is halted and succeeds",
+        "evaluated at every tick; once true, the node is halted and succeeds",
         "an expression",
         "condition",
         early_ends=frozenset({SUCCESS}),
@@ -208,7 +209,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         unreached_reason="its condition is true from the start",
     ),
     "timeout": ModifierKind(
-        "fails, halting the node, when it still runs after that long",
+        "fails, and halts the node, if it still runs after this time",
         "a duration",
         "duration",
         early_ends=frozenset({FAILURE}),
@@ -216,7 +217,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         child_ticks="sometimes",
     ),
     "retry": ModifierKind(
-        "starts again after a failure; the count is of attempts",
+        "restarts the node after a failure; the value is the number of attempts",
         "a count or forever",
         "count",
         failure=frozenset({FAILURE, RESTART}),
@@ -224,7 +225,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         relevant_end=FAILURE,
     ),
     "repeat": ModifierKind(
-        "starts again after a success; the count is of runs",
+        "restarts the node after a success; the value is the number of runs",
         "a count or forever",
         "count",
         success=frozenset({SUCCESS, RESTART}),
@@ -232,7 +233,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         relevant_end=SUCCESS,
     ),
     "invert": ModifierKind(
-        "success for failure and failure for success",
+        "exchanges success and failure",
         "true",
         "constant",
         constants=(True,),
@@ -240,7 +241,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         failure=frozenset({SUCCESS}),
     ),
     "on_failure": ModifierKind(
-        "a failure counts as success",
+        "turns a failure into a success",
         "succeed",
         "constant",
         constants=("succeed",),
@@ -248,7 +249,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         relevant_end=FAILURE,
     ),
     "on_success": ModifierKind(
-        "a success counts as failure",
+        "turns a success into a failure",
         "fail",
         "constant",
         constants=("fail",),
@@ -256,7 +257,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         relevant_end=SUCCESS,
     ),
     "on_running": ModifierKind(
-        "a node that still runs after its tick is halted, and counts as that",
+        "halts a node that still runs after its tick, with this result",
         "succeed or fail",
         "constant",
         constants=("succeed", "fail"),
@@ -264,7 +265,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         early_end_text="ends it",
     ),
     "hold": ModifierKind(
-        "succeeds once the node has succeeded at every tick for that long",
+        "succeeds once the node has succeeded at every tick for this time",
         "a duration",
         "duration",
         success=frozenset({SUCCESS, RESTART}),
@@ -272,14 +273,14 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         relevant_end=SUCCESS,
     ),
     "delay": ModifierKind(
-        "waits before the node starts",
+        "waits for this time before the node starts",
         "a duration",
         "duration",
         child_ticks="sometimes",
         unreached_reason="something else always ends it before",
     ),
     "cooldown": ModifierKind(
-        "fails without starting within that long after its last success",
+        "fails without starting the node within this time after its last success",
         "a duration",
         "duration",
         early_ends=frozenset({FAILURE}),
@@ -287,13 +288,13 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         relevant_end=SUCCESS,
     ),
     "once": ModifierKind(
-        "after its first end, keeps answering with that result; with an expression, while its value stays the same",
+        "returns the first result again without running the node; with an expression, while its value stays the same",
         "true or an expression",
         "expression",
         child_ticks="afresh",
     ),
 }
-"""What may stand beside a behaviour, outermost first."""
+"""Modifiers, outermost first."""
 
 NODES: Mapping[str, ParentKind | ModifierKind] = {**BRANCHES, **MODIFIERS}
-"""All kinds of nodes that are no leaves, by their words."""
+"""All kinds of nodes except leaves, by word."""

@@ -1,7 +1,7 @@
-"""What the operators and functions of expressions do: arithmetic on numbers, comparisons, lists and joined texts.
+"""Operators and functions of expressions: arithmetic, comparisons, lists and texts.
 
-Each raises ValueError for what it cannot do. Nothing here can run for long or fill the memory, whatever it is given,
-even when a mission feeds a result back at every tick.
+Each raises ValueError for invalid operands. Time and memory are bounded, even if a mission feeds a result back at every
+tick.
 """
 
 import ast
@@ -13,10 +13,10 @@ from typing import Any
 from config.units import NUMBER, DimensionError, Quantity, common_dimension, factor_of, product, quoted_value, quotient
 
 MAX_TEXT = 10_000
-"""Characters of a text that a mission makes: one that doubles at every tick must not fill the memory."""
+"""Maximum characters of a text that a mission makes; a text that doubles at every tick must not fill the memory."""
 
 MAX_NUMBER = 1e15
-"""A whole number beyond this is out of range, for the same reason; up to it, floats are whole numbers too."""
+"""Maximum integer, for the same reason; up to it, floats represent integers exactly."""
 
 BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -44,26 +44,26 @@ COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], object]] = {
 
 
 def require_flat(items: list[Any]) -> list[Any]:
-    """Return ``items``, none of which may be a list."""
+    """Return ``items``. Raises ValueError if one of them is a list."""
     if any(isinstance(item, list) for item in items):
-        raise ValueError("a list cannot stand in a list")
+        raise ValueError("a list cannot contain a list")
     return items
 
 
 def member_at(items: Any, place: Any) -> object:
     """Return a member of a list: 0 is the first, -1 the last."""
     if not isinstance(items, list | tuple):
-        raise ValueError(f"only a list has members by number, not {describe_value(items)}")
+        raise ValueError(f"only lists have numbered members, not {describe_value(items)}")
     if isinstance(place, bool) or not isinstance(place, int):
-        raise ValueError(f"the members of a list are counted from 0, in whole numbers, got {describe_value(place)}")
+        raise ValueError(f"list indexes are whole numbers from 0, got {describe_value(place)}")
     if not -len(items) <= place < len(items):
-        raise ValueError(f"no member {place} in a list of {len(items)}")
+        raise ValueError(f"index {place} out of range (length {len(items)})")
     found: object = items[place]
     return found
 
 
 def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
-    """Return whether a comparison is true. Sizes of two dimensions cannot be compared."""
+    """Return the result of a comparison. Raises ValueError for different dimensions."""
     if (type(left) is Quantity or type(right) is Quantity) and _is_number(left) and _is_number(right):
         try:
             common_dimension(dimension_of(left), dimension_of(right))
@@ -76,7 +76,7 @@ def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
 
 
 def combine(op: ast.operator, left: Any, right: Any) -> object:
-    """Text adds to text only, and is never multiplied or formatted: a short line cannot fill the memory."""
+    """Return the result of a binary operator; texts can only be added, so that a short line cannot fill the memory."""
     if isinstance(op, ast.Add) and isinstance(left, str) and isinstance(right, str):
         return check_text_length(left + right)
     dimension = combined_dimension(type(op), dimension_of(left), dimension_of(right))
@@ -84,13 +84,13 @@ def combine(op: ast.operator, left: Any, right: Any) -> object:
 
 
 def apply_sign(op: ast.unaryop, number: Any) -> object:
-    """Return a number with a sign before it."""
+    """Return the number with a sign."""
     dimension = dimension_of(number)
     return make_quantity(UNARY[type(op)](number), dimension)
 
 
 def combined_dimension(op: type[ast.operator], one: str, other: str) -> str:
-    """Return the dimension of what an operator makes. Raises ValueError where the two do not go together."""
+    """Return the dimension of the result of an operator. Raises ValueError for incompatible dimensions."""
     if op is ast.Mult:
         return product(one, other)
     if op is ast.Div:
@@ -111,7 +111,7 @@ _CANNOT: dict[type[ast.operator], str] = {
 
 
 def dimension_of(number: object) -> str:
-    """Return the dimension of a number. Raises ValueError for what is none."""
+    """Return the dimension of a number. Raises ValueError for any other value."""
     if type(number) is Quantity:
         return number.dimension
     if not isinstance(number, int | float):
@@ -120,7 +120,7 @@ def dimension_of(number: object) -> str:
 
 
 def make_quantity(number: float, dimension: str) -> int | float:
-    """Return a number as a quantity. Raises ValueError where it is out of range."""
+    """Return a number with its dimension. Raises ValueError if it is out of range."""
     if out_of_range(number):
         raise ValueError("a number out of range")
     if dimension != NUMBER:
@@ -133,7 +133,7 @@ def _is_number(value: object) -> bool:
 
 
 def out_of_range(number: float) -> bool:
-    """True for infinity, for what is not a number, and for whole numbers beyond MAX_NUMBER."""
+    """Return True for infinity, NaN, and integers beyond MAX_NUMBER."""
     return abs(number) > MAX_NUMBER if isinstance(number, int) else not math.isfinite(number)
 
 
@@ -143,7 +143,7 @@ def _absolute_value(number: Any) -> int | float:
 
 
 def _round(number: Any, digits: Any = None) -> int | float:
-    """Round a quantity as people are told of it: an angle in degrees."""
+    """Round a quantity in its display unit: an angle in degrees."""
     if digits is not None and (not isinstance(digits, int) or digits not in range(16)):
         raise ValueError("round takes 0 to 15 digits")
     dimension = dimension_of(number)
@@ -160,7 +160,7 @@ def _maximum(*items: Any) -> object:
 
 
 def _choose(choose: Callable[..., object], items: tuple[Any, ...]) -> object:
-    """Return the smallest or largest of several, or of a list; all of one dimension."""
+    """Return the minimum or maximum of several values, or of a list; all of one dimension."""
     among = items[0] if len(items) == 1 else items
     sizes = [dimension_of(item) for item in among if _is_number(item)] if isinstance(among, list | tuple) else []
     for other in sizes[1:]:
@@ -178,18 +178,18 @@ FUNCTIONS: dict[str, Callable[..., object]] = {
     "round": _round,
     "len": len,
 }
-"""What an expression may call."""
+"""Functions that an expression can call."""
 
 
 def check_text_length(text: str) -> str:
-    """Return ``text``. Raises ValueError where it is longer than MAX_TEXT."""
+    """Return ``text``. Raises ValueError if it is longer than MAX_TEXT."""
     if len(text) > MAX_TEXT:
         raise ValueError(f"a text of more than {MAX_TEXT:,} characters")
     return text
 
 
 def describe_value(value: object) -> str:
-    """Say what a value is, for a message."""
+    """Return a value as text for a message."""
     if isinstance(value, str):
         return f"the text {quoted_value(value)}"
     if isinstance(value, int | float):

@@ -1,4 +1,4 @@
-"""How a step can end: so that what is never reached, and a modifier that cannot matter, are seen before a run."""
+"""Possible ends of steps, to report unreachable steps and modifiers without effect."""
 
 from collections.abc import Sequence
 
@@ -22,13 +22,13 @@ from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT
 from missions.language.plan import UNREAD_KIND, Step
 
 PASS_SUCCESS_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
-"""The modifiers that succeed where what they stand around does."""
+"""Modifiers that succeed if their child does."""
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
 
 def check_outcomes(context: CheckContext, tree: Step) -> None:
-    """Note the steps that are never reached, and the modifiers that cannot matter."""
+    """Report steps that are never reached, and modifiers without effect."""
     for step in tree.walk():
         kind = COMPOSITES.get(step.kind)
         if kind is not None and kind.order == "in order":
@@ -50,7 +50,7 @@ def _check_unreached(context: CheckContext, step: Step, passes: str) -> None:
 
 
 def _check_counts(context: CheckContext, step: Step) -> None:
-    """Note a count that a parallel cannot come to, and a wait for all that is over at once, or never."""
+    """Report counts of a parallel that cannot be reached, and a wait for all without effect or without end."""
     settings = {word: value.constant for word, value in step.arguments.items() if value.template is None}
     if len(settings) < len(step.arguments):
         return
@@ -63,35 +63,35 @@ def _check_counts(context: CheckContext, step: Step) -> None:
             step, f"'{SUCCESS_COUNT}: {decided.successes}' is never reached: only {succeed} {of} can succeed"
         )
     if isinstance(settings.get(FAILURE_COUNT), int) and not fail:
-        context.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: none {of} can fail")
+        context.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' has no effect: none {of} can fail")
     endless = next((child for child, each in zip(step.children, below, strict=True) if not each), None)
     if decided.waits_for_all and endless is not None:
         what = f"'{endless.name}' (line {innermost_step(endless).mark.line}) never does"
         context.fault_at(step, f"with '{WAIT_FOR_ALL}' it ends when all have, and {what}")
     elif decided.waits_for_all and not fail and decided.successes == len(below):
-        context.fault_at(step, f"'{WAIT_FOR_ALL}' cannot matter: none {of} can fail, so all are waited for anyway")
+        context.fault_at(step, f"'{WAIT_FOR_ALL}' has no effect: none {of} can fail, so all are waited for anyway")
 
 
 def _check_skipped_if(context: CheckContext, step: Step) -> None:
-    """Note an ``if`` after which others wait for a failure: where it is false, none of them has its turn."""
+    """Report an ``if`` before other children of a selector: if it is false, the others are not tried."""
     for child in map(_first_changing_step, step.children[:-1]):
         if child.kind == "if":
             context.fault_at(
                 child,
-                f"'if' is no 'else' in a {step.kind}: what is skipped counts as success, and the others are not tried",
+                f"'if' is not an 'else' in a {step.kind}: a skipped node counts as success, so the others are not tried",
                 "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
             )
 
 
 def _first_changing_step(step: Step) -> Step:
-    """Return the first step within that can turn a success into something else, or a failure into a success."""
+    """Return the first step inside that can turn a success into another end, or a failure into a success."""
     while step.kind in PASS_SUCCESS_MODIFIERS:
         step = step.children[0]
     return step
 
 
 def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
-    """Note a modifier whose occasion never comes."""
+    """Report a modifier whose relevant end never occurs."""
     occasion, leaf = MODIFIERS[step.kind].relevant_end, child.leaf
     if step.arguments["value"] is INVALID_VALUE:
         return
@@ -100,22 +100,22 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
         and leaf.instant
         and (step.kind == "on_running" or (step.kind == "timeout" and not _waits(child)))
     ):
-        context.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
+        context.fault_at(step, f"'{step.kind}' has no effect here:  '{child.kind}' ends at once")
     elif occasion and occasion not in possible_ends(child):
-        said = f"'{step.kind}' cannot matter here: '{child.name}' never {VERBS[occasion]}"
+        said = f"'{step.kind}' has no effect here:  '{child.name}' never {VERBS[occasion]}"
         context.fault_at(step, said, _order_hint(step, child, occasion))
     elif step.kind == "timeout":
         _check_delay(context, step, child)
 
 
 def _waits(step: Step) -> bool:
-    """Say whether a leaf that ends at once may be suspended: it asks a sensor, or its arguments do."""
+    """Return whether an instant leaf can be suspended: it, or one of its arguments, reads a sensor."""
     reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
     return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE_KINDS for read in reads))
 
 
 def _order_hint(step: Step, child: Step, end: str) -> str:
-    """Say so where only the order of two modifiers keeps an end of the behaviour from the outer one, ``step``."""
+    """Return a hint if only the order of two modifiers keeps this end from ``step``; empty otherwise."""
     while child.leaf is None and "value" in child.arguments:
         (below,) = child.children
         if end in possible_ends(below):
@@ -125,26 +125,26 @@ def _order_hint(step: Step, child: Step, end: str) -> str:
 
 
 def _check_delay(context: CheckContext, step: Step, child: Step) -> None:
-    """Note a ``delay`` that goes on for longer than the ``timeout`` that is written below it."""
+    """Report a ``delay`` that is longer than the ``timeout`` around it."""
     limit = step.arguments["value"].constant
     while child.leaf is None and "value" in child.arguments:
         wait = child.arguments["value"].constant
         if child.kind == "delay" and isinstance(wait, float) and isinstance(limit, float) and wait >= limit:
-            what = f"the 'delay' of {child.text} goes on for longer than the 'timeout' of {step.text} around it"
+            what = f"the 'delay' of {child.text} is longer than the 'timeout' of {step.text} around it"
             hint = f"the order is the cause: write 'timeout' above 'delay' (line {child.mark.line})"
             context.fault_at(innermost_step(child), f"'{child.name}' is never reached: {what}", hint)
         child = child.children[0]
 
 
 def innermost_step(step: Step) -> Step:
-    """Return the behaviour itself inside its modifiers: where a person looks for it."""
+    """Return the behaviour inside its modifiers: the line where a person looks for it."""
     while len(step.children) == 1 and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
         step = step.children[0]
     return step
 
 
 def possible_ends(step: Step) -> Ends:
-    """Return how a step can end; empty for one that never does. A step that stands alone may always be halted."""
+    """Return the possible ends of a step; empty if it never ends. Any step can also be halted."""
     if step.leaf is not None:
         return step.leaf.ends
     below = [possible_ends(child) for child in step.children]
@@ -160,7 +160,7 @@ def possible_ends(step: Step) -> Ends:
 
 
 def early_ends(step: Step) -> Ends:
-    """Return the ends that a modifier comes to without an end of its child."""
+    """Return the ends of a modifier without an end of its child."""
     said = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
     cut = MODIFIERS[step.kind].early_ends
     return cut if said is None or step.kind != "on_running" else cut & {said}
@@ -185,7 +185,7 @@ def _composite_ends(step: Step, below: list[Ends]) -> Ends:
 
 
 def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
-    """Return the ends of a composite that needs all of its children for one result, and any one for the other."""
+    """Return the ends of a composite with one end if all children have it, and the other if any child has that."""
     found = set()
     for each in below:
         if one_ends in each:
@@ -201,7 +201,7 @@ def _forever(step: Step) -> bool:
 
 
 def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
-    """Return the ends of a parallel, from how many of its children can succeed, fail, and end at all."""
+    """Return the ends of a parallel, by the numbers of children that can succeed, fail, and end at all."""
     if any(value.template is not None for value in step.arguments.values()):
         return BOTH_ENDS
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
@@ -213,7 +213,7 @@ def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
 
 
 def _for_each_ends(step: Step, below: Ends) -> Ends:
-    """Return the ends of a for_each: where its list may be empty, it can succeed whatever its child does."""
+    """Return the ends of a for_each; with an empty list it always succeeds."""
     members = step.arguments["in"].constant
     count = members.count if isinstance(members, ListMembers) else None
     return frozenset({SUCCESS}) if count == 0 else below if count else below | {SUCCESS}
@@ -227,20 +227,20 @@ def _for_each_ends(step: Step, below: Ends) -> Ends:
 INSTANT_ACTIONS = frozenset(
     {"succeed", "fail", "pretend", "led", "sound", "publish", "face", "show", "log", "set", "notify"}
 )
-"""Leaves that are no conditions, and need no time either."""
+"""Leaves that are not conditions, and end at once."""
 
 CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
-"""Modifiers with which a node runs only for a reason of its own, or not for longer than a tick."""
+"""Modifiers with which a node runs only for a reason, or for at most a tick."""
 
 GUARD_MODIFIERS = frozenset({"if", "while", "until"})
-"""Modifiers that may end a node before it starts, for what they ask."""
+"""Modifiers with a condition that can end a node before it starts."""
 
 RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
-"""Modifiers that run by themselves, whatever they stand beside."""
+"""Modifiers that are running by themselves."""
 
 
 def actions_as_guards(tree: Step) -> list[Diagnostic]:
-    """Return a hint for each child before the last of a reactive composite that runs whenever it is asked."""
+    """Return a hint for each child before the last of a reactive composite that runs at every tick."""
     found = []
     for step in tree.walk():
         kind = COMPOSITES.get(step.kind)
@@ -259,13 +259,13 @@ def _guard_hint(around: Step, child: Step, cause: Step) -> Diagnostic:
     return Diagnostic(
         place.source,
         place.mark,
-        f"{what} runs whenever the {around.kind} asks it, and halts what stands behind it: an action used as a guard",
-        "let a condition decide: as the first of a sequence, or by 'if' or 'while'",
+        f"{what} runs whenever the {around.kind} ticks it, and halts the children after it: an action used as a guard",
+        "add a condition: as the first child of a sequence, or by 'if' or 'while'",
     )
 
 
 def _find_running(step: Step) -> Step | None:
-    """Return what runs each time that ``step`` is asked, though no condition has said so; None where nothing does."""
+    """Return the step that runs unconditionally whenever ``step`` is ticked; None if there is none."""
     if step.leaf is not None:
         return None if step.leaf.instant or step.kind in INSTANT_ACTIONS else step
     if step.kind in CONDITIONAL_MODIFIERS or step.kind in SWITCHES or not step.children:
@@ -281,7 +281,7 @@ def _find_running(step: Step) -> Step | None:
 
 
 def _first_that_decides(children: Sequence[Step]) -> Step | None:
-    """Return the cause in the first child of a sequence that does not simply succeed."""
+    """Return the running step of the first child of a sequence that does not always succeed."""
     for child in children:
         cause = _find_running(child)
         if cause is not None or possible_ends(child) != {SUCCESS}:
@@ -290,19 +290,19 @@ def _first_that_decides(children: Sequence[Step]) -> Step | None:
 
 
 def remembered_guards(tree: Step) -> list[Diagnostic]:
-    """Return a hint for each ``once`` that also remembers the answer of a guard, which kept its node from starting."""
+    """Return a hint for each ``once`` that also stores the result of a guard."""
     found = []
     for step in tree.walk():
         guard = _first_guard(step.children[0]) if step.kind == "once" else None
         if guard is not None:
-            said = f"'once' also remembers that '{guard.kind}' (line {guard.mark.line}) let nothing start"
+            said = f"'once' also remembers that '{guard.kind}' (line {guard.mark.line}) prevented the start"
             hint = _once_hint(step, guard)
-            found.append(Diagnostic(step.source, step.mark, f"{said}, and does not ask it again", hint))
+            found.append(Diagnostic(step.source, step.mark, f"{said}, and does not evaluate it again", hint))
     return found
 
 
 def _once_hint(once: Step, guard: Step) -> str:
-    """Say how only what was done is done once."""
+    """Return the hint how to run only the action once."""
     child = once.children[0]
     while child is not guard and child.kind in MODIFIERS:
         child = child.children[0]
@@ -316,7 +316,7 @@ def _once_hint(once: Step, guard: Step) -> str:
 
 
 def _first_guard(step: Step) -> Step | None:
-    """Return what is asked before anything is done in ``step``, and may end it then; None where nothing does."""
+    """Return the guard that can end ``step`` before an action starts; None if there is none."""
     if step.leaf is not None:
         asks = step.leaf.instant and FAILURE in possible_ends(step) and step.kind not in INSTANT_ACTIONS
         return step if asks else None

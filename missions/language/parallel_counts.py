@@ -14,7 +14,7 @@ from missions.language.expressions import INVALID_VALUE, Value, as_whole_number
 
 
 def arguments_as_written(leaf: type[Leaf], node: Node | None) -> dict[str, str]:
-    """Return the arguments that stand behind a leaf's word, by name; those that are left out are not there."""
+    """Return the given arguments of a leaf as in the file, by name."""
     if isinstance(node, Mapping):
         return entries_as_written(node)
     principal = next((argument.name for argument in leaf.arguments.values() if argument.principal), None)
@@ -24,12 +24,12 @@ def arguments_as_written(leaf: type[Leaf], node: Node | None) -> dict[str, str]:
 
 
 def entries_as_written(node: Node | None) -> dict[str, str]:
-    """Return names with what is given for each; nothing where there is no mapping."""
+    """Return the entries of a mapping as in the file; empty for other nodes."""
     return {name.text: source_text(given) for name, given in node.entries} if isinstance(node, Mapping) else {}
 
 
 def source_text(node: Node) -> str:
-    """Return what a node says, without quotes; lists as ``[a, b]``, mappings as ``{k: v}``, each on one line."""
+    """Return the text of a node without quotes; lists as ``[a, b]``, mappings as ``{k: v}``, each on one line."""
     if isinstance(node, Listing):
         return f"[{', '.join(map(source_text, node.items))}]"
     if isinstance(node, Mapping):
@@ -40,21 +40,24 @@ def source_text(node: Node) -> str:
 SUCCESS_COUNT, FAILURE_COUNT, WAIT_FOR_ALL = "success_count", "failure_count", "wait_for_all"
 
 COUNTS = {
-    SUCCESS_COUNT: ("a count or all", "succeeds once so many children have; all, where it is not said"),
-    FAILURE_COUNT: ("a count or all", "fails once so many children have, or success is impossible; 1 if not said"),
-    WAIT_FOR_ALL: ("true", "halts none of them, and ends when all have ended"),
+    SUCCESS_COUNT: ("a count or all", "succeeds after this number of successes (default: all)"),
+    FAILURE_COUNT: (
+        "a count or all",
+        "fails after this number of failures, or when success is impossible (default: 1)",
+    ),
+    WAIT_FOR_ALL: ("true", "halts no child, and ends when all have ended"),
 }
-"""What may stand beside a ``parallel``: what each takes, and what it does."""
+"""Keys beside a ``parallel``: the form of the value, and its meaning."""
 
 ALL_CHILDREN = "all"
-"""The count of all children, whatever their number."""
+"""Count that means all children."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParallelDecision:
-    """When a parallel ends: once ``successes`` of its children have succeeded, or ``failures`` have failed.
+    """End of a parallel: after ``successes`` successes or ``failures`` failures of its children.
 
-    ``waits_for_all``: it ends only when all children have, and succeeds when fewer than ``failures`` have failed.
+    With ``waits_for_all``, it ends after all children, with success if fewer than ``failures`` have failed.
     """
 
     successes: int
@@ -63,9 +66,9 @@ class ParallelDecision:
 
 
 def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDecision:
-    """Return what decides a parallel; ``settings`` are its own.
+    """Return the decision of a parallel with these settings.
 
-    It fails once as many have failed as ``failure_count`` says, or as many that too few are left that could succeed.
+    It fails after ``failure_count`` failures, or after so many that success is impossible.
     """
     successes = settings.get(SUCCESS_COUNT)
     failures = settings.get(FAILURE_COUNT, 1)
@@ -75,7 +78,7 @@ def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDeci
 
 
 def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[str, Value]:
-    """Read what stands beside a parallel of so many children."""
+    """Read the keys beside a parallel with this number of children."""
     found = {
         word.text: _read_count(context, word.text, node, children)
         for word, node in beside.entries
@@ -89,7 +92,7 @@ def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[s
         if too_many or (asked == ALL_CHILDREN and decided.successes == children):
             context.fault(
                 next(word.mark for word, _ in beside.entries if word.text == FAILURE_COUNT),
-                f"'{FAILURE_COUNT}' cannot matter: after {first}, {decided.successes} of {children} cannot succeed",
+                f"'{FAILURE_COUNT}' has no effect: after {first}, {decided.successes} of {children} cannot succeed",
                 f"write '{SUCCESS_COUNT}' too: how many must succeed"
                 if decided.successes == children
                 else f"write '{FAILURE_COUNT}: {ALL_CHILDREN}': it fails once {decided.successes} cannot succeed any more",

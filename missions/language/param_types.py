@@ -1,4 +1,4 @@
-"""The types of a mission's params: what a caller may give, and what is made of it. A list is all of one kind."""
+"""Params of a mission: their types, defaults, and the values of the caller. A list has members of one type."""
 
 import math
 from collections import defaultdict
@@ -22,11 +22,11 @@ from missions.language.parallel_counts import COUNTS
 LIST_EXAMPLE = "such as [kitchen, hall]"
 
 ScalarReader = Callable[[Scalar], object]
-"""Returns the value that a scalar has, as a member of a list."""
+"""Returns the value of a scalar as a member of a list."""
 
 
 def list_members(node: Listing, read_scalar: ScalarReader) -> list[object]:
-    """Return the values of a list's members. Raises ValueError for what cannot be one."""
+    """Return the members of a list. Raises ValueError for members that are not plain values."""
     return [_member(item, read_scalar) for item in node.items]
 
 
@@ -39,7 +39,7 @@ def _member(node: Node, read_scalar: ScalarReader) -> object:
 
 
 def parse_list(text: str, read_scalar: ScalarReader) -> list[object]:
-    """Read a list from a command line: ``kitchen, hall``, or in brackets. Raises ValueError."""
+    """Parse a list of the command line: ``kitchen, hall``, or in brackets. Raises ValueError."""
     text = text.strip()
     try:
         node = compose(SourceText("", text if text.startswith("[") else f"[{text}]"))
@@ -51,7 +51,7 @@ def parse_list(text: str, read_scalar: ScalarReader) -> list[object]:
 
 
 def list_converter(convert: Convert) -> Convert:
-    """Return what turns a list into one whose members ``convert`` has turned."""
+    """Return a converter that applies ``convert`` to each member."""
     return partial(_convert_members, convert)
 
 
@@ -68,23 +68,23 @@ def _convert_members(convert: Convert, value: object) -> list[object]:
 
 
 LIST_TYPE = "list"
-"""The type of a param that has members, all of one type."""
+"""Type of a param with members of one type."""
 
 NAME_TYPES = ("person", "place", "gesture", "move", MISSION, "file")
-"""The types whose values are the names of something."""
+"""Types whose values are names."""
 
 PARAM_TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAME_TYPES, LIST_TYPE)
-"""The values of ``type`` of a param in its long form."""
+"""Values of ``type`` in the long form of a param."""
 
 INVALID_DEFAULT = object()
-"""Stands for a default that was refused: what would come of it is no fault of its own."""
+"""Placeholder for a default with an error that has been reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParamType:
-    """The type of a param: ``kind`` is one of TYPES; ``member_type`` is the same, or the type of the members of a list.
+    """Type of a param: ``kind`` is one of PARAM_TYPES; ``member_type`` is the same, or the type of list members.
 
-    A value, or a member, lies between ``low`` and ``high``, or is one of ``choices``, where there are some.
+    Values, or list members, are between ``low`` and ``high``, or among ``choices`` if there are any.
     """
 
     kind: str
@@ -96,11 +96,11 @@ class ParamType:
 
     @property
     def value_kind(self) -> Kind:
-        """The kind of its values."""
+        """Kind of the values."""
         return ListKind(param_kind(self.member_type)) if self.kind == LIST_TYPE else param_kind(self.member_type)
 
     def scalar_value(self, node: Scalar) -> Plain:
-        """Return the value that a scalar of a file has as this param, or as a member of it."""
+        """Return the value of a scalar as this param, or as a member of it."""
         if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
             return node.text
         found = default_value(node)
@@ -111,7 +111,7 @@ class ParamType:
         )
 
     def parse(self, text: str) -> object:
-        """Read a value from a command line. Raises ValueError that says what was expected."""
+        """Parse a value of the command line. Raises ValueError with the expected form."""
         if self.kind == LIST_TYPE:
             return self.convert(parse_list(text, self.scalar_value))
         if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
@@ -121,7 +121,7 @@ class ParamType:
         return self.convert(meant if found is None else found)
 
     def read_default(self, context: CheckContext, node: Node, label: str) -> object:
-        """Read a default, which cannot be calculated; ``what`` begins the message of a fault."""
+        """Read a default, which cannot be an expression; ``label`` begins an error message."""
         if isinstance(node, Scalar) and "${" in node.text:
             context.fault(node.mark, f"the default of {label} cannot be calculated", "write a plain value")
             return INVALID_DEFAULT
@@ -129,7 +129,7 @@ class ParamType:
         return INVALID_DEFAULT if found is INVALID_VALUE else found.constant
 
     def read_value(self, context: CheckContext, node: Node, label: str) -> Value:
-        """Read the value that a mission gives; ``what`` begins the message of a fault."""
+        """Read a value in a mission; ``label`` begins an error message."""
         if isinstance(node, Scalar):
             return context.read_value(
                 replace(node, value=self.scalar_value(node)),
@@ -148,7 +148,7 @@ class ParamType:
 
 
 def param_kind(word: str) -> Kind:
-    """Return the kind of the values that a param of a type has."""
+    """Return the kind of the values of a param type."""
     if word.startswith(f"{LIST_TYPE} of "):
         return ListKind(param_kind(word.removeprefix(f"{LIST_TYPE} of ")))
     if word in UNITS:
@@ -159,7 +159,7 @@ def param_kind(word: str) -> Kind:
 
 
 def infer_type(context: CheckContext, name: str, node: Node) -> ParamType | None:
-    """Return the type of a param that has nothing but a default."""
+    """Return the type of a param with only a default; None if it has an error."""
     if isinstance(node, Scalar):
         return _make_type(context, Argument(name, type_of_value(default_value(node)), ""))
     kind = _common_kind(context, name, node) if isinstance(node, Listing) else None
@@ -167,7 +167,7 @@ def infer_type(context: CheckContext, name: str, node: Node) -> ParamType | None
 
 
 def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | None:
-    """Return the type of a param in its long form; None, and a fault, where it is none."""
+    """Return the type of a param in its long form; None if it has an error, which is reported."""
     given = node.get("default")
     kind, of = (_read_type_word(context, name, node, key) for key in ("type", "of"))
     if "" in (kind, of):  # wrong, which has been noted
@@ -201,7 +201,7 @@ def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | No
 
 
 def type_of_value(value: object) -> str:
-    """Return the type of a plain value; "value" for nothing."""
+    """Return the type of a plain value; "value" for None."""
     if isinstance(value, Quantity):
         return value.dimension
     if isinstance(value, bool):
@@ -218,7 +218,7 @@ def _make_type(context: CheckContext, argument: Argument, *, many: bool = False)
 
 
 def _keep_written(check: Convert, kind: str) -> Convert:
-    """Check as an argument is checked, but keep quantities, numbers and names as they are written."""
+    """Return a converter that checks like ``check``, but keeps quantities, numbers and names as written."""
 
     def convert(value: object) -> object:
         checked = check(value)
@@ -233,7 +233,7 @@ def _keep_written(check: Convert, kind: str) -> Convert:
 
 
 def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
-    """Return the kind of all members of a list."""
+    """Return the common type of all members of a list; None if there is an error."""
     items = [item for item in node.items if isinstance(item, Scalar)]
     kinds = [type_of_value(default_value(item)) for item in items]
     if not kinds:
@@ -243,13 +243,13 @@ def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
     for item, kind in zip(items, kinds, strict=True):
         if kind != kinds[0]:
             both = f"{quoted_value(items[0].text)} is {with_article(kinds[0])}, {quoted_value(item.text)} {with_article(kind)}"
-            context.fault(item.mark, f"param '{name}': the members of a list are of one type: {both}")
+            context.fault(item.mark, f"param '{name}': the members of a list must have one type: {both}")
             return None
     return kinds[0]
 
 
 def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -> str | None:
-    """Return the type that a key names, None where the key is missing, and nothing where the type is unknown."""
+    """Return the type of a key; None if the key is missing, empty if the type is unknown."""
     given = node.get(key)
     if given is None:
         return None
@@ -262,14 +262,14 @@ def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -
 
 
 def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
-    """Return the words that a choice has, nothing for what is no choice; None where there is a fault."""
+    """Return the words of a choice, or an empty tuple for other types; None if there is an error."""
     node = beside.get("choices")
     if node is None and kind != "choice":
         return ()
     found = tuple(item.text for item in node.items if isinstance(item, Scalar)) if isinstance(node, Listing) else ()
     if not found or kind not in (None, "choice", LIST_TYPE):
         example = "write {type: choice, choices: [left, right]}"
-        message = f"param '{name}' needs 'choices', a list of words" if not found else f"param '{name}' is no choice"
+        message = f"param '{name}' needs 'choices', a list of words" if not found else f"param '{name}' is not a choice"
         context.fault((node or beside).mark, message, example)
         return None
     return found
@@ -280,15 +280,15 @@ def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str |
 # What sets the variables of a mission: read before its steps, since an expression may stand above what sets it.
 
 KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
-"""The words besides those of leaves and ``as`` that mean something beside a behaviour."""
+"""Words beside a behaviour, in addition to leaves and ``as``."""
 
 Leaves = Named[str, type[Leaf]]
 
 
 def find_setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None]]:
-    """Return the variables that anything below ``node`` sets, each with the leaves that ``as`` keeps something of.
+    """Return the variables that are set below ``node``, each with the leaves that set them by ``as``.
 
-    None stands for what may be anything: ``returns``, a leaf such as ``set``, or ``as`` beside a mission.
+    None stands for setters of any type: ``returns``, a leaf such as ``set``, or ``as`` beside a mission.
     """
     found = defaultdict(list)
     for name, leaf in _iter_setters(node, leaves):
@@ -297,7 +297,7 @@ def find_setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None
 
 
 def single_kind_leaves(setters: Named[str, list[type[Leaf] | None]]) -> dict[str, type[Leaf]]:
-    """Return the variables into which leaves alone put something, and all of them of one type; each with a leaf."""
+    """Return the variables that are set only by leaves with one result type, each with one of those leaves."""
     kinds = {name: {None if leaf is None else leaf.output_type for leaf in leaves} for name, leaves in setters.items()}
     one = [name for name, types in kinds.items() if len(types) == 1 and None not in types]
     return {name: leaf for name in one if (leaf := setters[name][0]) is not None}
@@ -313,7 +313,7 @@ def _iter_setters(node: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] 
 
 
 def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
-    """Yield what one key of a node sets, or what is below it."""
+    """Yield the variables that one key of a node sets, itself or below it."""
     leaf = leaves.get(word)
     if word == "as" and isinstance(value, Scalar):
         yield value.text, next((leaves[key.text] for key, _ in node.entries if key.text in leaves), None)
@@ -345,12 +345,12 @@ def _is_returns(beside: Mapping, key: str) -> bool:
 
 
 PARAM_KEYS = ("default", "type", "of", "choices", "help", "low", "high")
-"""The keys of a param in its long form."""
+"""Keys of a param in its long form."""
 
 
 @dataclass(frozen=True, slots=True)
 class Param:
-    """One param: an argument of the mission. ``default`` is REQUIRED for one that the caller must give, or WRONG."""
+    """A param of a mission; ``default`` is REQUIRED if the caller must set it, or INVALID_DEFAULT."""
 
     name: str
     default: object
@@ -364,16 +364,16 @@ class Param:
 
     @property
     def required(self) -> bool:
-        """True when the caller must give it."""
+        """True if the caller must set it."""
         return self.default is REQUIRED
 
     @property
     def has_value(self) -> bool:
-        """True when it has a value even where the caller gives none."""
+        """True if it has a value without the caller."""
         return self.default not in (REQUIRED, INVALID_DEFAULT)
 
     def parse(self, text: str) -> object:
-        """Read a value from a command line. Raises ValueError that says what was expected."""
+        """Parse a value of the command line. Raises ValueError with the expected form."""
         return self.type.parse(text)
 
 
@@ -417,7 +417,7 @@ def _read_long(context: CheckContext, name: str, node: Mapping) -> Param | None:
 def assign_params(
     context: CheckContext, params: Named[str, Param], texts: Named[str, str], mission: str, *, complete: bool
 ) -> None:
-    """Put the caller's values in the place of the defaults; where ``complete``, note what is still missing."""
+    """Set the params to the caller's values or the defaults; if ``complete``, report missing ones."""
     for name, param in params.items():
         if param.has_value:
             context.params[name] = param.default

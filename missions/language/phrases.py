@@ -1,4 +1,4 @@
-"""What a mission listens for: read from its file, and gathered from its whole tree."""
+"""Phrases that a mission listens for."""
 
 from dataclasses import replace
 from string import punctuation
@@ -14,14 +14,14 @@ from missions.language.plan import Step
 from perception.hearing.grammar import normalise, phrase_error
 
 PHRASES_KIND = "phrases"
-"""The kind of the arguments that hold them."""
+"""Kind of arguments that take phrases."""
 
 
 def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
-    """Read one phrase, or a list of them: a mapping from how each is listened for to how it is written.
+    """Read one phrase or a list: a mapping from the normalised form to the written form.
 
-    All must be known before the mission starts, since the recogniser is made for them; what has to wait for a param
-    that nobody has given yet is left out.
+    All phrases must be known before the run, since the recogniser needs them; those that depend on a missing param are
+    left out.
     """
     found: dict[str, str] = {}
     wrong = False
@@ -52,7 +52,7 @@ def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
 
 
 def second_phrase_hint(leaf: type[Leaf], node: Mapping, name: Scalar) -> str:
-    """Say how to write two phrases where ``{for: yes, no}`` stands, of which YAML makes a key without a value."""
+    """Return the hint for ``{for: yes, no}``, which YAML reads as a key without a value."""
     own = next((argument.name for argument in leaf.arguments.values() if argument.kind == PHRASES_KIND), "")
     first, second = node.get(own), node.get(name.text)
     if not isinstance(first, Scalar) or not isinstance(second, Scalar) or second.value is not None:
@@ -69,12 +69,12 @@ def _check_phrase(value: object) -> str:
 
 
 def all_phrases(tree: Step) -> tuple[str, ...]:
-    """Return all phrases that a mission listens for, as they are listened for, each once."""
+    """Return all phrases of a mission in normalised form, each once."""
     return tuple(dict.fromkeys(phrase for step in tree.walk() for phrase in step_phrases(step)))
 
 
 def step_phrases(step: Step) -> dict[str, str]:
-    """Return the phrases that one step listens for, as far as they are known: as written, by how each is heard."""
+    """Return the known phrases of one step: the written form by the normalised form."""
     declared = {} if step.leaf is None else step.leaf.arguments
     found: dict[str, str] = {}
     for name, value in step.arguments.items():
@@ -84,7 +84,7 @@ def step_phrases(step: Step) -> dict[str, str]:
 
 
 def check_phrases(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
-    """Note every word that the robot's ears cannot listen for, since nobody knows how it is said."""
+    """Report each word whose pronunciation is unknown to the robot."""
     words = dict.fromkeys(word for phrase in all_phrases(tree) for word in phrase.split())
     unknown = set(robot.unpronounceable(tuple(words))) if words else set()
     for step in tree.walk():
@@ -99,7 +99,7 @@ def check_phrases(context: CheckContext, tree: Step, robot: TargetRobot) -> None
 
 
 def confusions(tree: Step, robot: TargetRobot) -> list[Diagnostic]:
-    """Return a hint for each two phrases that the robot's ears easily take for each other, where the second stands."""
+    """Return a hint for each pair of phrases that the robot easily confuses, at the second one."""
     places: dict[str, tuple[Step, str]] = {}
     for step in tree.walk():
         for phrase, written in step_phrases(step).items():
@@ -116,6 +116,6 @@ def _confusion_hint(one: tuple[Step, str], other: tuple[Step, str]) -> Diagnosti
 
 
 def _as_written(word: str, phrase: str) -> str:
-    """Return a word as the mission writes it, in ``phrase``."""
+    """Return the written form of a normalised word of ``phrase``."""
     plain = (each.strip(punctuation) for each in phrase.split())
     return next((each for each in plain if normalise(each) == word), word)

@@ -1,4 +1,4 @@
-"""A checked mission: a tree of steps, each of which knows where in the file it stands."""
+"""A checked mission: a tree of steps, each with its place in the file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field
@@ -14,18 +14,17 @@ from missions.language.robot_state import ROBOT_STATE, state_value
 
 @dataclass(frozen=True)
 class Step:
-    """One node of the tree to be: a leaf, a composite, a sub-mission, or a modifier around its one child.
+    """One node of the tree: a leaf, a composite, a sub-mission, or a modifier around its one child.
 
-    ``kind`` is the word in the mission, ``name`` what a person sees, ``source`` the file in which it stands. A leaf has
-    its class in ``leaf``. ``arguments`` are a leaf's, the one ``value`` of a modifier, the ``on`` of a switch, or the
-    params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
-    ``returns`` are computed among a sub-mission's own variables, ``output_variable`` names the variable that keeps a result.
-    ``binds`` are the variables that a for_each gives values to for its child: for the member, and for its number; and
-    those that a hole may set.
-    ``text`` is what stands behind the word, where that is one value. ``arguments_as_written`` are the arguments by name, as the file
-    has them and in its order, for pictures.
+    ``kind`` is the word in the mission, ``name`` the label for people, ``source`` its file. A leaf has its class in
+    ``leaf``. ``arguments`` are those of a leaf, the one ``value`` of a modifier, the ``on`` of a switch, or the params
+    of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default. ``returns``
+    are evaluated with the variables of a sub-mission; ``output_variable`` stores the result. ``binds`` are the
+    variables that a for_each sets for its child (the member, and its number), and those that an unread node may set.
+    ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the file,
+    for pictures.
 
-    What a whole subtree sets or claims is computed once for each step: each level above asks for it again.
+    Variables and claims of a subtree are cached, since each level above uses them again.
     """
 
     kind: str
@@ -44,7 +43,7 @@ class Step:
     arguments_as_written: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def walk(self) -> Iterator["Step"]:
-        """This step and all below it, in the order of the file."""
+        """Yield this step and all below it, in the order of the file."""
         waiting = [self]
         while waiting:
             step = waiting.pop()
@@ -53,7 +52,7 @@ class Step:
 
     @cached_property
     def direct_variables(self) -> frozenset[str]:
-        """The variables of its mission that it sets itself, not those that something below it does."""
+        """Variables of its mission that the step itself sets."""
         found = {*self.binds, *(() if self.output_variable is None else (self.output_variable,))}
         if self.kind == MISSION and self.output_variable is None:
             found |= self.returns.keys()
@@ -63,35 +62,35 @@ class Step:
 
     @cached_property
     def variables(self) -> frozenset[str]:
-        """The variables of its mission that it sets, or that something below it does."""
+        """Variables of its mission that the step, or a step below it, sets."""
         below = () if self.kind == MISSION else self.children
         return self.direct_variables.union(*(child.variables for child in below))
 
     @cached_property
     def claims(self) -> frozenset[str]:
-        """The actuators that it drives, or that something below it does."""
+        """Actuators that the step, or a step below it, drives."""
         own = frozenset[str]() if self.leaf is None else self.leaf.drives
         return own.union(*(child.claims for child in self.children))
 
     @property
     def needs(self) -> frozenset[str]:
-        """The parts of a robot that it cannot do without: to act, and to know what its expressions read."""
+        """Parts that the step, or a step below it, requires: to act, and for its expressions."""
         return frozenset().union(*(step.direct_needs for step in self.walk()))
 
     @property
     def parts(self) -> frozenset[str]:
-        """All parts of a robot that it has to do with: what it needs and drives, and what it could do without."""
+        """All parts that the step, or a step below it, uses: required, driven and optional ones."""
         uses = (step.leaf.optional_parts for step in self.walk() if step.leaf is not None)
         return frozenset().union(self.needs, self.claims, *uses)
 
     @property
     def senses(self) -> frozenset[str]:
-        """What it, or something below it, looks for with the camera."""
+        """Detectors that the step, or a step below it, uses."""
         return frozenset().union(*(step.direct_senses for step in self.walk()))
 
     @property
     def direct_senses(self) -> frozenset[str]:
-        """What it looks for itself: as its leaf declares, and what its expressions read."""
+        """Detectors that the step itself uses: by its leaf, and by its expressions."""
         parts = {ROBOT_STATE[read.name].sense for read in self._reads if read.name in ROBOT_STATE}
         values = (state_value(read.name, read.member) for read in self._reads)
         asked = frozenset(filter(None, parts | {value.sense for value in values if value is not None}))
@@ -102,44 +101,44 @@ class Step:
 
     @property
     def named_parts(self) -> Mapping[str, str]:
-        """The further parts that it names, by their kinds."""
+        """Names of further parts that the leaf uses, by kind."""
         return {} if self.leaf is None else self.leaf.named_parts
 
     @property
     def parts_beside(self) -> Mapping[str, str]:
-        """The kinds of the parts that it names beside one of the same kind, by their names."""
+        """Kinds of further parts that the leaf uses in addition to one of the same kind, by name."""
         return {} if self.leaf is None else self.leaf.additional_parts
 
     @property
     def direct_needs(self) -> frozenset[str]:
-        """The parts that it needs itself, not those of what is below it."""
+        """Parts that the step itself requires."""
         known = frozenset(ROBOT_STATE[read.name].part for read in self._reads if read.name in ROBOT_STATE)
         return known | (self.leaf.needs if self.leaf is not None else frozenset())
 
     @property
     def _reads(self) -> Iterator[NameReference]:
-        """What its expressions read."""
+        """Names that its expressions read."""
         values = (value.template for value in (*self.arguments.values(), *self.returns.values()))
         return (read for template in values if template is not None for read in template.reads)
 
 
 class PlaceholderLeaf(Leaf):
-    """Stands in the tree for what could not be read, so that the rest can be checked around it: it may end anyhow.
+    """Leaf in place of a node that could not be read, so that the rest can be checked; it may end in any way.
 
-    It ``binds`` the variables that may be set there.
+    Its step ``binds`` the variables that may be set there.
     """
 
 
 UNREAD_KIND = ""
-"""The kind of a hole, and of what stands beside a behaviour and could not be read: that may change any end."""
+"""Kind of a placeholder, and of an unreadable key beside a behaviour, which may change any end."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionProperty:
-    """What a mission promises of itself, for ``mission verify`` to prove.
+    """A claim about a mission, which ``mission verify`` proves.
 
     ``form`` is "while", "before", "after", "without", "stopped", "eventually" or "can". ``subject`` and ``other`` name
-    behaviours, nodes or actuators; of "can" the subject is the end. ``text`` is the whole of it as it is written.
+    behaviours, nodes or actuators; for "can" the subject is the end. ``text`` is the claim as written.
     """
 
     form: str
@@ -151,9 +150,9 @@ class MissionProperty:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A whole mission, checked. ``params`` hold this run's values, ``returns`` what it tells in the end.
+    """A checked mission. ``params`` are the values of this run, ``returns`` the results.
 
-    ``if_interrupted`` (``retry``, ``give_up``; empty where it says nothing) is for the mission as a task.
+    ``if_interrupted`` (``retry``, ``give_up``, or empty) is for the mission as a task.
     """
 
     mission: str

@@ -1,4 +1,4 @@
-"""What expressions read in any case, and whether they may fail in a run."""
+"""Static analysis of expressions: names that are always read, and evaluations that may fail."""
 
 import ast
 from collections.abc import Collection, Iterator, Mapping
@@ -10,7 +10,7 @@ from missions.language.plan import Step
 
 
 def always_read_names(value: Value) -> frozenset[str]:
-    """Return the names that computing ``value`` reads whatever the others are: not behind ``and``, ``or``, ``if``."""
+    """Return the names that an evaluation always reads: not those behind ``and``, ``or`` or ``if``."""
     formula = value.template
     if formula is None:
         return frozenset()
@@ -18,9 +18,9 @@ def always_read_names(value: Value) -> frozenset[str]:
 
 
 def nonzero_variables(tree: Step, params: Mapping[str, object]) -> frozenset[str]:
-    """Return the variables of a mission that hold a number other than 0, where they are set at all.
+    """Return the variables that only hold numbers other than 0, if they are set.
 
-    ``given`` are the values of its params that are known.
+    ``params`` are the known values of params.
     """
     held = {name: [value] for name, value in params.items()}
     for step in steps_in_scope(tree):
@@ -31,9 +31,9 @@ def nonzero_variables(tree: Step, params: Mapping[str, object]) -> frozenset[str
 
 
 def may_fail(value: Value, unset: Collection[str], nonzero: Collection[str]) -> bool:
-    """Say whether computing ``value`` may fail for what a run finds, where ``unset`` names may have no value.
+    """Return whether an evaluation can fail in a run, if the ``unset`` names may have no value.
 
-    Those that are ``nonzero_variables`` can be divided by. A mixture of dimensions is no failure: it is a mistake for itself.
+    The ``nonzero`` names can be divisors. Mixed dimensions are not counted, as they are errors of their own.
     """
     formula = value.template
     if formula is None:
@@ -44,7 +44,7 @@ def may_fail(value: Value, unset: Collection[str], nonzero: Collection[str]) -> 
 
 
 def _always_has_value(node: ast.expr, nonzero: Collection[str]) -> bool:
-    """Say whether an expression has a value whatever its names hold: no members, no division by what may be zero."""
+    """Return whether an expression always has a value: no members, and no division by a possible zero."""
     match node:
         case ast.Name() | ast.Constant():
             return True

@@ -1,4 +1,4 @@
-"""The robot's state that expressions read: the one declaration for checker, expressions, runs, verify and docs."""
+"""The robot's state in expressions, declared once for checker, runs, verify and docs."""
 
 from collections.abc import Mapping
 
@@ -7,11 +7,11 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StateValue:
-    """One value: its kind (a dimension, "percent", "flag" or "text") and its meaning.
+    """One value: its kind (a dimension, "percent", "flag" or "text") and its help.
 
-    ``options`` are all its values where they are few: verify tries each. ``sense`` is what the camera has to look for.
-    ``is_always_known`` marks a value that is known while its part does not report, and ``is_dead_reckoned`` one that is dead reckoning
-    where nothing measures how the base moves.
+    ``options`` are all its values if they are few; verify tries each. ``sense`` is the detector that it needs.
+    ``is_always_known`` marks a value that is known while its part does not report. ``is_dead_reckoned`` marks one
+    without a measurement on bases that do not measure motion.
     """
 
     kind: str
@@ -33,73 +33,73 @@ class StatePart:
 
 
 def _flag(text: str, *, first: bool = False, sense: str = "", is_always_known: bool = False) -> StateValue:
-    """Return a flag; verify tries its value ``first`` before the other."""
+    """Return a flag; verify tries the value ``first`` first."""
     return StateValue("flag", text, (first, not first), sense, is_always_known)
 
 
 ROBOT_STATE: Mapping[str, StatePart] = {
     "base": StatePart("base", "base", {
-        "x": StateValue("length", "Metres ahead of where it started.", is_dead_reckoned=True),
-        "y": StateValue("length", "Metres to the left of where it started.", is_dead_reckoned=True),
-        "heading": StateValue("angle", "Radians since it started, positive to the left.", is_dead_reckoned=True),
+        "x": StateValue("length", "Position ahead of the start, in metres.", is_dead_reckoned=True),
+        "y": StateValue("length", "Position to the left of the start, in metres.", is_dead_reckoned=True),
+        "heading": StateValue("angle", "Heading relative to the start, in radians, positive to the left.", is_dead_reckoned=True),
         "reckoned": StateValue(
             "flag",
-            "True where nothing measures how it moves: its place is dead reckoning, on which no condition may rest.",
+            "True if the base does not measure its motion: its pose is dead reckoning, which no condition may use.",
         ),
         "bumper": _flag("True while a bumper is pressed."),
         "cliff": _flag("True while a cliff sensor sees no floor."),
         "wheel_drop": _flag("True while a wheel hangs."),
         "button": StateValue(
             "number",
-            "The number of the button that is pressed, the lowest of several; none, while none is.",
+            "Number of the pressed button, the lowest of several; none if no button is pressed.",
             (None, 0, 1, 2),
         ),
-        "docked": _flag("True while it stands on the contacts of its dock."),
-        "stopped": _flag("True while it is stopped until somebody enables it.", is_always_known=True),
+        "docked": _flag("True while the base is on the contacts of its dock."),
+        "stopped": _flag("True while the base is latched: stopped until a person enables it.", is_always_known=True),
         "driver": StateValue(
             "text",
-            "Who commands it: `mission`, `teleop` or `safety`; an empty text while nobody does.",
+            "Source of its commands: `mission`, `teleop` or `safety`; an empty text if there is none.",
             ("mission", "teleop", "safety", ""),
             is_always_known=True,
         ),
     }),
     "battery": StatePart("base", "base", {
-        "percent": StateValue("percent", "How full it is, 0..100."),
-        "voltage": StateValue("voltage", "In volts."),
+        "percent": StateValue("percent", "Charge in percent, 0..100."),
+        "voltage": StateValue("voltage", "Voltage in volts."),
         "charging": _flag("True while it charges."),
-        "low": _flag("True when it is below what the robot file calls low, and was so two seconds ago."),
+        "low": _flag("True if the charge has been below the low threshold of the robot file for two seconds."),
         "critical": _flag(
-            "True when it is below what the robot file calls critical, and was so two seconds ago: the mission ends."
+            "True if the charge has been below the critical threshold of the robot file for two seconds: the mission ends."
         ),
     }),
     "face": StatePart("camera", "camera", {
-        "seen": _flag("True when a face was seen within the last half second.", first=True),
-        "count": StateValue("number", "How many faces were seen within the last half second."),
-        "id": StateValue("number", "The id of the largest face."),
+        "seen": _flag("True if a face was seen within the last half second.", first=True),
+        "count": StateValue("number", "Number of faces seen within the last half second."),
+        "id": StateValue("number", "Id of the largest face."),
         "name": StateValue(
             "text",
-            "Whose it is: a name, `unknown` for a stranger, an empty text while that is not decided.",
+            "Name of its person, `unknown` for a stranger, an empty text while undecided.",
             sense="names",
         ),
-        "undecided": _flag("True while a face is seen of which it is not decided whose it is.", sense="names"),
-        "distance": StateValue("length", "How far away it is, in metres, guessed from its size."),
-        "bearing": StateValue("angle", "How far it is from the camera's axis, in radians, positive to the left."),
+        "undecided": _flag("True while a face is seen whose person is undecided.", sense="names"),
+        "distance": StateValue("length", "Distance in metres, estimated from its size."),
+        "bearing": StateValue("angle", "Angle from the camera's axis, in radians, positive to the left."),
     }, sense="faces"),
     "head": StatePart("head", "head", {
         "pan": StateValue("angle", "Radians, positive to the left."),
         "tilt": StateValue("angle", "Radians, positive down."),
     }),
     "range": StatePart("range", "range finder", {
-        "nearest": StateValue("length", "Metres to the nearest thing around."),
+        "nearest": StateValue("length", "Distance to the nearest obstacle, in metres."),
         "ahead": StateValue(
-            "length", "Metres to the nearest thing within 30 degrees left and right of straight ahead."
+            "length", "Distance to the nearest obstacle within 30 degrees left and right of straight ahead, in metres."
         ),
     }),
 }  # fmt: skip
-"""What expressions read, as ``battery.percent``."""
+"""The robot's state by part, as in ``battery.percent``."""
 
 
 def state_value(part: str, name: str) -> StateValue | None:
-    """Return the declaration of ``part.name``; None for a name of something else."""
+    """Return the declaration of ``part.name``; None if there is none."""
     found = ROBOT_STATE.get(part)
     return None if found is None else found.values.get(name)

@@ -1,4 +1,4 @@
-"""From YAML nodes to steps: a word, one key with a value, a mapping or a list, and the modifiers beside it."""
+"""Steps from YAML nodes: a word, a key with a value, a mapping or a list, and the modifiers beside it."""
 
 import re
 from collections.abc import Callable, Collection
@@ -33,7 +33,7 @@ ReadStep = Callable[[CheckContext, Node], Step]
 def read_submission(
     context: CheckContext, key: Scalar, value: Node | None, beside: Mapping, name: str | None, read_step: ReadStep
 ) -> Step | None:
-    """Read ``mission: NAME`` with the ``with`` and ``returns`` beside it."""
+    """Read ``mission: NAME`` with the ``with`` and ``returns`` beside it; None if it has errors."""
     if not isinstance(value, Scalar) or value.value is None:
         context.fault(key.mark, "'mission' needs the name of a mission, or the path of its file")
         return None
@@ -72,7 +72,7 @@ def read_submission(
         context.variables |= returns.keys()
         context.forget_kinds(returns)
     elif not returns:
-        context.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could keep")
+        context.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could store")
     shown = name or body.mission
     return Step(
         MISSION,
@@ -106,7 +106,7 @@ def _find_submission(context: CheckContext, value: Scalar) -> Path | None:
 
 
 def _library_hint(context: CheckContext, value: Scalar, path: Path) -> str:
-    """Say how to run a mission of the library whose name the file at ``path`` has; nothing where there is none."""
+    """Return the hint how to run the library's mission of the same name; empty if there is none."""
     with suppress(LookupError):
         context.vocabulary.find_mission(value.text, path)  # nothing is beside in a file, which is no folder
         return f"the library has another '{value.text}': rename {path.name} to run that"
@@ -114,7 +114,7 @@ def _library_hint(context: CheckContext, value: Scalar, path: Path) -> str:
 
 
 def includes_mission(context: CheckContext, path: Path, files: Collection[Path]) -> bool:
-    """Say whether the mission in a file is one of ``files``, or runs one of them, itself or by another."""
+    """Return whether the mission in a file is one of ``files``, or runs one of them, directly or indirectly."""
     found, new = set[Path](), [path]
     while new:
         path = new.pop().resolve()
@@ -130,13 +130,13 @@ def includes_mission(context: CheckContext, path: Path, files: Collection[Path])
 
 
 _SUBMISSION_PATTERN = re.compile(r"""(?<=[ {\[,])mission:\s*['"]?([\w./-]+)""")
-"""The missions that a mission runs."""
+"""References to sub-missions in the text of a mission."""
 
 
 def _report_unknown_param(
     context: CheckContext, inner_context: CheckContext, params: dict[str, Param], mission: str, name: Scalar
 ) -> None:
-    """Note a param that a sub-mission does not have; one that is wrong there has been noted."""
+    """Report a param that a sub-mission does not have; one with an error there has been reported."""
     if name.text not in inner_context.missing_params:
         hint = outdent_hint(name.text, MISSION) or suggest_from(name.text, params) or "it has none"
         context.fault(name.mark, f"mission '{mission}' has no param {quoted_value(name.text)}", hint)
@@ -150,7 +150,7 @@ def _read_submission_params(
     value: Scalar,
     node: Node | None,
 ) -> dict[str, Value]:
-    """Return the values of all params of a sub-mission: those given in ``with``, else the defaults."""
+    """Return the values of all params of a sub-mission: from ``with``, or the defaults."""
     values: dict[str, Value] = {}
     refused: set[str] = set()
     if node is not None and not isinstance(node, Mapping):
@@ -186,17 +186,17 @@ def _read_submission_params(
 
 
 BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS)
-"""What may stand beside a behaviour without wrapping it."""
+"""Keys beside a behaviour that do not wrap it."""
 
 OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
-"""What stands only beside one behaviour."""
+"""Keys that are allowed beside one behaviour only."""
 
-LIST_HINT = "`mission list behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
+LIST_HINT = "`mission list behaviours` lists all; put your own into behaviours/NAME.py beside the mission"
 MISSING_MESSAGE = "a behaviour is missing here"
 
 
 def read_step(context: CheckContext, node: Node) -> Step:
-    """Read one node of the tree; a hole where it is too wrong to go on."""
+    """Read one node of the tree; return a placeholder if it has errors."""
     above = context.depth
     context.depth += 1 + sum(key.text in MODIFIERS for key, _ in (node.entries if isinstance(node, Mapping) else ()))
     try:
@@ -216,8 +216,8 @@ def read_step(context: CheckContext, node: Node) -> Step:
 
 
 def _report_too_deep(context: CheckContext, node: Node) -> Step:
-    """Note it once: each of a thousand leaves may be too deep."""
-    message = f"nested too deep: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
+    """Report the depth once, although each of a thousand leaves may be too deep."""
+    message = f"nested too deeply: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
     if all(fault.message != message for fault in context.faults):
         context.fault(node.mark, message, certain=True)
     context.has_unreadable_mission = True
@@ -225,7 +225,7 @@ def _report_too_deep(context: CheckContext, node: Node) -> Step:
 
 
 def _placeholder(context: CheckContext, node: Node) -> Step:
-    """Return what stands for a node that could not be read: it may set what anything below it would."""
+    """Return a placeholder for a node with errors, with the variables that may be set below it."""
     names = {*find_setters(node, context.leaves)}
     words = (
         [_text(node)] if not isinstance(node, Mapping) else [*node.keys(), *(_text(each) for _, each in node.entries)]
@@ -253,7 +253,7 @@ def _read_with_modifiers(context: CheckContext, node: Mapping) -> Step:
         if {key.text for key, _ in node.entries} in ({"delay"}, {"hold"}):
             hint = "write 'wait' for a step that waits"
         context.fault(
-            node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING_MESSAGE, hint
+            node.mark, "no behaviour here, only keys that stand beside one" if node.entries else MISSING_MESSAGE, hint
         )
     for key, _ in behaviours[1:]:
         first = behaviours[0][0].text
@@ -286,7 +286,7 @@ def _is_behaviour(context: CheckContext, word: str) -> bool:
 
 
 def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
-    """Read the behaviour itself, with what stands beside it."""
+    """Read a behaviour with the keys beside it; None if it has errors."""
     if not _is_behaviour(context, key.text):
         _report_unknown_word(context, key, "behaviour", alone=True)
         return None
@@ -302,7 +302,7 @@ def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, besi
         context.check_new_name(keep_as, "'as'")
         if key.text != MISSION and (leaf is None or not leaf.output_doc):
             hint = "indent it, to stand beside the behaviour above" if key.text in COMPOSITES else ""
-            context.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep", hint)
+            context.fault(keep_as.mark, f"'{key.text}' has no result that 'as' could store", hint)
     for word, _ in beside.entries if beside is not None else ():
         only = OWNER_OF_KEY.get(word.text, key.text)
         if only != key.text:
@@ -315,7 +315,7 @@ def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, besi
 def _read_by_kind(
     context: CheckContext, key: Scalar, value: Node | None, beside: Mapping, name: str | None
 ) -> Step | None:
-    """Read what is a leaf, a sub-mission, a switch or another composite, each in its own way."""
+    """Read a leaf, a sub-mission, a switch or another composite."""
     leaf = context.leaves.get(key.text)
     shown = name or key.text
     if leaf is not None:
@@ -345,9 +345,9 @@ def _read_by_kind(
 
 
 def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
-    """Return the leaf, which means the parts that its arguments name, of those of which a robot may have several.
+    """Return the leaf bound to the parts that its arguments name.
 
-    Of several arguments of one kind the first says which it sees as its robot's only one.
+    The first of several arguments of one kind sets the part that the leaf sees as its robot's only one.
     """
     of_parts = [argument for argument in leaf.arguments.values() if argument.kind in REPEATABLE_KINDS]
     for place, argument in enumerate(of_parts):
@@ -368,12 +368,12 @@ def _text(node: Node | None) -> str:
 def _report_unknown_word(
     context: CheckContext, key: Scalar, label: str, *, alone: bool, beside: Collection[str] = ()
 ) -> None:
-    """Note an unknown word, with what may have been meant."""
+    """Report an unknown word, with a suggestion."""
     modifiers, composites = (*MODIFIERS, *BESIDE_KEYS), BRANCHES
     words = [*context.leaves, *composites, *([] if alone else modifiers)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if " - " in key.text:
-        hint = "the '- ' of a list must stand one below the other, in one column"
+        hint = "align each '- ' of a list in one column"
     elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
         hint = UNMATCHED_HINT  # a loop, which neither of them is
     elif found is not None and found[1] in words:
@@ -383,15 +383,15 @@ def _report_unknown_word(
         hint = hint or unknown_word_hint(key.text, context.leaves, composites, modifiers, alone=alone)
         skipped = getattr(context.leaves, "skipped", ())
         hint = hint or (
-            f"it may be defined by what could not be loaded: {', '.join(skipped)}" if skipped else LIST_HINT
+            f"it may be defined in a file that could not be loaded: {', '.join(skipped)}" if skipped else LIST_HINT
         )
     context.fault(key.mark, f"unknown {label} {quoted_value(key.text)}", hint, certain=True)
 
 
 def _mission_hint(context: CheckContext, word: str, *, alone: bool) -> str:
-    """Say how a mission is run whose name stands where a behaviour is needed; nothing where there is none.
+    """Return the hint for a mission name in place of a behaviour; empty if there is no such mission.
 
-    A word for a behaviour of ours means that, unless the mission is the user's own: its file stands beside this one.
+    A word that means one of our behaviours is not taken for a mission, unless the mission is in the same folder.
     """
     params = "" if alone else ", and its params under 'with:' beside it"
     path = _find_mission_of(context, word)
@@ -405,7 +405,7 @@ def _mission_hint(context: CheckContext, word: str, *, alone: bool) -> str:
 
 
 def _find_mission_of(context: CheckContext, word: str) -> Path | None:
-    """Return the file of the mission that a word names; None where there is none."""
+    """Return the file of the mission that a word names; None if there is none."""
     with suppress(LookupError):
         path = context.vocabulary.find_mission(word, Path(context.source.name).parent) if word.isidentifier() else None
         return path if path is not None and "missions" in kinds_of(path) else None
@@ -413,7 +413,7 @@ def _find_mission_of(context: CheckContext, word: str) -> Path | None:
 
 
 def _read_below(context: CheckContext, node: Node) -> None:
-    """Read what stands below an unknown word for its own mistakes, where it looks like the children of a composite."""
+    """Read the nodes below an unknown word that looks like a composite, to report their errors."""
     for item in node.items if isinstance(node, Listing) else ():
         if isinstance(item, Mapping):
             read_step(context, item)

@@ -1,6 +1,6 @@
-"""``switch`` and ``reactive_switch``: one of several behaviours, chosen by the value of an expression.
+"""``switch`` and ``reactive_switch``: one of several behaviours, selected by the value of an expression.
 
-The cases must be what the expression can make.
+The cases must be possible values of the expression.
 """
 
 import re
@@ -19,26 +19,26 @@ from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.plan import Step
 
 YES_NO_MEANINGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-"""What people write for true and false."""
+"""Words for true and false."""
 
 
 def impossible_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
-    """Yield the mistakes in the cases of a switch whose expression is of a kind: those that it never is."""
+    """Yield an error for each case that an expression of this kind never equals."""
     for case, mark in zip(step.cases, step.case_marks, strict=True):
         if not _can_be(case, kind):
             word = str(case).lower() if isinstance(case, bool) else format_value(case)
             yield Diagnostic(
                 step.source,
                 mark,
-                f"'on' is {describe_kind(kind)}, and never {quoted_value(word)}",
+                f"'on' is {describe_kind(kind)} and never equals {quoted_value(word)}",
                 _case_hint(word, kind),
             )
 
 
 def case_key(value: object) -> tuple[str, str]:
-    """Return the kind of a value and its text: two cases with one key are one case, and a value takes that of its key.
+    """Return the key of a value: cases with the same key are equal, and a value selects the case with its key.
 
-    A number is itself however it is written (``1``, ``1.0``, ``01``), also as a text; true is neither 1 nor ``yes``.
+    A number has one key in all notations (``1``, ``1.0``, ``01``), also as a text; true is neither 1 nor ``yes``.
     """
     if isinstance(value, str) and _NUMBER.fullmatch(value):
         value = float(value)
@@ -52,7 +52,7 @@ _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
 
 def _repeated_cases(step: Step, written: Sequence[Scalar]) -> Iterator[Diagnostic]:
-    """Yield the mistakes of cases that stand there before, written otherwise; the same text has been noted."""
+    """Yield an error for each repeated case in another notation; repeated texts have been reported."""
     first: dict[tuple[str, str], Scalar] = {}
     for case, key in zip(step.cases, written, strict=True):
         before = first.setdefault(case_key(case), key)
@@ -62,7 +62,7 @@ def _repeated_cases(step: Step, written: Sequence[Scalar]) -> Iterator[Diagnosti
 
 
 def _can_be(case: object, kind: Kind) -> bool:
-    """Say whether a case can be what is of a kind: a switch takes "3" for the number and for the text."""
+    """Return whether a case can equal a value of this kind; "3" matches the number and the text."""
     if case is None or not (kind in (FLAG, TEXT) or is_numeric(kind)):
         return True
     if kind == FLAG or isinstance(case, bool):
@@ -89,7 +89,7 @@ SWITCH_EXAMPLE = "write {}: {{on: face.count, cases: {{1: ..., 2: ...}}, default
 def read_switch(
     context: CheckContext, key: Scalar, value: Node | None, name: str, read_step: Callable[[CheckContext, Node], Step]
 ) -> Step | None:
-    """Read a switch of either kind."""
+    """Read a switch of either kind; None if it has errors."""
     word, form = key.text, SWITCH_EXAMPLE.format(key.text)
     if not isinstance(value, Mapping):
         context.fault(key.mark, f"'{word}' needs 'on' and 'cases'", form)

@@ -1,11 +1,10 @@
-"""Words of other languages that people write in missions, and what is meant by a word that nobody knows.
+"""Synonyms: words of other systems in missions, and suggestions for unknown words.
 
-What a word means goes before how it is spelt. A word whose meaning takes more than one of ours is answered with the
-whole form (``PHRASE_SYNONYMS``), or, where nothing here means the same, with the page that compares (``UNMATCHED_WORDS``).
+The meaning of a word takes precedence over its spelling. A word that needs a larger form is answered with that form
+(``PHRASE_SYNONYMS``), or with the page that compares the systems (``UNMATCHED_WORDS``).
 
-A likeness of spelling alone never leads to a behaviour that moves the robot, to a condition, or to a word that decides
-how the mission goes on, but for a slip of the keyboard. Who writes ``sleep`` is not answered with ``sweep``, which
-moves a joint, nor who writes ``undocked`` with ``docked``.
+Similar spelling alone never suggests a behaviour that moves the robot, a condition, or a word that changes the flow,
+unless it is a typing error. So ``sleep`` does not suggest ``sweep``, which moves a joint, nor ``undocked`` ``docked``.
 """
 
 from collections.abc import Collection, Mapping
@@ -91,9 +90,9 @@ SYNONYMS: Mapping[str, str] = {
     "returns": "outputs output return results",
     "properties": "promises asserts",
 }
-"""Our words, each with what others call it, and with an argument where that is part of the meaning.
+"""Our words, each with the words of other systems, and with an argument if the meaning needs it.
 
-A word itself, of a package perhaps, never means another. Only a word that names a motion leads to one.
+A word that exists, perhaps from a package, is never a synonym. Only words for a motion suggest one.
 """
 
 PHRASE_SYNONYMS: Mapping[str, str] = {
@@ -111,7 +110,7 @@ PHRASE_SYNONYMS: Mapping[str, str] = {
     "{selector: [BEHAVIOUR, {sequence: [RECOVERY, BEHAVIOUR]}]}": "recovery recovery_node",
     "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",
 }
-"""What several words of ours say together, each with what others call it; what is to be filled in has capitals."""
+"""Forms of several words, each with the words of other systems; capitals are placeholders."""
 
 UNMATCHED_WORDS = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
@@ -119,18 +118,18 @@ UNMATCHED_WORDS = (
     "until_failure until_success probability_selector weighted_selector manual_selector status_to_blackboard "
     "max_failures single_trigger pick_up_where_you_left_off"
 )
-"""Words of others that nothing here means; the page says what comes near, and where it differs."""
+"""Words of other systems without an equivalent; the docs page lists the nearest form and the differences."""
 
 UNMATCHED_HINT = "nothing here means the same: see what comes near in docs/language.md#words-of-other-systems"
 
 MIN_LIKENESS = 0.7
-"""How much of two words must be alike for the one to be meant by the other, where nothing depends on it."""
+"""Minimum similarity ratio of two words for a suggestion without risk."""
 
 MIN_LONG_LIKENESS = 0.85
-"""The same for two slips in a long word."""
+"""Minimum similarity ratio of long words with up to two typing errors."""
 
 MIN_LONG_WORD = 8
-"""Letters of a word that with one other letter is hardly another word: wander and wonder are."""
+"""Minimum letters of a word in which a changed letter is a typing error; shorter ones differ: wander and wonder."""
 
 SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 
@@ -138,9 +137,9 @@ SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 def unknown_word_hint(
     word: str, leaves: Mapping[str, type[Leaf]], composites: Collection[str], beside: Collection[str], *, alone: bool
 ) -> str:
-    """Say what may be meant by an unknown word: ours for it, else the closest. Empty where nothing is near.
+    """Return a suggestion for an unknown word: our synonym, or the closest word; empty if there is none.
 
-    ``beside`` are the words that stand beside a behaviour, which are not meant by one that stands ``alone``.
+    ``beside`` are the words beside a behaviour; they are not suggested for a word that stands ``alone``.
     """
     known = [*leaves, *composites, *([] if alone else beside)]
     if to_snake_case(word) in known:
@@ -162,7 +161,7 @@ def unknown_word_hint(
 
 
 def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
-    """Return our words that a word with one slip in it may mean: by themselves, or by what others call them."""
+    """Return our words within one typing error, of themselves or of their synonyms."""
     slips = {each for each in ours if is_one_edit(word, each)}
     for each, names in SYNONYMS.items():
         # A shorter word is a slip away from too many: ``trun`` is ``turn``, not ``run``.
@@ -174,9 +173,9 @@ def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
 def _may_propose(
     word: str, proposal: str, leaves: Mapping[str, type[Leaf]], known: Collection[str], near: Collection[str]
 ) -> bool:
-    """Say whether a word may be proposed for its spelling: one that decides nothing, or is a slip away.
+    """Return whether a word may be suggested for its spelling alone: a harmless word, or a typing error.
 
-    One that moves the robot may be proposed where it alone is near: ``lay`` is ``say`` or ``play``.
+    A word that moves the robot may be suggested if no other word is near: ``lay`` is ``say`` or ``play``.
     """
     leaf = leaves.get(proposal)
     moves = leaf is not None and bool(leaf.drives.intersection(ACTUATOR_KINDS))
@@ -193,9 +192,9 @@ def _may_propose(
 
 
 def _is_slip(word: str, other: str, *, max_slips: int = 2) -> bool:
-    """Say whether a word is another but for a slip of the keyboard: in a short one, another letter is another word.
+    """Return whether two words differ by a typing error; in short words, a changed letter makes another word.
 
-    In a long one ``most`` may be two slips, but not at its beginning: ``unloaded`` is not ``loaded``.
+    In long words ``max_slips`` may be two, but not at the beginning: ``unloaded`` is not ``loaded``.
     """
     if max_slips > 1 and word[:1] == other[:1] and min(len(word), len(other)) >= MIN_LONG_WORD:
         return SequenceMatcher(None, word, other).ratio() >= MIN_LONG_LIKENESS

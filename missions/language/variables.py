@@ -1,4 +1,4 @@
-"""Which kinds of values the variables of a mission hold, and whether all that is calculated from them goes together."""
+"""Kinds of the variables of a mission, and type errors in expressions with them."""
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping
@@ -28,11 +28,11 @@ from missions.language.switches import impossible_cases
 Kinds = Mapping[str, Kind]
 
 MAX_ROUNDS = 8
-"""Changes of a variable's kind by one setter: a kind is settled, widened at most twice, and then unknown."""
+"""Changes of a variable's kind by one setter: it is settled, widened at most twice, then unknown."""
 
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
-    """Note every expression whose parts do not go together, or that does not fit where it stands."""
+    """Report each expression with a type error, or of a wrong type for its place."""
     given = {name: kind_of_value(value) for name, value in context.params.items()} | context.param_kinds
     found: dict[Diagnostic, None] = {}  # a mission that is used twice has its mistakes once
     _check_mission(tree, returns, given, found)
@@ -42,7 +42,7 @@ def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value])
 
 
 def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, found: dict[Diagnostic, None]) -> None:
-    """Check one mission, and those in it."""
+    """Check one mission and its sub-missions."""
     kinds = variable_kinds(tree, params)
     values = [value for step in steps_in_scope(tree) for value in step.arguments.values()]
     for value in (*values, *returns.values()):
@@ -58,7 +58,7 @@ def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, foun
 
 
 def variable_kinds(tree: Step, params: Kinds) -> Kinds:
-    """Return the kinds of the variables of one mission, where its params are of the kinds ``given``."""
+    """Return the kinds of the variables of one mission, given the kinds of its ``params``."""
     setters = [setter for step in steps_in_scope(tree) for setter in _setters(step)]
     kinds: dict[str, Kind] = {**dict.fromkeys((name for name, _ in setters), UNSETTLED), **params}
     readers: dict[str, list[int]] = defaultdict(list)
@@ -81,14 +81,14 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
 
 
 def _names_read(what: object) -> set[str]:
-    """Return the variables by whose kinds the kind of a value is inferred."""
+    """Return the variables whose kinds determine the kind of a value."""
     value = what.args[0] if isinstance(what, partial) else what
     formula = value.template if isinstance(value, Value) else None
     return set() if formula is None else {read.name for read in formula.reads}
 
 
 def _setters(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], Kind]]]:
-    """Yield the variables that a step sets, each with its value, or with the kind of that, or with what finds that."""
+    """Yield the variables that a step sets, each with its value, its kind, or a function that returns the kind."""
     if step.kind == MISSION:
         inner = variable_kinds(step.children[0], _param_kinds(step)) if step.returns else {}
         results = {name: kind_of_result(value, inner) for name, value in step.returns.items()}
@@ -123,7 +123,7 @@ def _param_kinds(step: Step) -> Kinds:
 
 
 def _declared_kind(value: Value) -> Kind:
-    """Return the kind of a param: that of its type, where it is calculated."""
+    """Return the kind of a param; for an expression, that of its type."""
     if value.template is None:
         kind = kind_of_value(value.constant)
         return None if kind == NOTHING else kind

@@ -1,4 +1,4 @@
-"""The objects that a mission looks for: named outright, or by an expression, of which all that it may say counts."""
+"""Objects that a mission looks for: constants, and all possible values of expressions."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,18 +11,18 @@ from missions.language.plan import PlaceholderLeaf, Step
 from perception.api import ThingSpec
 
 OBJECT_KIND = "object"
-"""The kind of the arguments that name them."""
+"""Kind of arguments that name an object."""
 
 MAX_COMBINATIONS = 2000
-"""So many ways to fill the names of one expression are tried; one that has more is taken for unknown."""
+"""Maximum combinations of texts tried for one expression; with more, its value is unknown."""
 
 
 MAX_FILLED = 20_000
-"""Ways tried for all expressions of a mission together: each makes a text, which others may be filled with."""
+"""Maximum combinations tried for all expressions of a mission; each makes a text that others can use."""
 
 
 def wanted_objects(tree: Step) -> tuple[ThingSpec, ...]:
-    """Return the objects that a mission may look for, each once: what its sense for things is told before it starts."""
+    """Return the objects that a mission may look for, each once; the object detector needs them before the run."""
     texts: list[str] | None = None
     found: dict[ThingSpec, None] = {}
     for step in tree.walk():
@@ -36,7 +36,7 @@ def wanted_objects(tree: Step) -> tuple[ThingSpec, ...]:
 
 
 def check_objects(context: CheckContext, tree: Step) -> None:
-    """Note what names an object by an expression of which nothing in the mission says what it can be."""
+    """Report each object argument whose possible values are unknown."""
     texts: list[str] | None = None
     for step in () if context.missing_params else tree.walk():
         for value in _object_values(step):
@@ -56,7 +56,7 @@ def _object_values(step: Step) -> Iterator[Value]:
 
 
 def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
-    """Yield the objects that a value with a template may be, where each name in it may be any of the ``texts``."""
+    """Yield the possible objects of a value, if each name in its template can be any of the ``texts``."""
     for said in _fill_template(value, texts):
         try:
             made = said if value.convert is None else value.convert(said)
@@ -67,7 +67,7 @@ def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
 
 
 def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
-    """Yield all that a value's template may say."""
+    """Yield all possible results of a value's template."""
     template = value.template
     names = () if template is None else tuple(dict.fromkeys(read.name for read in template.reads))
     if template is not None and len(texts) ** len(names) <= MAX_COMBINATIONS:
@@ -77,7 +77,7 @@ def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
 
 
 def _texts(tree: Step) -> list[str]:
-    """Return all texts that a variable of a mission may have: those that stand in it, and those made of them."""
+    """Return all texts that a variable of a mission can have: constants, and results of templates."""
     values = [value for step in tree.walk() for value in step.arguments.values()]
     found = dict.fromkeys(text for value in values for text in _texts_within(value.constant))
     left = MAX_FILLED

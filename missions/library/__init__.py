@@ -1,1 +1,1 @@
-"""Which missions, robots, worlds, leaves and drivers there are, and where they are found."""
+"""Finds and loads missions, robots, worlds, leaves, drivers and plug-ins by name."""

@@ -1,4 +1,4 @@
-"""The declarations of leaves in words: for the catalogue, the JSON Schema and the pages of docs."""
+"""Declarations of leaves as text, for the catalogue, the JSON Schema and the docs."""
 
 import inspect
 import math
@@ -24,26 +24,26 @@ EXAMPLE_VALUES: dict[str, object] = {
     "head": "lidar_mast",
     "arm": "right_arm",
 }
-"""A value of each kind that has no unit, as a mission writes it."""
+"""An example value for each kind without a unit, as written in a mission."""
 
 
 def summary(leaf: type[Leaf]) -> str:
-    """Return the first line of what a leaf says of itself."""
+    """Return the first line of a leaf's docstring."""
     return (inspect.getdoc(leaf) or "").partition("\n")[0]
 
 
 def details(leaf: type[Leaf]) -> str:
-    """Return what a leaf says of itself after the first line: when it runs, succeeds and fails."""
+    """Return a leaf's docstring after the first line: when it runs, succeeds and fails."""
     return (inspect.getdoc(leaf) or "").partition("\n")[2].strip()
 
 
 def sentence(words: str) -> str:
-    """Begin words with a capital and end them with a full stop."""
+    """Return ``words`` with a capital and a full stop."""
     return f"{words[:1].upper()}{words[1:]}."
 
 
 def kind_text(argument: Argument) -> str:
-    """Say what an argument takes: "length (m, cm, mm)"."""
+    """Return the kind of an argument as text: "length (m, cm, mm)"."""
     if argument.choices:
         return f"one of {', '.join(argument.choices)}"
     units = f" ({', '.join(UNITS[argument.kind])})" if argument.kind in UNITS else ""
@@ -51,7 +51,7 @@ def kind_text(argument: Argument) -> str:
 
 
 def default_data(argument: Argument) -> object:
-    """Return a default as a mission would write it, as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
+    """Return a default in mission notation as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
     default = argument.default
     if argument.kind not in UNITS or argument.by_joint or default is None:
         return list(default) if isinstance(default, tuple) else default
@@ -61,7 +61,7 @@ def default_data(argument: Argument) -> object:
 
 
 def default_text(argument: Argument) -> str:
-    """Write a default as a mission would."""
+    """Return a default in mission notation as text."""
     default = default_data(argument)
     if default is None or default in ("", [], {}):
         return "nothing"
@@ -71,7 +71,7 @@ def default_text(argument: Argument) -> str:
 
 
 def bounds_text(argument: Argument) -> str:
-    """Say between what an argument must lie: "0.01 m/s to 0.7 m/s"; nothing where anything goes."""
+    """Return the bounds of an argument: "0.01 m/s to 0.7 m/s"; empty without bounds."""
 
     def show(bound: float) -> str:
         return quantity_text(bound, argument.kind) if argument.kind in UNITS else f"{bound:g}"
@@ -83,14 +83,14 @@ def bounds_text(argument: Argument) -> str:
 
 
 def requirements_text(argument: Argument) -> str:
-    """Say all that a value must be: "speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s"."""
+    """Return kind, bounds and default: "speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s"."""
     limits = bounds_text(argument)
     default = "must be given" if argument.required else f"default {default_text(argument)}"
     return kind_text(argument) + (f", {limits}" if limits else "") + f"; {default}"
 
 
 def example_value(argument: Argument) -> object:
-    """Return a value for an argument, as plain data: its default, or a common one of its kind."""
+    """Return an example value of an argument as plain data: its default, or a common value of its kind."""
     if not argument.required:
         return default_data(argument)
     if argument.by_joint:

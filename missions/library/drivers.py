@@ -1,8 +1,8 @@
-"""Which drivers there are: those of the house, and those of other distributions; and the robots that name them.
+"""Drivers of MissionTree and of other distributions, and robot files that use them.
 
 A distribution offers drivers by entry points of the group ``missiontree.drivers``: ``base.rover`` is a driver of bases
-with the name ``rover``, and names a ``drivers.api.driver.Driver``. They are looked for where a robot file names one
-that the house does not have, or where all are told; what is wrong with one concerns nobody who does not use it.
+named ``rover``, and refers to a ``drivers.api.driver.Driver``. They are loaded only if a robot file names an unknown
+driver, or if all drivers are listed, so a broken one does not affect other robots.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,44 +35,44 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 ENTRY_POINT_GROUP = "missiontree.drivers"
-"""The entry points by which distributions offer drivers."""
+"""Group of entry points with drivers."""
 
 
 class DriverTable:
-    """The drivers that there are, by kind and name: a ``drivers.api.driver.DriverCatalogue``."""
+    """All drivers by kind and name; implements ``drivers.api.driver.DriverCatalogue``."""
 
     @cached_property
     def _entry_points(self) -> Mapping[str, Sequence["EntryPoint"]]:
-        """The entry points of other distributions by their names, ``base.rover``."""
+        """Entry points of other distributions by name, such as ``base.rover``."""
         found: dict[str, list[EntryPoint]] = {}
         for point in entry_points_of(ENTRY_POINT_GROUP):
             found.setdefault(point.name, []).append(point)
         return found
 
     def names(self, kind: str) -> Sequence[str]:
-        """Return the names of the drivers of a kind, those of the house first."""
+        """Return the names of the drivers of a kind, those of MissionTree first."""
         others = (name.partition(".") for name in self._entry_points)
         return list(
             dict.fromkeys([*BUILT_IN_DRIVERS.get(kind, ()), *(name for of, _, name in others if of == kind and name)])
         )
 
     def find(self, kind: str, name: str) -> Driver:
-        """Return a driver. Raises BrokenDriver for a declaration that cannot be used; KeyError for no such name."""
+        """Return a driver. Raises BrokenDriver for an invalid declaration, KeyError for an unknown name."""
         ours = BUILT_IN_DRIVERS.get(kind, {}).get(name)
         if ours is not None:
             found = resolve_name(ours)
             if not isinstance(found, Driver):
-                raise BrokenDriver(f"{ours} is no Driver")
+                raise BrokenDriver(f"{ours} is not a Driver")
             return found
         return _load_driver(self._entry_points[f"{kind}.{name}"])
 
     def origin(self, kind: str, name: str) -> str:
-        """Return the distribution that a driver comes from; empty for one of the house."""
+        """Return the distribution of a driver; empty for those of MissionTree."""
         points = () if name in BUILT_IN_DRIVERS.get(kind, ()) else self._entry_points.get(f"{kind}.{name}", ())
         return ", ".join(owner_of(point) for point in points)
 
     def iter_drivers(self) -> Iterator[tuple[str, str, Driver | BrokenDriver]]:
-        """Yield the kind and the name of each driver with its declaration, or with what is wrong with that."""
+        """Yield kind, name and declaration of each driver, or its error."""
         for kind in KINDS:
             for name in self.names(kind):
                 try:
@@ -84,18 +84,20 @@ class DriverTable:
             if kind not in KINDS or not own:
                 kinds = ", ".join(KINDS)
                 hint = f"it must be called KIND.NAME, such as base.{own or kind}; kinds are: {kinds}"
-                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} names no driver of any kind: {hint}")
+                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} has an invalid name:  {hint}")
             elif own in BUILT_IN_DRIVERS.get(kind, ()):
                 why = f"is not used: MissionTree has a {kind}.{own} itself"
                 yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} {why}")
 
 
 def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
-    """Return what an entry point declares. Raises BrokenDriver."""
+    """Return the driver of an entry point. Raises BrokenDriver."""
     point, *others = points
     told = describe_entry_point(point)
     if others:
-        raise BrokenDriver(f"{' and '.join(map(describe_entry_point, points))} have one name: uninstall one of them")
+        raise BrokenDriver(
+            f"{' and '.join(map(describe_entry_point, points))} have the same name: uninstall one of them"
+        )
     try:
         found = load_entry_point(point)
     except BrokenEntryPointError as error:
@@ -113,7 +115,7 @@ def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
 
 
 def _find_problem(name: str, driver: Driver) -> str:
-    """Say what is wrong with a declaration; nothing where it is sound."""
+    """Return the error in a declaration; empty if it is valid."""
     if name != f"{driver.kind}.{driver.name}":
         return f"declares the driver {driver.kind}.{driver.name}: both must have one name"
     kind = KINDS[driver.kind]
@@ -121,22 +123,22 @@ def _find_problem(name: str, driver: Driver) -> str:
     if not isinstance(declares, type) or not issubclass(declares, kind.keys):
         return f"has keys that do not extend {kind.keys.__module__}.{kind.keys.__name__}"
     if missing := [need for need in driver.needs if need not in KINDS]:
-        return f"needs parts that there are not: {', '.join(missing)}"
+        return f"needs unknown parts: {', '.join(missing)}"
     try:
         declared_keys(driver.keys)
     except (TypeError, NameError) as error:
-        return f"has a key that means nothing: {error}"
+        return f"has an invalid key: {error}"
     name = driver.keys.__name__
     if "__dataclass_fields__" not in vars(driver.keys) and get_annotations(driver.keys):
         return f"has keys that are not read: write @keys before class {name}"
     if issubclass(driver.keys, ArmKeys) and driver.keys.limits is ArmKeys.limits:
         hint = "a property that returns a drivers.api.joints.JointLimits for each joint, by its name"
-        return f"has keys that do not say which joints there are: give {name} `limits`, {hint}"
+        return f"has keys without joints: give {name} `limits`, {hint}"
     return ""
 
 
 def load_named_robot(name: str | None, ros2_domain: int | None = None) -> RobotConfig:
-    """Read the file of a robot by name or path, of the default one for none; its nodes of ROS 2 in another domain.
+    """Read the file of a robot by name or path, or of the default robot, optionally with another ROS 2 domain.
 
     Raises InvalidFileError or UnknownNameError.
     """
@@ -147,10 +149,10 @@ def load_named_robot(name: str | None, ros2_domain: int | None = None) -> RobotC
 
 
 def load_robot(path: Path, drivers: DriverTable | None = None) -> RobotConfig:
-    """Read a robot file, with the drivers that there are. Raises InvalidFileError with every mistake in it."""
+    """Read a robot file. Raises InvalidFileError with all errors in it."""
     return robot.load_robot(path, drivers or DriverTable())
 
 
 def parse_robot(source: SourceText, path: Path | None = None) -> RobotConfig:
-    """Read the text of a robot file, with the drivers that there are. Raises InvalidFileError."""
+    """Read the text of a robot file. Raises InvalidFileError."""
     return robot.parse_robot(source, DriverTable(), path)

@@ -1,4 +1,4 @@
-"""Where what is kept for the user has its folder, as the XDG base directory specification says."""
+"""Folders for data of the user, by the XDG base directory specification."""
 
 import os
 from collections.abc import Mapping
@@ -11,31 +11,31 @@ from drivers.api.sections import Ros2Keys
 
 
 def data_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where the user's data are kept: models, pictures of people."""
+    """Return the folder for the user's data: models, pictures of people."""
     return _folder(environment.get("XDG_DATA_HOME", ""), ".local/share")
 
 
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where is kept what happened, to go on from there: the queue of tasks."""
+    """Return the folder for persistent state: the queue of tasks."""
     return _folder(environment.get("XDG_STATE_HOME", ""), ".local/state")
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where is kept what ends with the session: the sockets of runs. Without such a folder, that of the state.
+    """Return the folder for data of a session, such as sockets; without XDG_RUNTIME_DIR, a state folder.
 
-    The system makes XDG_RUNTIME_DIR for this user alone, and empties it at the last log-out.
+    The system creates XDG_RUNTIME_DIR for this user only, and empties it at the last logout.
     """
     named = environment.get("XDG_RUNTIME_DIR", "")
     return Path(named) / "missiontree" if Path(named).is_absolute() else state_folder(environment) / "run"
 
 
 def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where the last check-up of `mission doctor` is kept, for the studio."""
+    """Return the file with the last results of `mission doctor`, for the studio."""
     return state_folder(environment) / "doctor.json"
 
 
 def _folder(named: str, otherwise: str) -> Path:
-    """Return ours in the folder ``named``; what is no absolute path counts as not set, says the specification."""
+    """Return our folder in ``named``; a relative path counts as not set, by the specification."""
     return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"
 
 
@@ -43,7 +43,7 @@ def _folder(named: str, otherwise: str) -> Path:
 
 
 def places_file(config: RobotConfig) -> Path:
-    """Return the file of a robot's places: the one that its file names, beside it, or one among the user's data."""
+    """Return the file of a robot's places: the one in its robot file, or one in the user's data folder."""
     keys = config.keys(Ros2Keys)
     named = "" if keys is None else keys.places
     if not named:
@@ -53,5 +53,5 @@ def places_file(config: RobotConfig) -> Path:
 
 
 def places_of(config: RobotConfig) -> Mapping[str, PlaceKeys]:
-    """Return the places of a robot; none for one that knows no map. Raises InvalidFileError."""
+    """Return the places of a robot; empty if it has no map. Raises InvalidFileError."""
     return load_places(places_file(config)) if "ros2" in config.sections else {}

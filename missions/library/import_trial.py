@@ -1,7 +1,7 @@
-"""Python of other people, imported in a process of its own first: what would end, hang or upset ours is found there.
+"""Trial import of foreign Python code in a separate process, so that crashes, hangs and side effects are detected.
 
-An import can raise whatever it likes, sleep for ever, end the process, change its folder or start threads. None of that
-can be caught where it happens.
+An import can raise any exception, sleep for ever, end the process, change the folder or start threads. None of that can
+be caught in the importing process.
 """
 
 import json
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 IMPORT_TIMEOUT = 20.0
-"""Seconds that an import may take."""
+"""Seconds for an import."""
 
 MAX_REPORT = 1 << 16
-"""Bytes of the report that are read."""
+"""Maximum bytes read of the report."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportProblem:
-    """Why something cannot be imported; ``line`` is that of its file, 0 where it is not known."""
+    """Reason why code cannot be imported; ``line`` in its file is 0 if unknown."""
 
     message: str
     line: int = 0
@@ -40,31 +40,31 @@ class ImportProblem:
 
 
 def find_file_problem(path: Path) -> ImportProblem | None:
-    """Return why a file of Python cannot be imported; None for one that can."""
+    """Return why a Python file cannot be imported; None if it can."""
     status = path.stat()
     return _try_import("file", str(path.resolve()), tuple(sys.path), (status.st_mtime_ns, status.st_size))
 
 
 def find_entry_point_problem(point: "EntryPoint") -> ImportProblem | None:
-    """Return why an entry point cannot be imported; None for one that can."""
+    """Return why an entry point cannot be imported; None if it can."""
     if _is_imported(point.value):
         return None
     return _try_import("name", point.value, tuple(sys.path), None if point.dist is None else point.dist.version)
 
 
 def find_name_problem(name: str) -> ImportProblem | None:
-    """Return why a dotted name, ``package.module:attribute``, cannot be imported; None for one that can."""
+    """Return why a dotted name, ``package.module:attribute``, cannot be imported; None if it can."""
     return None if _is_imported(name) else _try_import("name", name, tuple(sys.path), None)
 
 
 def _is_imported(name: str) -> bool:
-    """Return whether the module of a dotted name was imported already: that does not happen again."""
+    """Return whether the module of a dotted name is imported already."""
     return name.partition(":")[0].strip() in sys.modules
 
 
 @lru_cache(maxsize=256)
 def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -> ImportProblem | None:
-    """Try an import in another process, which has the same ``path``; once for each ``version``."""
+    """Import in another process with the same ``path``; cached by ``version``."""
     del version
     reading, writing = os.pipe()
     with os.fdopen(reading, "rb") as report:
@@ -95,7 +95,7 @@ def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -
 
 
 def _parse_report(report: bytes, code: int) -> ImportProblem | None:
-    """Return what a process has reported that has ended with ``code``."""
+    """Return the problem in the report of a process that ended with ``code``."""
     try:
         found = json.loads(report)
         return None if found is None else ImportProblem(str(found[0]), int(found[1]), int(found[2]))
@@ -106,7 +106,7 @@ def _parse_report(report: bytes, code: int) -> ImportProblem | None:
 
 
 def error_text(error: BaseException) -> str:
-    """Return an error in words: its type, and its message where it has one that can be read."""
+    """Return type and message of an error."""
     try:
         words = str(error.msg if isinstance(error, SyntaxError) else error)
     except Exception:  # its own __str__ raises
@@ -115,7 +115,7 @@ def error_text(error: BaseException) -> str:
 
 
 def short_repr(value: object) -> str:
-    """Return the beginning of what a value says it is; its type where it does not."""
+    """Return the start of the repr of a value; its type if the repr fails."""
     try:
         return f"{value!r:.60}"
     except Exception:  # its own __repr__ raises
@@ -123,7 +123,7 @@ def short_repr(value: object) -> str:
 
 
 def error_position(error: BaseException, path: str) -> tuple[int, int]:
-    """Return the line and column of a file at which an error came up; line 0 where it did not."""
+    """Return line and column of a file at which an error occurred; line 0 if it occurred elsewhere."""
     if isinstance(error, SyntaxError) and error.filename == path:
         return error.lineno or 1, error.offset or 1
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
@@ -131,7 +131,7 @@ def error_position(error: BaseException, path: str) -> tuple[int, int]:
 
 
 def main() -> None:
-    """Import what the arguments name, and report what is wrong with that; ends the process."""
+    """Import the object that the arguments name, write the report, and end the process."""
     kind, value, number = sys.argv[1:]
     folder = Path.cwd()
     report: object = None
@@ -168,8 +168,8 @@ def _import(kind: str, value: str) -> None:
 def entry_points_of(group: str) -> Sequence["EntryPoint"]:
     """Return the entry points of a ``group``, by name.
 
-    Mostly there are none, which the files that declare them say in a few milliseconds; ``importlib.metadata`` takes a
-    tenth of what a check does. What is on the path and no folder, such as an archive, only that can read.
+    Usually there are none, which a scan of the declaring files shows in a few milliseconds; ``importlib.metadata``
+    takes a tenth of the time of a check. Archives on the path need ``importlib.metadata``.
     """
     folders = [Path(name) for name in dict.fromkeys(sys.path)]
     read = all(folder.is_dir() or not folder.exists() for folder in folders)
@@ -181,7 +181,7 @@ def entry_points_of(group: str) -> Sequence["EntryPoint"]:
 
 
 def _modified_at(folder: Path) -> int:
-    """Return when a folder was changed last, in nanoseconds: something was installed, or went; 0 if it is not there."""
+    """Return the modification time (ns) of a folder, which installations change; 0 if it does not exist."""
     try:
         return folder.stat().st_mtime_ns
     except OSError:
@@ -190,17 +190,17 @@ def _modified_at(folder: Path) -> int:
 
 @lru_cache(maxsize=64)
 def _is_declared(group: str, folders: tuple[tuple[Path, int], ...]) -> bool:
-    """Whether any distribution in ``folders``, as they were when they were changed last, declares a group."""
+    """Return whether a distribution in ``folders`` declares the group; cached by modification times."""
     files = (file for folder, _ in folders for file in folder.glob("*-info/entry_points.txt"))
     return any(group in file.read_text(encoding="utf-8", errors="replace") for file in files)
 
 
 class BrokenEntryPointError(ValueError):
-    """An entry point that cannot be loaded; the message says why."""
+    """An entry point that cannot be loaded; the message is the reason."""
 
 
 def load_entry_point(point: "EntryPoint") -> Any:
-    """Import the object of an entry point, after a trial in a process of its own. Raises BrokenOfferError."""
+    """Import the object of an entry point after a trial in a separate process. Raises BrokenEntryPointError."""
     if problem := find_entry_point_problem(point):
         raise BrokenEntryPointError(problem.message)
     try:
@@ -211,11 +211,11 @@ def load_entry_point(point: "EntryPoint") -> Any:
 
 
 def owner_of(point: "EntryPoint") -> str:
-    """Return the name of the distribution that declares an entry point; empty where that is unknown."""
+    """Return the distribution of an entry point; empty if unknown."""
     return point.dist.name if point.dist is not None else ""
 
 
 def describe_entry_point(point: "EntryPoint") -> str:
-    """Return an entry point as it is declared, with its distribution."""
+    """Return an entry point as declared, with its distribution."""
     owner = owner_of(point)
     return f"{point.name} = {point.value}" + (f" of {owner}" if owner else "")

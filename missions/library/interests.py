@@ -1,4 +1,4 @@
-"""The detectors and phrases that a mission asks for: a detector that nobody asks does not run."""
+"""Detectors and phrases that a mission uses; unused detectors do not run."""
 
 from typing import TYPE_CHECKING
 
@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Interests:
-    """Faces and whose they are (``names``), the things ``objects``, other robots that wear ``markers``, and motion.
-
-    ``phrases`` are what is listened for.
-    """
+    """Detectors to run: faces, their ``names``, ``objects``, robots with ``markers``, and motion; and phrases."""
 
     objects: tuple[ThingSpec, ...] = ()
     markers: "MarkerSet | None" = None
@@ -29,7 +26,7 @@ class Interests:
 
 
 def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
-    """Return what the behaviours and expressions of a mission look for, with the markers of the robot file."""
+    """Return the detectors for the behaviours and expressions of a mission; the markers are those of the robot file."""
     senses = tree.senses
     return Interests(
         objects=wanted_objects(tree) if "things" in senses else (),

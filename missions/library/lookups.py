@@ -1,6 +1,6 @@
-"""Things that missions name and the library holds: gestures, other moves, gaits, controllers and objects, for leaves.
+"""Lookups of library objects that missions name: gestures, moves, gaits, controllers, objects and files.
 
-What reads a kind of file is imported with the first of it: a mission names few kinds.
+The reader of each kind of file is imported when it is first used, as a mission uses few kinds.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,48 +24,48 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 MAX_SHOWN_PATH = 400
-"""Characters of a path that are told of; longer ones are slips of somebody's keyboard."""
+"""Maximum characters of a path in a message."""
 
 
 def find_gesture(name: str) -> Gesture:
-    """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
+    """Return a gesture by name or path. Raises LookupError with the known names, or the errors in its file."""
     from config.gesture import load_gesture  # noqa: PLC0415 - so here and below: see the module
 
     return _load(load_gesture, "gestures", name).movement
 
 
 def find_move(name: str) -> Gesture:
-    """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``find_gesture`` does."""
+    """Return a movement (gesture, recording or spreadsheet) by name or path. Raises like ``find_gesture``."""
     from missions.library.moves.load import load_move  # noqa: PLC0415
 
     return _load(load_move, "moves", name, shipped_files("gestures"))
 
 
 def find_gait(name: str) -> GaitKeys:
-    """Return a gait by name or path. Raises as ``find_gesture`` does."""
+    """Return a gait by name or path. Raises like ``find_gesture``."""
     from config.gesture import load_gait  # noqa: PLC0415
 
     return _load(load_gait, "gaits", name)
 
 
 def new_move_file(name: str) -> "NewMoveFile":
-    """Return the file of a movement that is yet to be recorded. Raises LookupError for what cannot be one."""
+    """Return the file for a movement to record. Raises LookupError for an invalid name."""
     from missions.library.moves.record import NewMoveFile  # noqa: PLC0415
 
     return NewMoveFile(name)
 
 
 def find_controller(name: str) -> "RuleBases":
-    """Return a controller's rule bases by name or path. Raises as ``find_gesture`` does."""
+    """Return a controller's rule bases by name or path. Raises like ``find_gesture``."""
     try:
         return _load(lambda path: _parse_rule_bases(read_source(path)), "controllers", name)
     except ValueError as error:
-        raise LookupError(f"names controller '{name}', which is wrong: {error}") from error
+        raise LookupError(f"names controller '{name}', which has an error: {error}") from error
 
 
 @lru_cache(maxsize=16)
 def _parse_rule_bases(source: SourceText) -> "RuleBases":
-    """Work out a controller, which takes as long as all else of a mission: once, however many missions name it."""
+    """Return the rule bases of a controller, cached, as this takes as long as the rest of a mission."""
     from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
     from config.controller import parse_controller  # noqa: PLC0415
 
@@ -73,7 +73,7 @@ def _parse_rule_bases(source: SourceText) -> "RuleBases":
 
 
 def find_object(name: str) -> ThingSpec:
-    """Return an object to look for, by name or path, or by a phrase such as "red ball". Raises as ``find_gesture`` does."""
+    """Return an object by name or path, or by a phrase such as "red ball". Raises like ``find_gesture``."""
     found = _load_object(name)
     return ThingSpec(found.name, found.colour, found.shape, found.size)
 
@@ -92,10 +92,10 @@ def _load_object(name: str) -> "ObjectConfig":
 
 
 def existing_file(name: str) -> Path:
-    """Return the path of a file that is there. Raises LookupError."""
+    """Return the path of an existing file. Raises LookupError."""
     if not is_file(path := Path(name)):
         raise LookupError(
-            f"names a file that is not there: {name if len(name) <= MAX_SHOWN_PATH else quoted_value(name)}"
+            f"names a file that does not exist: {name if len(name) <= MAX_SHOWN_PATH else quoted_value(name)}"
         )
     return path
 
@@ -109,7 +109,7 @@ LOOKUPS: Mapping[str, Callable[[str], object]] = {
     "object": find_object,
     "file": existing_file,
 }
-"""How each kind of thing is found."""
+"""Lookup functions by kind."""
 
 
 def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Path] | None = None) -> T:
@@ -118,4 +118,4 @@ def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Pa
     except UnknownNameError as error:
         raise LookupError(f"needs a {kind.removesuffix('s')}: {error}") from error
     except InvalidFileError as error:
-        raise LookupError(f"names a {kind.removesuffix('s')} that is wrong: {error}") from error
+        raise LookupError(f"names a {kind.removesuffix('s')} with errors: {error}") from error

@@ -1,8 +1,7 @@
-"""The people whom the robot knows: their pictures, each in a folder of its name, which nobody else may read.
+"""Pictures of people that the robot knows, in a private folder for each person.
 
-Nothing else is kept of them but what a network has made of these pictures (``missions.assembly.gallery``), and that
-goes with them. Somebody is a folder with pictures (``missions.library.people``); whatever else is there belongs to
-somebody else, and is left alone.
+The only other data of a person are features that a network computed from the pictures (``missions.assembly.gallery``);
+they are deleted together. A person is a folder with pictures; other files are left alone.
 """
 
 import fcntl
@@ -29,19 +28,19 @@ from perception.people import MAX_PICTURES, MAX_PICTURES_TOGETHER, MIN_PICTURES
 # programs may add and remove meanwhile: what has gone between listing and reading is not there.
 
 NEW_PREFIX = ".new-"
-"""How the names of folders begin whose pictures are not all there yet."""
+"""Prefix of folders whose pictures are not complete yet."""
 
 FEATURES_FILE = ".features.json"
-"""What a network has made of the pictures in a folder: see ``missions.assembly.gallery``."""
+"""File with the features of the pictures in a folder: see ``missions.assembly.gallery``."""
 
 MAX_PIXELS, MAX_PICTURE_BYTES = 4_000_000, 16_000_000
-"""Pixels and bytes of a picture: a portrait is of some 300 x 300."""
+"""Maximum pixels and bytes of a picture; a portrait has about 300 x 300 pixels."""
 
 _NAME = re.compile(r"([0-9]{3,})\.png")
 
 
 def picture_files(folder: Path) -> dict[Path, os.stat_result]:
-    """Return the pictures in a folder, each with what the disk knows of it. Raises OSError."""
+    """Return the pictures in a folder with their file status. Raises OSError."""
     found = {}
     with suppress(FileNotFoundError, NotADirectoryError):
         for path in sorted(folder.iterdir()):
@@ -53,7 +52,7 @@ def picture_files(folder: Path) -> dict[Path, os.stat_result]:
 
 
 def read_picture(path: Path) -> Image | None:
-    """Return a picture; None for a file that is none, or too large for a portrait. Raises OSError."""
+    """Return a picture; None if the file is not a picture, or too large for a portrait. Raises OSError."""
     if path.stat().st_size > MAX_PICTURE_BYTES:
         return None
     from drivers.pictures.decode import decode_picture  # noqa: PLC0415 - most commands read no picture
@@ -62,12 +61,12 @@ def read_picture(path: Path) -> Image | None:
 
 
 def picture_digest(portrait: Image) -> bytes:
-    """Return by what a picture is known again: the SHA-256 of its size and pixels."""
+    """Return a key that identifies a picture: the SHA-256 of its shape and pixels."""
     return sha256(str(portrait.shape).encode() + portrait.tobytes()).digest()
 
 
 def store_pictures(portraits: Sequence[Image], folder: Path) -> None:
-    """Add pictures to a folder, which need not be there, for their owner only. Raises OSError, and then adds none."""
+    """Add pictures to a private folder, created if missing: all of them, or none. Raises OSError."""
     with ExitStack() as undone:
         new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=NEW_PREFIX))  # for its owner only, as what is in it
         undone.callback(delete_pictures, new)
@@ -83,9 +82,9 @@ def store_pictures(portraits: Sequence[Image], folder: Path) -> None:
 
 
 def delete_pictures(folder: Path) -> int:
-    """Delete the pictures in a folder and what was made of them; and it too when nothing is left in it.
+    """Delete the pictures in a folder and their features, and the folder if it is empty then.
 
-    Return how many there were. Raises OSError.
+    Return the number of pictures. Raises OSError.
     """
     pictures = picture_files(folder)
     for path in (folder / FEATURES_FILE, *pictures):
@@ -96,13 +95,13 @@ def delete_pictures(folder: Path) -> int:
 
 
 def _last_in(folder: Path) -> int:
-    """Return the highest number in a folder, also of what is a picture by name only: that must not be written over."""
+    """Return the highest picture number in a folder, also of files that are pictures by name only."""
     names = (path.name for path in folder.iterdir()) if folder.is_dir() else ()
     return max((int(found[1]) for name in names if (found := _NAME.fullmatch(name))), default=0)
 
 
 def _write_picture(path: Path, picture: Image) -> None:
-    """Write a picture, and wait until it is on the disk."""
+    """Write a picture, and sync it to disk."""
     import cv2  # noqa: PLC0415 - as above
 
     done, data = cv2.imencode(".png", picture)
@@ -115,17 +114,17 @@ def _write_picture(path: Path, picture: Image) -> None:
 
 
 MAX_NAME_LENGTH = 60
-"""Letters of a name: also of four bytes each they make the name of a folder."""
+"""Maximum letters of a name; with four bytes each, they fit into a folder name."""
 
 JOINERS = "\u200c\u200d"
-"""Invisible signs that part and join letters in Persian and Indian names."""
+"""Invisible characters that separate and join letters in Persian and Indic names."""
 
 NAME_SIGNS = frozenset(" -_'\u2019." + JOINERS)
-"""Signs of a name beside letters, their marks and digits."""
+"""Characters of a name in addition to letters, marks and digits."""
 
 
 class PeopleError(RuntimeError):
-    """Something that cannot be done with people's pictures: the message says what, ``hint`` what to type next."""
+    """A failed operation on pictures of people; ``hint`` is the command to type."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -133,12 +132,12 @@ class PeopleError(RuntimeError):
 
 
 ProblemListener = Callable[[PeopleError], None]
-"""A listener that hears of pictures that are left out."""
+"""Called for each picture that is skipped."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownPerson:
-    """Somebody whom the robot knows: how many pictures there are, and since when (seconds since 1970) the first."""
+    """A person that the robot knows: number of pictures, and the time of the first one (Unix time)."""
 
     name: str
     pictures: int
@@ -146,15 +145,15 @@ class KnownPerson:
 
 
 def people_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where pictures of people are kept: among the user's data."""
+    """Return the folder for pictures of people, in the user's data folder."""
     return data_folder(environment) / "people"
 
 
 def proper_name(name: str) -> str:
-    """Return a name as it is kept. Raises PeopleError for what cannot be anybody's."""
+    """Return the stored form of a name. Raises PeopleError for an invalid name."""
     found = unicodedata.normalize("NFC", name).strip()
     if found.casefold() == UNKNOWN:
-        raise PeopleError(f"'{UNKNOWN}' is what strangers are called", hint="choose another name")
+        raise PeopleError(f"'{UNKNOWN}' is reserved for strangers", hint="choose another name")
     fits = all(letter in NAME_SIGNS or unicodedata.category(letter)[0] in "LMN" for letter in found)
     if not (fits and found[:1].isalpha() and len(found) <= MAX_NAME_LENGTH):
         hint = f"first a letter of any script, then letters, digits, spaces and - _ ' . up to {MAX_NAME_LENGTH} in all"
@@ -163,28 +162,28 @@ def proper_name(name: str) -> str:
 
 
 class People:
-    """The pictures in one folder. Nothing is touched before it is asked for."""
+    """The people in one folder. The folder is accessed only by the methods."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def known_people(self) -> list[KnownPerson]:
-        """Return who is known, by name. Raises PeopleError for a folder that cannot be read."""
+        """Return the known people by name. Raises PeopleError if the folder cannot be read."""
         return [
             KnownPerson(name, len(files), min(status.st_mtime for status in files.values()))
             for name, files in self._files().items()
         ]
 
     def find(self, name: str) -> str | None:
-        """Return the name of somebody as it is kept, however it is capitalised; None for nobody. Raises PeopleError."""
+        """Return the stored form of a name, ignoring case; None if unknown. Raises PeopleError."""
         return next((each for each in self._files() if _comparison_key(each) == _comparison_key(name)), None)
 
     def portraits(self, on_problem: ProblemListener) -> dict[str, list[Image]]:
-        """Return the pictures of everybody of whom there are enough to learn from, by name.
+        """Return the pictures of each person with enough pictures for recognition, by name.
 
-        Of somebody with many pictures some are taken, spread over all of them: what learns them compares each with
-        each. ``told`` hears of that, of each file that is no picture, and of each person of whom there are too few, or
-        for whom there is no room. Raises PeopleError for a folder that cannot be read.
+        Of many pictures, some are selected, evenly spread, since recognition compares all pairs. ``on_problem`` is
+        called for such a selection, for each file that is not a picture, and for each person with too few pictures or
+        without room. Raises PeopleError if the folder cannot be read.
         """
         found = {}
         for name, files in self._select_files(on_problem).items():
@@ -192,12 +191,12 @@ class People:
             if len(portraits) >= MIN_PICTURES:
                 found[name] = portraits
             elif portraits:
-                what = f"{name}: {len(portraits)} pictures are too few to know somebody by: it takes {MIN_PICTURES}"
+                what = f"{name}: {len(portraits)} pictures are too few: at least {MIN_PICTURES} are needed"
                 on_problem(PeopleError(what, hint=f"mission person add {quote(name)}"))
         return found
 
     def select_new(self, name: str, portraits: Sequence[Image]) -> list[Image]:
-        """Return which of some pictures ``add`` would keep: each once, and none that is there. Raises as it does."""
+        """Return the pictures that ``add`` would store: each once, without stored ones. Raises the same errors."""
         kept = self.find(name) or proper_name(name)
         whose = {
             picture_digest(portrait): who
@@ -209,19 +208,21 @@ class People:
         others = [whose[each] for each in found if whose.get(each, kept) != kept]
         if others:
             hint = f"leave it out, or first: mission person remove {quote(others[0])}"
-            raise PeopleError(f"nothing was kept: one of the pictures of {kept} is {others[0]}'s already", hint=hint)
+            raise PeopleError(
+                f"nothing was stored: one of the pictures of {kept} is already stored for {others[0]}", hint=hint
+            )
         fresh = [portrait for each, portrait in found.items() if each not in whose]
         count = len(fresh) + list(whose.values()).count(kept)
         if count < MIN_PICTURES:
-            hint = f"it takes {MIN_PICTURES} at least"
+            hint = f"at least {MIN_PICTURES} are needed"
             raise PeopleError(f"too few pictures of {kept}: {count}, where each counts once", hint=hint)
         return fresh
 
     def add(self, name: str, portraits: Sequence[Image]) -> str:
-        """Keep pictures of somebody, beside those that are there; return the name as it is kept.
+        """Store pictures of a person in addition to the present ones; return the stored form of the name.
 
-        A picture that is there already is not kept again. Raises PeopleError for a picture of somebody else's, too few
-        pictures, and what cannot be written; then none is kept.
+        A stored picture is not stored again. Raises PeopleError for a picture of another person, for too few pictures,
+        and for write errors; then none is stored.
         """
         fresh = self.select_new(name, portraits)
         kept = self.find(name) or proper_name(name)
@@ -231,19 +232,19 @@ class People:
                     store_pictures(fresh, self.folder / kept)
         except OSError as error:
             hint = f"df -h {self.folder}  (is there room?)"
-            raise PeopleError(f"{self.folder / kept}: nothing was kept: {error.strerror}", hint=hint) from error
+            raise PeopleError(f"{self.folder / kept}: nothing was stored: {error.strerror}", hint=hint) from error
         self.restrict_access()
         return kept
 
     def remove(self, name: str) -> int:
-        """Delete somebody's pictures, and the folder if there is nothing else in it; return how many there were.
+        """Delete the pictures of a person, and the folder if it is empty then; return the number of pictures.
 
-        Raises PeopleError for somebody who is not known, and what cannot be deleted.
+        Raises PeopleError for an unknown person, and for files that cannot be deleted.
         """
         kept = self.find(name)
         if kept is None:
-            known = ", ".join(self._files()) or "nobody"
-            raise PeopleError(f"nobody is called '{name}'", hint=f"known: {known}")
+            known = ", ".join(self._files()) or "none"
+            raise PeopleError(f"no person is called '{name}'", hint=f"known: {known}")
         home = self.folder / kept
         try:
             with self.exclusive_access():
@@ -253,7 +254,7 @@ class People:
 
     @contextmanager
     def exclusive_access(self) -> Iterator[None]:
-        """Make the folder, keep others from changing it meanwhile, and clear away what one that was killed has left."""
+        """Create and lock the folder, and remove what a killed process has left."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         number = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -267,9 +268,9 @@ class People:
             os.close(number)
 
     def restrict_access(self) -> bool:
-        """Take the rights of others away from the folder and the pictures in it, and say whether anybody had some.
+        """Remove access rights of other users from the folder and its pictures; return whether there were any.
 
-        Where nobody is known nothing is touched. Raises PeopleError where it cannot be: these are pictures of people.
+        Does nothing if no person is known. Raises PeopleError if the rights cannot be changed.
         """
         everybody = self._files()
         folders = [self.folder, *(self.folder / name for name in everybody)] if everybody else []
@@ -286,7 +287,7 @@ class People:
         return changed
 
     def _select_files(self, on_problem: ProblemListener) -> dict[str, list[Path]]:
-        """Return the files to learn from, and tell of what is left out."""
+        """Return the files for recognition, and report the skipped ones."""
         everybody = {name: list(files) for name, files in self._files(on_problem).items()}
         late = list(everybody)[MAX_PICTURES_TOGETHER // MIN_PICTURES :]
         if late:
@@ -300,20 +301,20 @@ class People:
         return {name: files for name, files in everybody.items() if name not in late}
 
     def _files(self, on_problem: ProblemListener = lambda _: None) -> dict[str, dict[Path, os.stat_result]]:
-        """Return the files of everybody of whom there are any. Raises PeopleError."""
+        """Return the pictures of all people who have some. Raises PeopleError."""
         found = {}
         for home in self._folders():
             try:
                 files = {} if home.name.startswith(".") else picture_files(home)
             except OSError as error:
-                on_problem(PeopleError(f"{home}: {error.strerror}, and is left out", hint=f"ls -ld {home}"))
+                on_problem(PeopleError(f"{home}: {error.strerror}; it is skipped", hint=f"ls -ld {home}"))
                 continue
             if files:
                 found[home.name] = files
         return found
 
     def _folders(self) -> list[Path]:
-        """Return all folders in ours, links to some not among them. Raises PeopleError."""
+        """Return all folders in the folder, without symbolic links. Raises PeopleError."""
         try:
             return sorted(path for path in self.folder.iterdir() if path.is_dir() and not path.is_symlink())
         except FileNotFoundError:
@@ -323,34 +324,34 @@ class People:
 
 
 def _is_left_over(home: Path) -> bool:
-    """Whether somebody's pictures were deleted by hand, and what a network made of them was not."""
+    """Return whether a folder has features but no pictures, as those were deleted by hand."""
     with suppress(OSError):
         return (home / FEATURES_FILE).is_file() and not picture_files(home)
     return False
 
 
 def _comparison_key(name: str) -> str:
-    """Return what is the same for all ways to write a name: capitals, composed letters, joiners that are not seen."""
+    """Return a key that is equal for all spellings of a name: case, composed letters, invisible joiners."""
     seen = "".join(letter for letter in name.strip() if letter not in JOINERS)
     return unicodedata.normalize("NFC", seen.casefold())
 
 
 def _read_or_report(path: Path, on_problem: ProblemListener) -> Image | None:
-    """Return a picture, None for one that has just been removed; for one that cannot be read too, and tell of it."""
+    """Return a picture; None if it was just removed, or cannot be read, which is reported."""
     try:
         found = read_picture(path)
     except FileNotFoundError:
         return None
     except OSError as error:
-        on_problem(PeopleError(f"{path}: {error.strerror}, and is left out", hint=f"ls -l {path}"))
+        on_problem(PeopleError(f"{path}: {error.strerror}; it is skipped", hint=f"ls -l {path}"))
         return None
     if found is None:
-        on_problem(PeopleError(f"{path}: is no portrait, and is left out", hint=f"rm {quote(str(path))}"))
+        on_problem(PeopleError(f"{path}: is not a portrait; it is skipped", hint=f"rm {quote(str(path))}"))
     return found
 
 
 def _restrict_file(path: Path) -> bool:
-    """Take the rights of others away from a file or folder, and say whether they had some. Raises OSError."""
+    """Remove access rights of other users; return whether there were any. Raises OSError."""
     rights = stat.S_IMODE(path.stat().st_mode)
     if not rights & 0o077:
         return False
@@ -359,6 +360,6 @@ def _restrict_file(path: Path) -> bool:
 
 
 def people_of(camera: CameraKeys | None) -> People:
-    """Return the people whom a robot knows: in the folder that its ``camera`` section names, else in the user's."""
+    """Return the people of a robot: in the folder of its ``camera`` section, or in the user's data folder."""
     named = "" if camera is None else camera.identity.people
     return People(Path(named).expanduser() if named else people_folder())

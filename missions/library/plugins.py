@@ -1,8 +1,7 @@
-"""Which plug-ins there are: those of ``missions.plugins``, and those of other distributions.
+"""Plug-ins of MissionTree (``missions.plugins``) and of other distributions.
 
-Those of other distributions are looked for where a name is not one of ours, or where all plug-ins count. Their
-declarations are imported in a process of their own first. One that cannot be used is left out, with a warning on
-stderr; the rest works.
+Those of other distributions are searched if a name is not ours, or if all plug-ins count. Their declarations are first
+imported in a separate process. A broken one is skipped with a warning on stderr.
 """
 
 import sys
@@ -28,16 +27,16 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 BUILT_IN = "missions.plugins"
-"""The package of our own plug-ins, which lists them as ``PLUGINS``. The core runs without it."""
+"""Package of our own plug-ins, which lists them as ``PLUGINS``. The core works without it."""
 
 
 class BrokenPluginError(InvalidInputError):
-    """A plug-in whose code cannot be loaded; the message names the plug-in, and says why."""
+    """A plug-in whose code cannot be loaded; the message has its name and the reason."""
 
 
 @cache
 def built_in_plugins() -> Mapping[str, Plugin]:
-    """Return our own plug-ins by name; none where the package was removed."""
+    """Return our own plug-ins by name; empty if the package was removed."""
     if find_spec(BUILT_IN) is None:
         return {}
     return {plugin.name: plugin for plugin in import_module(BUILT_IN).PLUGINS}
@@ -45,7 +44,7 @@ def built_in_plugins() -> Mapping[str, Plugin]:
 
 @cache
 def installed_plugins() -> Mapping[str, Plugin]:
-    """Return the plug-ins of other distributions by name; warn once of each that cannot be used."""
+    """Return the plug-ins of other distributions by name; warn once of each broken one."""
     found: dict[str, Plugin] = {}
     waiting: list[tuple[EntryPoint, Plugin]] = []
     for point in entry_points_of(GROUP):
@@ -67,7 +66,7 @@ def installed_plugins() -> Mapping[str, Plugin]:
 
 
 def _load_declaration(point: "EntryPoint") -> Plugin:
-    """Import the declaration of a plug-in. Raises BrokenOfferError."""
+    """Import the declaration of a plug-in. Raises BrokenEntryPointError."""
     found = load_entry_point(point)
     if not issubclass(type(found), Plugin):
         raise BrokenEntryPointError(f"is {short_repr(found)}, not a missions.plugin.Plugin")
@@ -85,7 +84,7 @@ def _missing_needs(plugin: Plugin, found: Mapping[str, Plugin]) -> list[str]:
 
 
 def _conflict(plugin: Plugin, others: Iterable[Plugin]) -> str:
-    """Return which name of a plug-in another one has taken; empty where none is."""
+    """Return which name of a plug-in is taken by another; empty if none is."""
     for other in others:
         if plugin.name == other.name:
             return f"a plug-in '{plugin.name}' exists already"
@@ -105,7 +104,7 @@ def _warn(point: "EntryPoint", why: str) -> None:
 
 
 def plugins() -> Iterator[Plugin]:
-    """Yield all plug-ins, our own first; those of others are loaded when they are reached."""
+    """Yield all plug-ins, our own first; those of other distributions are loaded when they are reached."""
     yield from built_in_plugins().values()
     yield from installed_plugins().values()
 
@@ -113,7 +112,7 @@ def plugins() -> Iterator[Plugin]:
 def load(plugin: Plugin, path: str) -> Any:
     """Import the object at a dotted path of a plug-in.
 
-    Raises BrokenPluginError; errors of our own code, beside a package that is not installed, are raised as they are.
+    Raises BrokenPluginError; errors of our own plug-ins are raised unchanged, except a missing package.
     """
     module, _, attribute = path.partition(":")
     try:
@@ -126,21 +125,21 @@ def load(plugin: Plugin, path: str) -> Any:
 
 
 def find_command(name: str) -> tuple[Plugin, CommandEntry] | None:
-    """Return the plug-in that has a command, and the command; None where no plug-in has it."""
+    """Return the plug-in with a command, and the command; None if there is none."""
     return next(((each, each.commands[name]) for each in plugins() if name in each.commands), None)
 
 
 def find_file_kind(name: str) -> tuple[Plugin, FileKind] | None:
-    """Return the plug-in whose files end as ``name`` does, and their kind; None where no plug-in has such files."""
+    """Return the plug-in for files with this name's suffix, and the file kind; None if there is none."""
     found = ((each, kind) for each in plugins() for ending, kind in each.file_kinds.items() if name.endswith(ending))
     return next(found, None)
 
 
 def service(name: str) -> Any:
-    """Return the object that one of our own plug-ins offers to the core; None where none does.
+    """Return the object that one of our own plug-ins offers to the core; None if none does.
 
-    Plug-ins of others are not looked at: the thread that handles a stop asks here, and must not wait for them.
-    Raises BrokenPluginError.
+    Other plug-ins are not searched, since the thread that handles stops calls this and must not wait. Raises
+    BrokenPluginError.
     """
     found = next((each for each in built_in_plugins().values() if name in each.services), None)
     return None if found is None else load(found, found.services[name])

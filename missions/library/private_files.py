@@ -1,6 +1,6 @@
-"""Files that are made of records: never over another unless that is wanted, and whole or not at all.
+"""Private output files: readable by their owner only, complete or absent, not overwriting by default.
 
-Records show people and name them, so that nobody but their owner can read what is made of one, or one itself.
+They are made of records, which show people and their names.
 """
 
 import errno
@@ -16,11 +16,11 @@ from config.file_io import PRIVATE_MODE, replace_file
 
 
 class ExistsError(ValueError):
-    """There is something where a file or folder is to be written; the message says how to do it all the same."""
+    """The file or folder to write already exists; the message says how to overwrite it."""
 
 
 def open_for_owner(path: str, flags: int) -> int:
-    """Open a file for its owner only, also one that was there: an ``opener`` of ``open``. Raises OSError."""
+    """Open a file for its owner only, also an existing one: an ``opener`` of ``open``. Raises OSError."""
     number = os.open(path, flags, 0o600)
     with suppress(OSError):  # a disk that knows no rights, such as a stick's, or a file of somebody else's
         os.fchmod(number, 0o600)
@@ -28,14 +28,14 @@ def open_for_owner(path: str, flags: int) -> int:
 
 
 def open_private(path: Path) -> TextIO:
-    """Open a file that only its owner can read, to write text. Raises OSError."""
+    """Open a text file for writing, readable by its owner only. Raises OSError."""
     return open(path, "w", encoding="utf-8", opener=open_for_owner)
 
 
 class EarlierFile:
-    """The file that a run writes over as it goes, kept aside until the new one is whole.
+    """An existing output file, kept aside until the new one is complete.
 
-    A link, and whatever is no regular file, such as a pipe, is written as it is. Its methods raise OSError.
+    Links and special files, such as pipes, are written directly. Methods raise OSError.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,13 +50,13 @@ class EarlierFile:
         self._backup = path.replace(name)
 
     def remove(self) -> None:
-        """Remove the earlier file: the new one is whole. Never raises."""
+        """Delete the earlier file after the new one is complete. Never raises."""
         if self._backup is not None:
             with suppress(OSError):
                 self._backup.unlink()
 
     def restore(self) -> Path | None:
-        """Put the earlier file back; return the new name of the incomplete one, None where nothing was renamed."""
+        """Restore the earlier file; return the new name of the incomplete one, or None if there is none."""
         if self._backup is None:
             return None
         renamed = None
@@ -67,31 +67,31 @@ class EarlierFile:
 
 
 def _unused_path(path: Path) -> Path:
-    """Return ``path``, with a number after its stem where it exists already."""
+    """Return ``path``, with a number after its stem if it exists."""
     names = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
     return next(each for each in names if not each.exists())
 
 
 @contextmanager
 def new_file(path: Path, *, force: bool) -> Iterator[BinaryIO]:
-    """Open a file, for its owner only, that takes the place of ``path`` once all is written.
+    """Open a private file that replaces ``path`` once it is complete.
 
     Raises ExistsError, OSError.
     """
     if path.exists() and not force:
-        raise ExistsError(f"{path}: is there already\n  try: another name, or --force to write over it")
+        raise ExistsError(f"{path}: already exists\n  try: another name, or --force to overwrite it")
     with replace_file(path, PRIVATE_MODE) as file:
         yield file
 
 
 def new_folder(path: Path, *, force: bool) -> None:
-    """Make a folder for its owner only, or see that it is empty: then it keeps its rights. Raises as ``new_file``."""
+    """Create a private folder, or require that an existing one is empty. Raises ExistsError, OSError."""
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     if not force and any(path.iterdir()):
-        raise ExistsError(f"{path}: is not empty\n  try: another folder, or --force to write over what is in it")
+        raise ExistsError(f"{path}: is not empty\n  try: another folder, or --force to overwrite its files")
 
 
 def path_inside(name: str) -> Path:
-    """Return the path of an attached file within a folder, out of which no name leads."""
+    """Return the path of an attached file within a folder; a name cannot lead out of it."""
     parts = [part.replace("\0", "") for part in PurePosixPath(name).parts]
     return Path(*[part for part in parts if part not in ("", "/", "//", ".", "..")] or ["unnamed"])

@@ -1,4 +1,4 @@
-"""How words are said that a mission listens for: as the robot file, a dictionary or a synthesiser says."""
+"""Pronunciation of the words that a mission listens for: from the robot file, a dictionary or a synthesiser."""
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -12,11 +12,11 @@ from drivers.sound.engines import EspeakEngine
 from perception.hearing.lexicon import Lexicon, espeak_to_phones, find_confusable, load_english
 
 DEFAULT_MANNER = SpeechStyle("en-us", 150.0)
-"""In whose voice unknown words are pronounced."""
+"""Voice and rate for the pronunciation of unknown words."""
 
 
 def find_unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
-    """Return those of some words that the robot cannot listen for, as far as that is known without a try."""
+    """Return the words that the robot cannot listen for, as far as known without a synthesiser run."""
     lexicon = load_english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
     if lexicon is None:  # others know what they know, and who is not installed is asked when it is needed
         return ()
@@ -25,13 +25,13 @@ def find_unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequen
 
 
 def find_confusable_phrases(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
-    """Return the pairs of normalised phrases that the robot easily takes for each other, as far as that is known."""
+    """Return the pairs of normalised phrases that the robot easily confuses, as far as known."""
     lexicon = load_english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
     return () if lexicon is None else find_confusable(phrases, lexicon)
 
 
 def lexicon_for(config: MicrophoneKeys, words: Sequence[str], clock: Clock) -> Lexicon:
-    """Return a lexicon that has all of some words. Raises NotConnected without pocketsphinx; BadRequest."""
+    """Return a lexicon with all words. Raises NotConnected without pocketsphinx, BadRequest for unknown words."""
     lexicon = load_english(config.pronunciations)
     if lexicon is None:
         from perception.hearing.engines import SphinxEngine  # noqa: PLC0415 - it computes with arrays
@@ -51,7 +51,7 @@ def lexicon_for(config: MicrophoneKeys, words: Sequence[str], clock: Clock) -> L
 
 
 def _synthesise(words: Sequence[str], clock: Clock) -> Mapping[str, str]:
-    """Return how a synthesiser says some words. Raises BadRequest where it cannot."""
+    """Return the pronunciations of words by a synthesiser. Raises BadRequest if it fails."""
     espeak = EspeakEngine(clock, default_manner=DEFAULT_MANNER, name="microphone")
     espeak.open()
     try:
@@ -63,14 +63,14 @@ def _synthesise(words: Sequence[str], clock: Clock) -> Mapping[str, str]:
 
 
 def _is_english(word: str) -> bool:
-    """Say whether an English synthesiser may be asked about a word: it would spell letters that it does not know."""
+    """Return whether an English synthesiser can pronounce a word; it would spell unknown letters."""
     return word.isascii()
 
 
 def _pronunciation_error(words: Sequence[str], reason: str) -> BadRequest:
     return BadRequest(
-        f"microphone: nobody knows how these are pronounced: {', '.join(words)}: {reason}",
-        hint=f"say it in the robot file: microphone: {{pronunciations: {{{words[0]}: R AA D N IY}}}}",
+        f"microphone: unknown pronunciation: {', '.join(words)}: {reason}",
+        hint=f"add it to the robot file: microphone: {{pronunciations: {{{words[0]}: R AA D N IY}}}}",
     )
 
 

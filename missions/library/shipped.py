@@ -1,4 +1,4 @@
-"""The missions that ship with MissionTree, found by name, and the one way from a name to a checked plan."""
+"""Missions of MissionTree by name, and loading of missions into checked plans."""
 
 import os
 import re
@@ -18,7 +18,7 @@ from missions.library.vocabulary import behaviour_files_beside, real_path
 MISSIONS_FOLDER = Path(__file__).parents[1]
 
 TEST_SUFFIX = ".test.yaml"
-"""The end of the name of a file with tests of a mission."""
+"""Suffix of files with tests of a mission."""
 
 
 MOTIONS = {
@@ -31,16 +31,16 @@ MOTIONS = {
     "7": "circle_anticlockwise",
     "8": "circle_clockwise",
 }
-"""The motions of the TurtleBot course by their numbers in it: missions in the folder ``motions``."""
+"""Motions of the TurtleBot course by number: missions in the folder ``motions``."""
 
 
 MISSION_NAME = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
-"""Names of missions that may be asked for over a network: those of the library, and no path."""
+"""Names of missions that can be requested over a network: library names, no paths."""
 
 
 @cache
 def shipped_missions() -> dict[str, Path]:
-    """Return the shipped missions' files by name; those in a folder under the folder's name ("motions/square")."""
+    """Return the files of MissionTree's missions by name; those in a subfolder as "motions/square"."""
     return {
         str(path.relative_to(MISSIONS_FOLDER).with_suffix("")): path
         for path in mission_files(MISSIONS_FOLDER.rglob("*.yaml"))
@@ -48,15 +48,15 @@ def shipped_missions() -> dict[str, Path]:
 
 
 def mission_files(files: Iterable[Path]) -> list[Path]:
-    """Return those of ``files`` that are missions, in order: their tests are not."""
+    """Return the mission files among ``files`` in order, without test files."""
     return [path for path in sorted(files) if not path.name.endswith(TEST_SUFFIX) and path.is_file()]
 
 
 def find_mission(name: str, beside: Path = Path()) -> Path:
-    """Return the file that ``name`` means: one in the folder ``beside``, else a name in the library.
+    """Return the file of a mission: one in the folder ``beside``, or a name of the library.
 
-    The name of a file needs no suffix. A mission in a folder of the library may be named without the folder, where that
-    is unique, and a motion of the course by its number. Raises config.library.UnknownNameError with what may be meant.
+    The suffix is optional. A library mission in a subfolder can be named without the folder if that is unique, and a
+    motion of the course by its number. Raises config.library.UnknownNameError with a suggestion.
     """
     for path in (beside / name, *(beside / f"{name}{suffix}" for suffix in SUFFIXES)):
         if path.suffix in SUFFIXES and is_file(path) and not wrong_kind_error("missions", path):
@@ -72,7 +72,7 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
 
 
 def behaviour_files(name: str, given_files: Iterable[Path] = ()) -> list[Path]:
-    """Return the files of leaves for a mission, by its name or path: those ``given``, then those in its own folder.
+    """Return the behaviour files for a mission: ``given_files``, then those in its own folder.
 
     Raises UnknownNameError.
     """
@@ -89,11 +89,11 @@ def load_mission(
     robot: TargetRobot | None = None,
     leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
-    """Read and check a mission by name or path, for a ``robot``; ``complete`` asks for all its params.
+    """Read and check a mission by name or path, for a ``robot``; ``complete`` requires all params.
 
-    ``leaves`` are what it may be made of: missions.library.vocabulary finds more of them than ship with MissionTree.
+    ``leaves`` are the available leaves; ``missions.library.vocabulary`` loads more than those of MissionTree.
 
-    Raises UnknownNameError, or InvalidFileError with every mistake in it.
+    Raises UnknownNameError, or InvalidFileError with all errors.
     """
     return load_plan(
         find_mission(name),
@@ -107,7 +107,7 @@ def load_mission(
 
 
 def is_known_mission(mission: str) -> bool:
-    """Return whether a library has a mission of this name; names from a network never lead to a path."""
+    """Return whether the library has a mission of this name; names from a network never lead to a path."""
     try:
         return bool(MISSION_NAME.fullmatch(mission) and find_mission(mission, Path(os.devnull)))
     except UnknownNameError:

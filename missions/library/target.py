@@ -1,4 +1,4 @@
-"""The robot that a mission is checked for: what it is called and has, how far its joints go, what its ears know."""
+"""Description of the robot that a mission is checked for: parts, joint ranges, pronunciation."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -12,7 +12,7 @@ from missions.language.claims import TargetRobot
 
 
 def target_of(robot: RobotConfig) -> TargetRobot:
-    """Return what the checker must know of a robot."""
+    """Return the robot description for the checker, from a robot file."""
     keys = {part: section.keys for part, section in robot.sections.items()}
     reaches = {part: JointRanges(it.limits, it.groups) for part, it in keys.items() if isinstance(it, ArmKeys)}
     necks = {joint: part for part, it in keys.items() if isinstance(it, HeadKeys) for joint in it.led_joints}
@@ -28,7 +28,7 @@ def target_of(robot: RobotConfig) -> TargetRobot:
 
 
 def target_of_parts(robot: Robot) -> TargetRobot:
-    """Return what the checker must know of a robot that is there."""
+    """Return the robot description for the checker, from a connected robot."""
     others = {name: other.kind for name, other in robot.extra_parts.items()}
     arms = {"arm": robot} if robot.arm_part is not None else {}
     arms |= {name: robot.with_named_parts({kind: name}) for name, kind in others.items() if kind == "arm"}
@@ -37,14 +37,14 @@ def target_of_parts(robot: Robot) -> TargetRobot:
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
-    """Return those of some words that the robot cannot listen for; for a mission that does."""
+    """Return the words that the robot cannot listen for."""
     from missions.library.pronunciation import find_unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 
     return find_unpronounceable(config, words)
 
 
 def _confusable(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
-    """Return the pairs of phrases that are easily taken for each other; for a mission that listens for several."""
+    """Return the pairs of phrases that are easily confused."""
     from missions.library.pronunciation import find_confusable_phrases  # noqa: PLC0415 - ears, a voice, and numpy
 
     return find_confusable_phrases(config, phrases)

@@ -1,6 +1,6 @@
-"""Values of a robot to be changed while it runs, by its place in the robot file, and kept there: trims, limits, speeds.
+"""Values of a robot that can be tuned in a run and saved to its robot file: trims, limits, speeds.
 
-A value goes by a name such as ``head.pan.trim``, ``base.max_speed`` or ``arm.joints.elbow.upper``, in SI units.
+A value has a name such as ``head.pan.trim``, ``base.max_speed`` or ``arm.joints.elbow.upper``, in SI units.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,14 +16,14 @@ from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys
 from missions.library.drivers import parse_robot
 
 LIMIT_ENDS = ("lower", "upper")
-"""The ends of ``limits``."""
+"""Ends of ``limits``."""
 
 TOLERANCE = radians(0.001)
-"""Values that differ by less are the same."""
+"""Maximum difference of equal values."""
 
 
 def file_values(robot: RobotConfig) -> dict[str, tuple[float, str]]:
-    """Return what a robot file says of each, and in which dimension."""
+    """Return the values in a robot file, with their dimensions."""
     return {
         f"{part}.{name}": (value, dimension)
         for part, section in robot.sections.items()
@@ -32,7 +32,7 @@ def file_values(robot: RobotConfig) -> dict[str, tuple[float, str]]:
 
 
 def _tunable_values(keys: Any) -> Iterator[tuple[str, float, str]]:
-    """Yield what may be changed of a part."""
+    """Yield the tunable values of a part."""
     match keys:
         case BaseKeys():
             yield "max_speed", keys.max_speed, "speed"
@@ -53,14 +53,14 @@ def _tunable_values(keys: Any) -> Iterator[tuple[str, float, str]]:
 
 
 def check_editable(path: Path, copy_command: str) -> None:
-    """Raise NotEditableError for a file in which nothing will be kept; ``again`` is what to type with a copy."""
+    """Raise NotEditableError for a file that must not be changed; ``copy_command`` is the hint for a copy."""
     require_own(path, copy_command)
 
 
 def save_values(path: Path, values: Mapping[str, float], copy_command: str) -> list[str]:
-    """Write values into a robot file, and nothing else; return what was changed, as "head: pan: trim: 3 deg".
+    """Write values into a robot file, and change nothing else; return the changes, such as "head: pan: trim: 3 deg".
 
-    Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
+    Raises NotEditableError if a value cannot be written, InvalidFileError for another file than a robot's, OSError.
     """
     check_editable(path, copy_command)
     source = read_source(path)
@@ -83,7 +83,7 @@ def save_values(path: Path, values: Mapping[str, float], copy_command: str) -> l
 def _file_entry(
     name: str, values: Mapping[str, float], old: Mapping[str, tuple[float, str]]
 ) -> tuple[tuple[str, ...], str]:
-    """Return the keys of a value in the file, and its text there: both ends of limits stand in one list."""
+    """Return the keys of a value in the file, and its text; both ends of limits are in one list."""
     keys, dimension = tuple(name.split(".")), old[name][1]
     if keys[-1] not in LIMIT_ENDS:
         return keys, quantity_text(values[name], dimension)

@@ -1,8 +1,8 @@
-"""Which leaves there are: those that ship with MissionTree, those of installed packages, and those of the user's files.
+"""Leaves of MissionTree, of installed packages, and of the user's behaviour files.
 
-A package offers leaves by entry points of the group ``missiontree.behaviours``: each names a class, or a module. Of a
-module, and of a file, every class is taken that it defines itself and whose name does not begin with ``_``: leaves that
-declare a ``word``, and plain behaviours of py_trees.
+A package offers leaves by entry points of the group ``missiontree.behaviours``, each for a class or a module. In a
+module or a file, all classes defined there are used whose names do not begin with ``_``: leaves with a ``word``, and
+plain behaviours of py_trees.
 """
 
 import ast
@@ -47,34 +47,34 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 ENTRY_POINT_GROUP = "missiontree.behaviours"
-"""The entry points by which packages offer leaves."""
+"""Group of entry points with leaves."""
 
 BEHAVIOURS_FOLDER = "behaviours"
-"""The folder beside missions in which their own leaves are."""
+"""Folder with behaviour files, beside missions."""
 
 RESERVED_WORDS = frozenset({*BRANCHES, *MODIFIERS, *BESIDE_KEYS, *MISSION_KEYS})
-"""Words that mean something else in missions."""
+"""Words with another meaning in missions."""
 
 MODULE_PREFIX = "missiontree_behaviours."
-"""The prefix of the names of modules that come from files."""
+"""Prefix of the names of modules that are loaded from files."""
 
 ARGUMENT_KINDS = frozenset({*UNITS, *EXAMPLE_VALUES, "name", "gesture", "move", "gait", "controller"})
-"""The kinds of arguments."""
+"""Kinds of arguments."""
 
 
 SENSES = frozenset({"faces", "names", "things", "markers", "motion"})
-"""What a leaf may look for with the camera."""
+"""Detectors that a leaf can use."""
 
 
 @dataclass(frozen=True, slots=True)
 class OfferedLeaves:
-    """The classes that one file or entry point offers, and the source in which to show what is wrong with them."""
+    """Classes of a file or an entry point, with the source for error messages."""
 
     source: SourceText
     classes: Sequence[type[Behaviour]]
 
     def mark(self, cls: type) -> Mark:
-        """Return where a class stands in the source; its beginning where that is not known."""
+        """Return the place of a class in the source; the start if unknown."""
         try:
             tree = ast.parse(self.source.text)
         except SyntaxError:
@@ -84,9 +84,9 @@ class OfferedLeaves:
 
 
 def behaviour_files_beside(mission: Path) -> list[Path]:
-    """Return the files of leaves in the folder ``behaviours`` beside a mission's file, in the order of their names.
+    """Return the behaviour files in the folder ``behaviours`` beside a mission's file, in the order of their names.
 
-    Those whose names begin with ``_`` are none, nor is anything in a package of Python.
+    Files whose names begin with ``_``, and Python packages, are skipped.
     """
     folder = mission.parent / BEHAVIOURS_FOLDER
     if (folder / "__init__.py").exists():
@@ -95,16 +95,15 @@ def behaviour_files_beside(mission: Path) -> list[Path]:
 
 
 def real_path(path: Path) -> str:
-    """Return where a path leads, also for a link that leads to itself, of which ``Path.resolve`` raises."""
+    """Return the target of a path, also of a circular link, for which ``Path.resolve`` raises."""
     return os.path.realpath(path)
 
 
 def load_leaves(files: Iterable[Path] = (), required_files: Iterable[Path] | None = None) -> Mapping[str, type[Leaf]]:
-    """Return every leaf by its word.
+    """Return all leaves by word.
 
-    Raises InvalidFileError with all that is wrong with the ``files`` that the user has ``given`` (all, if None).
-    Others, and installed packages, that cannot be loaded are skipped and named in a warning: missions that do not use
-    them go on.
+    Raises InvalidFileError with all errors in the ``required_files`` (all ``files``, if None). Other files and
+    installed packages with errors are skipped with a warning, so that other missions are not affected.
     """
     own, faults = dict[str, type[Leaf]](), list[Diagnostic]()
     leaves = Catalogue(LEAF_PATHS, own)
@@ -141,17 +140,17 @@ def load_leaves(files: Iterable[Path] = (), required_files: Iterable[Path] | Non
 
 @lru_cache(maxsize=256)
 def _warn(words: str) -> None:
-    """Warn of what is skipped, once in this process."""
+    """Warn of a skipped file or package, once in this process."""
     sys.stderr.write(f"skipped: {words}\n")
 
 
 def _check_leaf(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
-    """Raise TypeError for a leaf that cannot be a word of the language."""
+    """Raise TypeError for a leaf with an invalid declaration."""
     word, shown = leaf.tag, f"{leaf.__name__}: the word '{leaf.tag}'"
     if re.fullmatch(r"[a-z][a-z0-9_]*", word) is None:
-        raise TypeError(f"{shown} must be small letters, digits and '_', beginning with a letter")
+        raise TypeError(f"{shown} must be lower-case letters, digits and '_', beginning with a letter")
     if word in RESERVED_WORDS:
-        raise TypeError(f"{shown} means something else in missions already")
+        raise TypeError(f"{shown} is reserved in missions")
     if word in leaves:
         other = leaves[word]
         raise TypeError(f"{shown} is taken by {other.__name__} of {other.__module__.removeprefix(MODULE_PREFIX)}")
@@ -161,20 +160,20 @@ def _check_leaf(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
     for argument in leaf.arguments.values():
         if argument.kind not in ARGUMENT_KINDS:
             raise TypeError(
-                f"{leaf.__name__}: '{argument.name}' is of no kind: {suggest_from(argument.kind, ARGUMENT_KINDS)}"
+                f"{leaf.__name__}: '{argument.name}' has an unknown kind: {suggest_from(argument.kind, ARGUMENT_KINDS)}"
             )
         if argument.kind in UNITS and isinstance(argument.default, str):
             raise TypeError(f"{leaf.__name__}: the default of '{argument.name}' must be a number, in SI units")
     for sense in sorted(leaf.senses - SENSES):
-        raise TypeError(f"{leaf.__name__}: nothing senses '{sense}': {suggest_from(sense, SENSES)}")
+        raise TypeError(f"{leaf.__name__}: unknown sense '{sense}': {suggest_from(sense, SENSES)}")
     try:
         inspect.signature(leaf).bind("name")
     except TypeError as error:
-        raise TypeError(f"{leaf.__name__}: a leaf is made with its name alone, but here: {error}") from error
+        raise TypeError(f"{leaf.__name__}: a leaf must be constructible with its name alone: {error}") from error
 
 
 def _load_from_entry_point(point: "EntryPoint") -> OfferedLeaves:
-    """Import what an entry point names. Raises InvalidFileError when that cannot be."""
+    """Import an entry point. Raises InvalidFileError."""
     source = SourceText(f"entry point {describe_entry_point(point)}", "")
     owner = owner_of(point)
     try:
@@ -193,7 +192,7 @@ def _load_from_entry_point(point: "EntryPoint") -> OfferedLeaves:
 
 
 def _load_from_file(path: Path) -> OfferedLeaves:
-    """Run a file of Python as a module of its own. Raises InvalidFileError when it raises, or has no leaves in it."""
+    """Run a Python file as a module. Raises InvalidFileError if it raises, or contains no leaves."""
     source = read_source(path)
     if problem := find_file_problem(path):
         mark = Mark(problem.line or 1, problem.column)
@@ -228,5 +227,5 @@ def _leaves_of_module(module: ModuleType, source: SourceText) -> OfferedLeaves:
                 found.append(cls)
     if not found:
         hint = "write a class that extends behaviours.leaf.Leaf and has a `word`, or a py_trees behaviour"
-        raise InvalidFileError([Diagnostic(source, Mark(), "there is no behaviour in it", hint)])
+        raise InvalidFileError([Diagnostic(source, Mark(), "it contains no behaviour", hint)])
     return OfferedLeaves(source, list(dict.fromkeys(found)))

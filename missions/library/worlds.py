@@ -1,4 +1,4 @@
-"""From a world file to the world that a simulated robot stands in."""
+"""Simulated worlds from world files."""
 
 from config.colours import COLOURS
 from config.world import PhysicsConfig, WorldConfig
@@ -14,7 +14,7 @@ from drivers.sim.world_objects import Edge, Rover, Wall, WorldBall, WorldBox, Wo
 
 
 def build_world(config: WorldConfig) -> SimulatedWorld:
-    """Return the world that a world file describes, in which nothing has been said yet."""
+    """Return the simulated world of a world file."""
     return SimulatedWorld(
         room=Room.with_default_fixtures(config.length, config.width, config.height, config.centre),
         people=tuple(_person(person) for person in config.people),
@@ -32,12 +32,12 @@ def build_world(config: WorldConfig) -> SimulatedWorld:
 
 
 def build_physics(physics: PhysicsConfig) -> Physics:
-    """Return how a base errs in a world."""
+    """Return the error model of a base in a world."""
     return Physics(physics.lag, physics.slip, physics.gyro_noise, physics.dropouts, build_battery(physics))
 
 
 def build_battery(physics: PhysicsConfig) -> Battery | None:
-    """Return the battery that a world gives a base; None where it says nothing of one."""
+    """Return the battery of a base in a world; None if the world has none."""
     battery = physics.battery
     return (
         None if battery is None else Battery(100 * battery.level, drain=battery.drain, resistance=INTERNAL_RESISTANCE)

@@ -1,6 +1,6 @@
-"""Our own plug-ins: declarations alone, whose code is imported when it is used.
+"""Declarations of our own plug-ins, whose code is imported when it is used.
 
-The order is that in which their options change the request of a run, and in which they take part in it.
+The options of plug-ins change the request, and their contexts are entered, in this order.
 """
 
 from missions.plugin import BACK, BY_HAND, LOOK, RUN, SET_UP, TRY, CommandEntry, FileKind, Plugin

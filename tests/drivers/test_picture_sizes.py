@@ -112,4 +112,4 @@ def test_a_portrait_that_would_take_gigabytes_is_left_out(tmp_path: Path) -> Non
     people.add("Anna", [np.full((20, 20, 3), level, np.uint8) for level in (1, 2, 3)])
     (tmp_path / "Anna/004.png").write_bytes(empty_png(4_000, 4_000))
     assert len(people.portraits(told.append)["Anna"]) == 3
-    assert [str(each) for each in told] == [f"{tmp_path}/Anna/004.png: is no portrait, and is left out"]
+    assert [str(each) for each in told] == [f"{tmp_path}/Anna/004.png: is not a portrait; it is skipped"]

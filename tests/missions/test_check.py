@@ -216,11 +216,11 @@ UNITS = "(units: deg, rad)"
         (["- say: Hi", "  tiemout: 3 s"], "tiemout", "unknown modifier 'tiemout'", "did you mean 'timeout'?"),
         (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LIST_HINT),
         # the form of a node
-        (["- timeout: 3 s"], "t", "no behaviour here, only what may stand beside one", WITHOUT_DASH),
+        (["- timeout: 3 s"], "t", "no behaviour here, only keys that stand beside one", WITHOUT_DASH),
         (
             ["- delay: 3 s"],
             "d",
-            "no behaviour here, only what may stand beside one",
+            "no behaviour here, only keys that stand beside one",
             "write 'wait' for a step that waits",
         ),
         (["- {}"], "{", "a behaviour is missing here", ""),
@@ -251,28 +251,28 @@ UNITS = "(units: deg, rad)"
         (
             ["- identify: person"],
             "person",
-            "'identify' needs a face kept by 'as', got the text 'person'",
-            'keep one with as: person, beside find_face, and write "${person}"',
+            "'identify' needs a face stored by 'as', got the text 'person'",
+            'store one with as: person, beside find_face, and write "${person}"',
         ),
         (
             ["- find_face:", "  as: person", "- identify: person"],
             "person",
-            "'identify' needs a face kept by 'as', got the text 'person'",
+            "'identify' needs a face stored by 'as', got the text 'person'",
             'write "${person}"',
         ),
         (
             ["- find_face:", "  as: person", "- face_centred: {face: perso}"],
             "perso",
-            "'face_centred': 'face' needs a face kept by 'as', got the text 'perso'",
+            "'face_centred': 'face' needs a face stored by 'as', got the text 'perso'",
             'write "${person}"',
         ),
         (
             ["- find_object: red ball", "  as: ball", "- track_face: {face: '${ball}'}"],
             "'${ball}'",
-            "'track_face': 'face' needs a face kept by 'as', got what 'find_object' keeps",
-            'keep one with as: person, beside find_face, and write "${person}"',
+            "'track_face': 'face' needs a face stored by 'as', got what 'find_object' keeps",
+            'store one with as: person, beside find_face, and write "${person}"',
         ),
-        (["- identify: ${n}"], "${n}", "'identify' needs a face kept by 'as', got 2", ""),
+        (["- identify: ${n}"], "${n}", "'identify' needs a face stored by 'as', got 2", ""),
         # what a variable holds
         (
             ["- find_face:", "  as: p", '- say: "So ${p.nam}"'],
@@ -316,13 +316,13 @@ UNITS = "(units: deg, rad)"
             "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
         ),
         # what stands beside
-        (["- sequence: [succeed]", "  as: it"], "it", "'sequence' finds nothing out that 'as' could keep", INDENT),
-        (["- say: Hi", "  as: it"], "it", "'say' finds nothing out that 'as' could keep", ""),
+        (["- sequence: [succeed]", "  as: it"], "it", "'sequence' has no result that 'as' could store", INDENT),
+        (["- say: Hi", "  as: it"], "it", "'say' has no result that 'as' could store", ""),
         (["- find_face:", "  as: my face"], "my face", "'as' needs a plain word, got 'my face'", "such as 'last_seen'"),
         (
             ["- find_face:", "  as: face"],
             "face",
-            "'as' cannot be 'face', which means something in expressions already",
+            "'as' cannot be 'face', which is reserved in expressions",
             "",
         ),
         (["- find_face:", "  as:"], "", "'as' needs a word", ""),
@@ -344,7 +344,7 @@ UNITS = "(units: deg, rad)"
         (["- set: 3"], "set", "'set' needs names and values", "write set: {count: 1}"),
         (["- set: {}"], "set", "'set' needs names and values", "write set: {count: 1}"),
         (["- set: {a b: 1}"], "a b", "a variable needs a plain word, got 'a b'", "such as 'last_seen'"),
-        (["- set: {true: 1}"], "true", "a variable cannot be 'true', which means something in expressions already", ""),
+        (["- set: {true: 1}"], "true", "a variable cannot be 'true', which is reserved in expressions", ""),
         (
             ["- set: {a: ['${n}']}"],
             "'${n}'",
@@ -474,7 +474,7 @@ UNITS = "(units: deg, rad)"
             ["- wait: 1 s", "  until: head"],
             "head",
             "'until': unknown name 'head'",
-            "which of it? known are: head.pan, head.tilt",
+            "add a member; known are: head.pan, head.tilt",
         ),
         (["- wait: 1 s", "  if: n = 2"], "=", "'if': 'n = 2' is not an expression; compare with '=='", ""),
         (
@@ -603,7 +603,7 @@ def test_a_file_with_very_many_mistakes_is_not_read_to_its_end() -> None:
     assert len(mistakes(steps(*["- nonsense"] * 10_000))) == MAX_DIAGNOSTICS
 
 
-TOO_DEEP = f"nested too deep: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
+TOO_DEEP = f"nested too deeply: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
 
 
 def test_a_tree_that_is_too_deep_to_be_ticked_is_refused() -> None:

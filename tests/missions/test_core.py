@@ -79,7 +79,7 @@ def test_the_core_has_its_own_commands_alone(core: Core) -> None:
         (("run", "greet", "--simulate", "fast"), "greet: success"),
         (("run", "1", "--simulate", "fast", "--eyes", "truth"), "forward: success"),
         (("run", "greet", "--simulate", "fast", "--events", "events.jsonl"), "greet: success"),
-        (("stop",), "no mission runs"),
+        (("stop",), "no mission is running"),
     ],
     ids=" ".join,
 )

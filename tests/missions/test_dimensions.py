@@ -104,7 +104,7 @@ WRONG = [
     ("set: {total: '${total + way}'}", "total + way", "cannot add a number and a length"),
     ("set: {x: '${way % 2}'}", "way % 2", "cannot calculate the remainder of a length and a number"),
     ("set: {x: '${gone in turns}'}", "gone in turns", "cannot compare a length and an angle"),
-    ("set: {x: '${[way, turned]}'}", "turned", "the members of a list are of one type: a length and an angle"),
+    ("set: {x: '${[way, turned]}'}", "turned", "the members of a list must have one type: a length and an angle"),
     ("say: '${gone + 1} done'", "gone + 1", "cannot add a length and a number"),
     ("say: '${ways[way]}'", "way", "counted in whole numbers, not by a length"),
     ("turn: '${way} deg'", "way", "'turn': a length is written with its unit; leave 'deg' out, or divide it by 1 m"),

@@ -234,7 +234,7 @@ def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
         ("1 in 2", "'1 in 2': cannot compare 1 with 2"),
         ("contrary == 1", "'contrary == 1': cannot compare a Contrary with 1"),
         ("not contrary", "'not contrary': neither true nor false"),
-        ("[names]", "'[names]': a list cannot stand in a list"),
+        ("[names]", "'[names]': a list cannot contain a list"),
         ("round(1, 0 - 99999)", "'round(1, 0 - 99999)': round takes 0 to 15 digits"),
         ("round(1.5, 2 m)", "'round(1.5, 2 m)': round takes 0 to 15 digits"),
         ("round(1.5, 'x')", "'round(1.5, 'x')': round takes 0 to 15 digits"),
@@ -244,10 +244,10 @@ def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
         ("thing.broken", "'broken' cannot be read: 'no reply'"),
         ("names[2]", "'names[2]': no member 2 in a list of 2"),
         ("names[-3]", "'names[-3]': no member -3 in a list of 2"),
-        ("names[0.5]", "'names[0.5]': the members of a list are counted from 0, in whole numbers, got 0.5"),
-        ("names[true]", "'names[true]': the members of a list are counted from 0, in whole numbers, got true"),
-        ("name[0]", "'name[0]': only a list has members by number, not the text 'Anna'"),
-        ("place['x']", "'place['x']': only a list has members by number, not a mapping"),
+        ("names[0.5]", "'names[0.5]': list indexes are whole numbers from 0, got 0.5"),
+        ("names[true]", "'names[true]': list indexes are whole numbers from 0, got true"),
+        ("name[0]", "'name[0]': only lists have numbered members, not the text 'Anna'"),
+        ("place['x']", "'place['x']': only lists have numbered members, not a mapping"),
     ],
 )
 def test_what_cannot_be_evaluated_says_why(text: str, message: str) -> None:
@@ -288,7 +288,7 @@ def test_a_text_cannot_grow_without_end() -> None:
 
 
 def test_a_list_cannot_grow_without_end() -> None:
-    with pytest.raises(ExpressionError, match="a list cannot stand in a list"):
+    with pytest.raises(ExpressionError, match="a list cannot contain a list"):
         parse("[n, n]").evaluate({"n": fed_back("[n, n]", 1)})
 
 
@@ -362,7 +362,7 @@ def test_quantities_compare_and_divide_to_plain_values(text: str, value: object)
         ("min([1 m * 1 m, 2 m])", "cannot compare a quantity in m^2 and a length"),
         ("1 m + 'a'", "cannot calculate with the text 'a'"),
         ("1 m < 'a'", "cannot compare 1 m with the text 'a'"),
-        ("[1][1 m]", "the members of a list are counted from 0, in whole numbers, got 1 m"),
+        ("[1][1 m]", "list indexes are whole numbers from 0, got 1 m"),
     ],
 )
 def test_dimensions_that_do_not_go_together_say_which(text: str, message: str) -> None:

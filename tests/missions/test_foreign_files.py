@@ -270,7 +270,7 @@ def test_a_motion_of_roboplus_moves_no_servos_with_other_steps(mission: Mission,
     Path("bench.yaml").write_text(ARM.replace("dynamixel", driver).replace("}", f", model: {model}}}"))
     outcome = mission("servo play nod.mtn --robot bench.yaml --dry-run")
     assert outcome.code == 2
-    assert f"servo 1 is an {model}: it has not the 1024 steps of an AX" in outcome.err
+    assert f"servo 1 is an {model}: it does not have the 1024 steps of an AX" in outcome.err
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,7 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     assert notices == []
     (people.folder / "Anna/001.png").write_bytes(b"broken")
     assert isinstance(gallery(own, notices.append), PatchRecogniser), "the other pictures are enough"
-    assert [notice.message for notice in notices] == [f"{people.folder}/Anna/001.png: is no portrait, and is left out"]
+    assert [notice.message for notice in notices] == [f"{people.folder}/Anna/001.png: is not a portrait; it is skipped"]
     assert notices[0].hint == f"rm {people.folder}/Anna/001.png"
 
 

@@ -7,18 +7,18 @@ from tests.missions.testing.verify.exploring import plan_of
 
 CASES = {
     "drive: 1 m\ndelay: 10 s\ntimeout: 5 s": (
-        "'drive' is never reached: the 'delay' of 10 s goes on for longer than the 'timeout' of 5 s around it",
+        "'drive' is never reached: the 'delay' of 10 s is longer than the 'timeout' of 5 s around it",
         "the order is the cause: write 'timeout' above 'delay' (line 5)",
     ),
     "drive: 1 m\non_failure: succeed\nretry: 3": (
-        "'retry' cannot matter here: 'drive' never fails",
+        "'retry' has no effect here:  'drive' never fails",
         "the order is the cause: write 'retry' above 'on_failure' (line 5)",
     ),
     "drive: 1 m\non_success: fail\nname: go\nrepeat: 3": (
-        "'repeat' cannot matter here: 'go' never succeeds",
+        "'repeat' has no effect here:  'go' never succeeds",
         "the order is the cause: write 'repeat' above 'on_success' (line 5)",
     ),
-    "wait: 1 s\nretry: 3": ("'retry' cannot matter here: 'wait' never fails", ""),
+    "wait: 1 s\nretry: 3": ("'retry' has no effect here:  'wait' never fails", ""),
 }
 
 

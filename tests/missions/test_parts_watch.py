@@ -67,10 +67,10 @@ def test_a_reading_from_too_long_ago_is_stale_and_one_that_never_was_has_no_age(
     stand = Stand()
     stand.base.reading = replace(stand.base.reading, quality=Quality.STALE)
     state = stand.look(7.0)
-    assert (state.level, state.age, state.detail) == ("STALE", 7.0, "nothing new")
+    assert (state.level, state.age, state.detail) == ("STALE", 7.0, "no new reading")
     stand.base.reading = Reading(None, 7.0, Quality.NONE)
     state = stand.look(7.0)
-    assert (state.level, state.age, state.detail) == ("STALE", None, "nothing measured yet")
+    assert (state.level, state.age, state.detail) == ("STALE", None, "no reading yet")
 
 
 def test_a_part_that_complains_is_worth_a_look() -> None:

@@ -127,7 +127,7 @@ def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Be
     (bench.people.folder / "Anna/002.png").write_bytes(b"no picture")
     outcome = bench.run("list")
     assert outcome.code == 0
-    assert "Anna/002.png: is no portrait, and is left out\n  try: rm " in outcome.err
+    assert "Anna/002.png: is not a portrait; it is skipped\n  try: rm " in outcome.err
     assert "of 100 looks at them" in outcome.out
     (bench.people.folder / "Anna/001.png").unlink()
     outcome = bench.run("list")
@@ -181,7 +181,7 @@ def test_what_was_judged_otherwise_than_the_robot_does_is_told(bench: Bench, mon
 def test_a_name_that_cannot_be_is_refused_before_anybody_poses(bench: Bench) -> None:
     outcome = bench.run("add", "unknown", "--camera", "/nowhere.mp4")
     assert outcome.code == 1
-    assert "'unknown' is what strangers are called" in outcome.err
+    assert "'unknown' is reserved for strangers" in outcome.err
 
 
 @pytest.mark.real_time

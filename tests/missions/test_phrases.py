@@ -105,7 +105,7 @@ def test_where_no_robot_is_named_the_words_are_checked_for_the_usual_one(
     assert outcome.code == 2
     assert "cannot listen for 'Größe'" in outcome.err
     assert "robot 'turtlebot2_arm' (docs/speech.md)" in outcome.err
-    assert "was checked for the usual robot (turtlebot2_arm); for another robot: --robot NAME" in outcome.err
+    assert "was checked for the default robot (turtlebot2_arm); for another robot: --robot NAME" in outcome.err
 
 
 def test_a_robot_without_ears_cannot_listen(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_a_robot_of_ones_own_that_is_gone_is_told_once_by_every_command(mission:
 def test_an_error_about_the_usual_robot_names_it(mission: Mission) -> None:
     line = ("servo", "move", "tentacle", "10 deg")
     told = mission(*line)
-    assert "the robot is 'turtlebot2_arm', for no other was named: --robot NAME takes another" in told.err
+    assert "the robot is 'turtlebot2_arm', the default: --robot NAME selects another" in told.err
     assert "the robot is" not in mission(*line, "--robot", "so101", "--simulate").err
 
 

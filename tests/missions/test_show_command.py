@@ -52,7 +52,7 @@ def test_a_behaviour_is_shown_as_json_for_programs(capsys: pytest.CaptureFixture
         (("behaviour", "dock", "-o", "dock.svg"), "--output is for a"),
         (("stroll", "--fold", "0"), "and 'stroll' is a gait"),
         (("drive", "--format", "svg"), "a behaviour is shown as text or as json"),
-        (("greet", "--at", "5 s"), "a mission has no moments"),
+        (("greet", "--at", "5 s"), "a mission has no times, unlike a record"),
         (("world", "greet"), "unknown world 'greet'"),
         (("planet", "greet"), "mission show {mission|record|behaviour|world|gait} NAME"),
         (("prty",), "did you mean 'party'?"),

@@ -30,7 +30,7 @@ def test_sounds_are_found_from_the_folder_of_the_mission(tmp_path: Path) -> None
     bell.touch()
     for step in ("play_sound: sounds/bell.wav", "play_sound: 'sounds/${which}.wav'", f"play_sound: {bell}"):
         assert arguments(tmp_path, step) == {"sound": bell}
-    with pytest.raises(InvalidFileError, match=f"names a file that is not there: {tmp_path / 'gong.wav'}"):
+    with pytest.raises(InvalidFileError, match=f"names a file that does not exist: {tmp_path / 'gong.wav'}"):
         arguments(tmp_path, "play_sound: gong.wav")
 
 

@@ -108,7 +108,7 @@ def test_what_a_mission_has_set_before_it_can_fail_is_handed_back(
 
 
 def test_what_to_write_is_said() -> None:
-    hint = "set it before, such as set: {guest: null}, and ask for it here with if: guest != null"
+    hint = "set it before, such as set: {guest: null}, and test it here with if: guest != null"
     assert hint in said("sequence: [{TRIED}, {GREETED}]")
 
 

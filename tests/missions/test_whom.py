@@ -70,7 +70,7 @@ def test_whom_the_world_has_a_simulated_robot_knows(mission: str, who: str) -> N
 def test_a_name_that_nobody_in_the_world_has_is_refused_with_those_who_are_known(mission: str) -> None:
     said = refused(RunRequest(mission, {"who": "Nobodyy"}, world="house"))
     assert said == (
-        "nobody in world 'house' is called 'Nobodyy'; known: Anna, Ben, Chidi\n  try: --world NAME, where they are"
+        "no person in world 'house' is called 'Nobodyy'; known: Anna, Ben, Chidi\n  try: --world NAME, where they are"
     )
 
 
@@ -96,16 +96,16 @@ def test_a_house_whose_people_are_out_can_be_simulated_but_that_is_told(
 
 def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, people: People) -> None:
     order = RunRequest(mission, {"who": "Ben"}, robot)
-    assert refused(order) == "nobody is called 'Ben' or 'Anna'; known: nobody\n  try: mission person add Ben"
+    assert refused(order) == "no person is called 'Ben' or 'Anna'; known: none\n  try: mission person add Ben"
     people.add("Anna", ANNA)
-    assert refused(order) == "nobody is called 'Ben'; known: Anna\n  try: mission person add Ben"
+    assert refused(order) == "no person is called 'Ben'; known: Anna\n  try: mission person add Ben"
     people.add("Ben", BEN)
     check(order)
 
 
 def test_who_has_no_pictures_left_is_not_known(mission: str, robot: str, people: People) -> None:
     (people.folder / "Anna").mkdir(parents=True)
-    assert "known: nobody" in refused(RunRequest(mission, {"who": "Anna"}, robot))
+    assert "known: none" in refused(RunRequest(mission, {"who": "Anna"}, robot))
 
 
 def test_a_true_camera_sees_the_users_people_even_where_the_rest_is_simulated(mission: str, people: People) -> None:
@@ -137,4 +137,4 @@ def test_a_mission_that_names_nobody_needs_nobody(robot: str, people: People) ->
 def test_a_run_with_a_wrong_name_does_not_begin(mission: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "run", mission, "--param", "who=Nobodyy", "--simulate", "fast")
     assert (outcome.code, outcome.out) == (2, "")
-    assert "nobody in world 'living_room' is called 'Nobodyy'; known: Anna" in outcome.err
+    assert "no person in world 'living_room' is called 'Nobodyy'; known: Anna" in outcome.err

@@ -126,7 +126,7 @@ MISTAKES = [
     # Shares, and what was pasted
     a(
         "- stop:\n  if: battery.percent < 20%",
-        "'if': cannot compare a percent and a share > what is in percent counts to 100: write 20 for 20 %",
+        "'if': cannot compare a percent and a share > a percent value is a number from 0 to 100: write 20 for 20 %",
     ),
     a("- say:\u00a0Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
     a("-\u00a0say: Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
@@ -149,7 +149,7 @@ MISTAKES = [
     a("- stop:\n  if: face.seen == yes", "'if': unknown name 'yes' > write 'true'"),
     a(
         "- stop:\n  if: battery < 20",
-        "'if': unknown name 'battery' > which of it? known are: battery.percent, battery.",
+        "'if': unknown name 'battery' > add a member; known are: battery.percent, battery.",
     ),
     a(
         "- stop:\n  if: face.name == 3",

@@ -1,1 +1,1 @@
-"""Movements of the joints: out of gesture files and spreadsheets, recorded, drawn, and how well they were followed."""
+"""Movements of joints: read from gesture files and spreadsheets, and recorded."""

@@ -1,8 +1,8 @@
-"""Movements out of files: a gesture, a spreadsheet of joint angles, or a sheet of which a move file says what it means.
+"""Movements from files: gestures, spreadsheets of joint angles, and move files that describe a spreadsheet.
 
-A sheet alone has a column for every joint, headed by its name, in radians or with its unit behind it, and a row for
-every moment; a column ``time`` (s), or the rate of the rows, says when they are. For all else: ``config.move``. Moves
-of pypot and of dynamixel_workbench are read as such sheets.
+A spreadsheet has a column for each joint, headed by its name, in radians or with its unit, and a row for each time. A
+column ``time`` (s), or the rate of the rows, gives the times. For other forms see ``config.move``. Moves of pypot and
+of dynamixel_workbench are read in the same way.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,29 +34,28 @@ from missions.library.moves.sheet import (
 # Angles of limbs out of points of a body, by the law of cosines, as fine as a servo can tell them apart.
 
 Point = tuple[float, ...]
-"""Where a point of a body is, in one unit of length; two or three coordinates."""
+"""Coordinates of a point of a body in one unit of length, in two or three dimensions."""
 
 SAME_POINT_SHARE = 1e-9
-"""Two points that are nearer than this share of a limb's length are one: there is no angle between them."""
+"""Distance of two points, as a share of a limb's length, below which they are the same and define no angle."""
 
 
 def angle_at(before: Point, joint: Point, behind: Point) -> float:
-    """Return the angle at ``joint`` (rad), 0 where the limb is folded and pi where it is stretched.
+    """Return the angle at ``joint`` (rad): 0 for a folded limb, pi for a straight one, by the law of cosines.
 
-    In a triangle, the square over one side is the sum of the other two's, less twice the product of these two sides and
-    the cosine of the angle between them. Raises ValueError where ``joint`` is where one of the others is.
+    Raises ValueError if ``joint`` coincides with another point.
     """
     near, far, across = dist(joint, before), dist(joint, behind), dist(before, behind)
     if min(near, far) <= SAME_POINT_SHARE * max(near, far):
-        raise ValueError("two of its points are in one place")
+        raise ValueError("two of its points coincide")
     cosine = (near**2 + far**2 - across**2) / (2 * near * far)
     return acos(min(max(cosine, -1.0), 1.0))  # rounding may carry it past either end
 
 
 def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
-    """Return ``angles`` in which a change of less than ``resolution`` is none: the one before stands on.
+    """Return ``angles`` in which changes below ``resolution`` are replaced by the previous angle.
 
-    So a servo is not sent to and fro by noise that is finer than its own steps.
+    So a servo does not oscillate with noise below its own resolution.
     """
     kept: list[float] = []
     for angle in angles:
@@ -69,14 +68,14 @@ def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
 MAX_FILE_BYTES = 5_000_000
 
 MAX_AX_STEP = 1023
-"""The highest step of the servos that RoboPlus moves."""
+"""Highest step of the servos that RoboPlus moves."""
 
 
 def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
-    """Return a movement as a sheet of its joints. Raises InvalidFileError for one that cannot be understood.
+    """Return a movement of another program as a sheet of its joints. Raises InvalidFileError.
 
-    pypot has degrees and speeds by motor and by seconds; dynamixel_workbench radians in the order of its joints;
-    RoboPlus steps of servos by their IDs, which are joints of the ``arm``.
+    pypot has degrees and speeds by motor and time; dynamixel_workbench has radians in the order of its joints; RoboPlus
+    has steps by servo ID, which need the joints of the ``arm``.
     """
     try:
         if form == "roboplus":
@@ -86,11 +85,11 @@ def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
             frames = _pypot(data) if form == "pypot" else _workbench(data)
     except (OSError, ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
         raise InvalidFileError(
-            [Diagnostic(SourceText(str(path), ""), Mark(), f"its frames cannot be understood: {error}")]
+            [Diagnostic(SourceText(str(path), ""), Mark(), f"its frames cannot be parsed: {error}")]
         ) from error
     joints = list(dict.fromkeys(joint for frame in frames.values() for joint in frame))
     if not joints:
-        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "there is no frame in it")])
+        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "it has no frames")])
     sheet = Sheet(str(path), 1, headings={name: column for column, name in enumerate((TIME_HEADING, *joints), 1)})
     pose: dict[str, float] = {}
     for frame in reversed(frames.values()):  # a motor that is named later stands there until then
@@ -102,7 +101,7 @@ def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
 
 
 def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
-    """Return degrees by motor, by time (s): a motor has its angle, or its angle and its speed."""
+    """Return degrees by motor, by time (s); a motor has its angle, or angle and speed."""
     rows = data["positions"]
     if isinstance(rows, list):  # as older versions keep them
         rows = {number / float(data["framerate"]): row for number, row in enumerate(rows)}
@@ -121,12 +120,12 @@ def _workbench(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
 
 
 def _roboplus(text: str, arm: ArmKeys | None) -> dict[float, dict[str, float]]:
-    """Return radians by joint, by time (s), of the one page of a motion file of RoboPlus.
+    """Return radians by joint, by time (s), of the only page of a RoboPlus motion file.
 
-    A step has a position for each ID from 0 on, how long it stays there, and how long it takes to get there (s).
+    A step has a position for each ID from 0 on, its pause, and its duration (s).
     """
     if not isinstance(arm, DynamixelKeys):
-        raise ValueError("its servos are told by their IDs: name a robot with Dynamixels (--robot FILE)")
+        raise ValueError("its servos have only IDs: name a robot with Dynamixels (--robot FILE)")
     lines = [line.strip().partition("=") for line in text.splitlines()]
     used = next(([flag == "1" for flag in value.split()] for key, _, value in lines if key == "enable"), [])
     joints = {joint.id: (name, joint) for name, joint in arm.servos.items()}
@@ -143,7 +142,7 @@ def _roboplus(text: str, arm: ArmKeys | None) -> dict[float, dict[str, float]]:
                 name, joint = joints[number]
                 if joint.servo_model.last_tick != MAX_AX_STEP:
                     raise ValueError(
-                        f"servo {number} is an {joint.model}: it has not the {MAX_AX_STEP + 1} steps of an AX"
+                        f"servo {number} is an {joint.model}: it does not have the {MAX_AX_STEP + 1} steps of an AX"
                     )
                 if not 0 <= place <= joint.servo_model.last_tick:
                     raise ValueError(f"servo {number}, an {joint.model}, has no step {place:g}")
@@ -157,9 +156,9 @@ def _roboplus(text: str, arm: ArmKeys | None) -> dict[float, dict[str, float]]:
 
 
 def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
-    """Return how much faster it is played, and the steps, of the one page that has any.
+    """Return the playback rate and the steps of the only page with steps.
 
-    Raises ValueError for several pages, with their names.
+    Raises ValueError with the names if there are several pages.
     """
     pages: list[dict[str, Any]] = []
     for key, _, value in lines:
@@ -184,9 +183,9 @@ def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
 
 
 def build_movement(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
-    """Return the movement that ``move`` makes of ``sheet``. Raises InvalidFileError with every mistake in the sheet.
+    """Return the movement of a ``sheet`` by its ``move`` file. Raises InvalidFileError with all errors in the sheet.
 
-    ``rate`` and ``arm`` as for ``missions.library.moves.load.load_move``.
+    ``rate`` and ``arm`` are as in ``load_move``.
     """
     _check_headings(sheet, move, arm)
     times = _times(sheet, move.rate or rate)
@@ -202,7 +201,7 @@ def build_movement(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: A
 
 
 def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None:
-    """Raise InvalidFileError for columns that are asked for and not there, and for joints that the arm lacks."""
+    """Raise InvalidFileError for missing columns, and for joints that the arm does not have."""
     for joint, source in move.joints.items():
         for heading in source.headings:
             if heading not in sheet.headings:
@@ -220,7 +219,7 @@ def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None
 
 
 def _check_units(sheet: Sheet, move: MoveConfig) -> None:
-    """Note columns without a unit beside others in degrees: they would be radians, and hardly are."""
+    """Report columns without a unit beside columns in degrees; they would be radians, which is unlikely."""
     columns = {joint: source.column for joint, source in move.joints.items() if source.points is None}
     units = {joint: parse_heading(column, move.joints).unit for joint, column in columns.items()}
     in_degrees = [joint for joint, unit in units.items() if unit == "deg"]
@@ -232,7 +231,7 @@ def _check_units(sheet: Sheet, move: MoveConfig) -> None:
 
 
 def _heading_hint(heading: str, arm: ArmKeys) -> str:
-    """Return which joint a heading may mean, with its unit: without one its angles would be radians."""
+    """Return the joint that a heading may mean, with its unit; without a unit its angles would be radians."""
     name, unit = parse_heading(heading)
     if name.lower() in TIME_NAMES:
         return "a column of times is headed 'time (s)' or 'time (ms)'"
@@ -248,12 +247,12 @@ def _heading_hint(heading: str, arm: ArmKeys) -> str:
 
 
 def _times(sheet: Sheet, rate: float | None) -> list[float]:
-    """Return when each row is (s), the first at 0."""
+    """Return the times of the rows (s), the first at 0."""
     column = time_column(sheet)
     if not column:
         if rate is None:
             hint = "give the rate of its rows, or add a column 'time' (in seconds)"
-            sheet.fault(sheet.heading_row, 1, "it does not say when its rows are", hint)
+            sheet.fault(sheet.heading_row, 1, "it has no times", hint)
         return [number / (rate or 1.0) for number in range(len(sheet.rows))]
     second = 1000.0 if time_unit(column) == "ms" else 1.0
     times, mistakes = [time / second for time in sheet.read_numbers(column)], len(sheet.faults)
@@ -264,18 +263,18 @@ def _times(sheet: Sheet, rate: float | None) -> list[float]:
 
 
 def time_column(sheet: Sheet) -> str:
-    """Return the heading of the column of times; empty without one."""
+    """Return the heading of the time column; empty if there is none."""
     return next((heading for heading in sheet.headings if time_unit(heading)), "")
 
 
 def _in_degrees(move: MoveConfig, source: JointSource) -> bool:
-    """Say whether a column has degrees: as its heading says, else the move file."""
+    """Return whether a column is in degrees: by its heading, or else by the move file."""
     unit = parse_heading(source.column, move.joints).unit
     return unit == "deg" if unit in ("deg", "rad") else move.degrees
 
 
 def _angles(sheet: Sheet, move: MoveConfig, joint: str, source: JointSource) -> Iterator[float]:
-    """Yield the angles (rad) of a joint, row by row."""
+    """Yield the angles (rad) of a joint by row."""
     if source.points is None:
         unit = radians(1) if _in_degrees(move, source) else 1.0
         found = [unit * value for value in sheet.read_numbers(source.column)]
@@ -285,7 +284,7 @@ def _angles(sheet: Sheet, move: MoveConfig, joint: str, source: JointSource) -> 
 
 
 def _point_angles(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
-    """Return the angle at the middle one of three points in every row; a limb without length is a fault."""
+    """Return the angle at the middle one of three points in each row; coinciding points are errors."""
     columns = [sheet.read_numbers(heading) for heading in source.headings]
     axes = len(source.plane)
     angles, problems = [], []
@@ -302,7 +301,7 @@ def _point_angles(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
 
 
 def _check_reach(sheet: Sheet, joint: str, move: MoveConfig, angles: Sequence[float], arm: ArmKeys) -> None:
-    """Note angles beyond the joint's limits."""
+    """Report angles beyond the joint's limits."""
     limits, source, hint = arm.ranges[joint], move.joints[joint], ""
     found = [(row, limit_error(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
     if source.points is None and not _in_degrees(move, source):
@@ -313,11 +312,11 @@ def _check_reach(sheet: Sheet, joint: str, move: MoveConfig, angles: Sequence[fl
 
 
 def _report_problems(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]], hint: str = "") -> None:
-    """Note the first problem of a joint, and how many more rows have one: where one has, mostly many do."""
+    """Report the first error of a joint, with the number of further rows."""
     if problems:
         row, problem = problems[0]
         others = len(problems) - 1
-        more = f", and so in {others} more {'row' if others == 1 else 'rows'}" if others else ""
+        more = f", and in {others} more {'row' if others == 1 else 'rows'}" if others else ""
         headings = source.headings  # the column, or the first of the middle point
         sheet.fault(row, sheet.headings[headings[len(headings) // 3]], problem + more, hint)
 
@@ -330,10 +329,10 @@ def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
 
 
 def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = None) -> Gesture:
-    """Read a movement. ``rate`` is that of a sheet's rows (Hz), where neither it nor its move file says when they are.
+    """Read a movement. ``rate`` (Hz) is that of a sheet's rows, if neither sheet nor move file has times.
 
-    With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
-    of its servo is no movement. Raises InvalidFileError with every mistake, at its line or its row and column.
+    With an ``arm``, its joints and limits are checked, and changes below the resolution of a servo are ignored. Raises
+    InvalidFileError with all errors, by line, or by row and column.
     """
     if path.suffix.lower() in SHEET_SUFFIXES:
         sheet = read_sheet(path)
@@ -352,9 +351,9 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
 
 
 def _config_from_headings(sheet: Sheet, path: Path, arm: ArmKeys | None, *, in_degrees: bool = False) -> MoveConfig:
-    """Take every column for a joint; a unit behind its name is that of its angles.
+    """Return a move file's contents in which each column is a joint, in the unit of its heading.
 
-    Raises InvalidFileError for a unit that is none of an angle, and for two columns of one joint.
+    Raises InvalidFileError for other units than those of angles, and for two columns of one joint.
     """
     joints: dict[str, JointSource] = {}
     reaches = {} if arm is None else arm.ranges

@@ -1,4 +1,4 @@
-"""Recording a movement: what limp joints did while somebody moved them by hand, as keyframes for a file."""
+"""Recording of a movement of joints without torque, moved by hand, as keyframes."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from drivers.api import JointState, Reading
 from drivers.errors import BadRequest, NoReply
 
 MAX_READING_GAP = 0.25
-"""Seconds without a reading of all joints after which it is unknown what they did meanwhile."""
+"""Maximum seconds between two readings of all joints; after a longer gap the motion is unknown."""
 
 Positions = npt.NDArray[np.float64]
 """Positions in radians, shape (readings, joints), float64."""
@@ -24,16 +24,16 @@ Positions = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class JointSnapshot:
-    """Where the joints were (radians) at a time (seconds, on the driver's clock)."""
+    """Positions of the joints (rad) at a time (s, on the driver's clock)."""
 
     time: float
     positions: Mapping[str, float]
 
 
 class JointRecording:
-    """A movement while it is made. ``resolutions`` are the joints to record, and the steps (rad) they measure in.
+    """Recording of a movement. ``resolutions`` are the measuring resolutions (rad) of the joints to record.
 
-    What a joint does within one such step is not told from its standing still.
+    Changes below the resolution count as no motion.
     """
 
     def __init__(self, resolutions: Mapping[str, float]) -> None:
@@ -43,13 +43,13 @@ class JointRecording:
 
     @property
     def seconds(self) -> float:
-        """How long it is by now."""
+        """Duration so far."""
         return self.snapshots[-1].time - self.snapshots[0].time if self.snapshots else 0.0
 
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
-        """Take the newest readings, if there are new ones of every joint.
+        """Add the newest readings, if there are new ones of all joints.
 
-        Raises NoReply once no such readings have come for ``MAX_READING_GAP`` seconds: a recording with a hole is none.
+        Raises NoReply after ``MAX_READING_GAP`` seconds without them, since a recording with a gap is useless.
         """
         snapshot = self._snapshot(states)
         if snapshot is not None:
@@ -61,11 +61,11 @@ class JointRecording:
             raise NoReply(
                 f"{', '.join(silent) or 'the joints'}: no reading for {now - self._last_reading_at:.2f} s, "
                 f"{self.seconds:.1f} s after the recording began",
-                hint="look after the cable and the supply, then record it again",
+                hint="check the cable and the power supply, then record it again",
             )
 
     def _snapshot(self, states: Mapping[str, Reading[JointState]]) -> JointSnapshot | None:
-        """Return where all the joints are, None where that is not known anew."""
+        """Return the positions of all joints; None if one has no new reading."""
         readings = {name: states[name] for name in self._resolutions}
         positions = {name: each.value.position for name, each in readings.items() if each.good and each.value}
         last = self.snapshots[-1].time if self.snapshots else -inf
@@ -75,9 +75,9 @@ class JointRecording:
         return JointSnapshot(max(stamps), positions)
 
     def gesture(self, name: str, summary: str = "") -> GestureConfig:
-        """Return the movement without the stillness around it, thinned out to what the joints can measure.
+        """Return the movement without the idle time around it, reduced to the resolution of the joints.
 
-        Raises BadRequest when nothing moved.
+        Raises BadRequest if nothing moved.
         """
         steps = np.array(list(self._resolutions.values()))
         table = np.array([[snapshot.positions[joint] for joint in self._resolutions] for snapshot in self.snapshots])
@@ -91,7 +91,7 @@ class JointRecording:
 
 
 def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | None:
-    """Return the readings from the last before the first movement to the first after the last; None without one."""
+    """Return the readings from the last one before the movement to the first one after it; None without a movement."""
     if len(table) < 2:
         return None
     begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # to and fro between two steps is no movement
@@ -102,10 +102,10 @@ def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | N
 
 
 def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArray[np.float64]) -> list[int]:
-    """Return the readings (indices) that are enough: straight lines between them miss no other by more than a step.
+    """Return the indices of sufficient readings: linear interpolation misses no other by more than its resolution.
 
-    The first and the last are always kept, and whichever lies farthest from the line between two kept ones (Douglas
-    and Peucker, 1973, over all joints at once).
+    Douglas and Peucker (1973), over all joints at once: the first and the last reading are kept, and the one that is
+    farthest from the line between two kept ones.
     """
     kept = {0, len(times) - 1}
     spans = [(0, len(times) - 1)]
@@ -127,18 +127,18 @@ def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArra
 # Where a behaviour keeps a movement that it records: a gesture file, never written over.
 
 DEFAULT_RESOLUTION = radians(0.3)
-"""What a joint does within this angle is not told from its standing still: one step of the coarsest servos."""
+"""Resolution in radians for recordings of missions: one step of the coarsest servos."""
 
 
 class FileRecording(JointRecording):
-    """A recording of ``joints`` that is to become a file at ``path``."""
+    """A recording of ``joints`` for a file at ``path``."""
 
     def __init__(self, path: Path, joints: Iterable[str]) -> None:
         super().__init__(dict.fromkeys(joints, DEFAULT_RESOLUTION))
         self._path = path
 
     def write(self) -> None:
-        """Write the file. Raises BadRequest where it is there already, cannot be written, or nothing has moved."""
+        """Write the file. Raises BadRequest if it exists, cannot be written, or nothing moved."""
         gesture = self.gesture(self._path.stem, f"Recorded by a mission, {self.seconds:.1f} s.")
         try:
             write_new(self._path, gesture_text(gesture, str(self._path)))
@@ -147,9 +147,9 @@ class FileRecording(JointRecording):
 
 
 class NewMoveFile:
-    """A file for a movement that is yet to be recorded; ``name`` stands for NAME.yaml in the current folder.
+    """File for a movement that will be recorded; ``name`` stands for NAME.yaml in the current folder.
 
-    Raises LookupError for what cannot be the name of a file.
+    Raises LookupError for an invalid file name.
     """
 
     def __init__(self, name: str) -> None:

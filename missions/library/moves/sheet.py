@@ -1,7 +1,7 @@
-"""Spreadsheets as columns of numbers under headings, every mistake with the row and column that it is in.
+"""Spreadsheets as columns of numbers with headings; errors have their row and column.
 
 ``.csv`` is separated by commas, semicolons or tabs; ``.xls``, ``.xlsx`` and ``.ods`` need the extra ``sheets``. Rows
-that begin with ``#`` are remarks; the first of the others has the headings.
+that begin with ``#`` are comments; the first other row has the headings.
 """
 
 import csv
@@ -33,27 +33,27 @@ UNIT_WORDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), "s"),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), "ms"),
 }
-"""Units as people write them, English and German, and what each means."""
+"""Spellings of units, English and German, with the unit."""
 
 TIME_HEADING = "time"
-"""The heading of the column that says when a row is, in seconds unless it says another unit."""
+"""Heading of the time column, in seconds unless it has another unit."""
 
 TIME_NAMES = (TIME_HEADING, "t", "zeit", "timestamp", "seconds", "sekunden")
-"""Names of such columns; all but the first need their unit."""
+"""Names of time columns; all except the first need a unit."""
 
 _BRACKETS = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*")
 _BEHIND = re.compile(r"(.*?)(?:[\s_,;:/.-]+(?:in\s+)?([A-Za-z]+)|\s*([°º]))\s*")
 
 
 class Heading(NamedTuple):
-    """A heading taken apart: ``unit`` is deg, rad, s or ms, as written for one that is none of these, or empty."""
+    """Name and unit of a heading; ``unit`` is deg, rad, s or ms, another unit as written, or empty."""
 
     name: str
     unit: str
 
 
 def parse_heading(text: str, names: Collection[str] = ()) -> Heading:
-    """Take a heading apart; one that is among the ``names`` has no unit."""
+    """Return name and unit of a heading; one that is among the ``names`` has no unit."""
     if text in names:
         return Heading(text, "")
     if found := _BRACKETS.fullmatch(text):
@@ -67,7 +67,7 @@ def parse_heading(text: str, names: Collection[str] = ()) -> Heading:
 
 
 def find_joint(name: str, joints: Collection[str]) -> str:
-    """Return the joint that a heading means, in whatever case and with whatever between its words; empty for none."""
+    """Return the joint of a heading, ignoring case and separators; empty if there is none."""
     if name in joints:
         return name
     spelt = {joint.lower(): joint for joint in joints}
@@ -75,7 +75,7 @@ def find_joint(name: str, joints: Collection[str]) -> str:
 
 
 def time_unit(text: str) -> str:
-    """Return the unit of a column of times, s or ms; empty for any other column."""
+    """Return the unit of a time column, s or ms; empty for another column."""
     name, unit = parse_heading(text)
     if name.lower() == TIME_HEADING and unit in ("", "s", "ms"):
         return unit or "s"
@@ -83,7 +83,7 @@ def time_unit(text: str) -> str:
 
 
 def is_unit_word(text: str) -> bool:
-    """Say whether a cell is the name of a unit, with or without brackets."""
+    """Return whether a cell contains a unit, with or without brackets."""
     return text.strip("()[]{}<> .").lower() in UNIT_WORDS
 
 
@@ -94,14 +94,14 @@ def is_unit_word(text: str) -> bool:
 # that is not there, or ``{"error": why}``. Without a name it is the first sheet that is not hidden.
 
 MAX_MEMORY_BYTES = 2_000_000_000
-"""Bytes that it may take."""
+"""Memory limit of the reader process."""
 
 MAX_ROWS = 100_000
-"""One row more is read of a longer sheet."""
+"""Maximum rows; of a longer sheet, one more is read."""
 
 
 def main(path: str, sheet: str | None = None) -> None:
-    """Print the sheet, or the first one."""
+    """Print the sheet as JSON, or the first sheet."""
     from python_calamine import CalamineError, CalamineWorkbook  # noqa: PLC0415 - an extra
 
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
@@ -126,21 +126,21 @@ if __name__ == "__main__":
 MAX_BYTES = 20_000_000
 
 READING_TIMEOUT = 60.0
-"""Seconds that a workbook may take to be read."""
+"""Seconds to read a workbook."""
 
 _COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
 
 _SEPARATOR = re.compile(r"sep=([,;\t])\s*$", re.MULTILINE)
 
 Cell = float | str
-"""A number, or a text; an empty cell is an empty text."""
+"""A number or a text; an empty cell is an empty text."""
 
 
 @dataclass(slots=True)
 class Sheet:
-    """A sheet that was read. ``headings`` are columns by name, ``rows`` those under them, each with its number.
+    """A spreadsheet. ``headings`` are columns by name, ``rows`` the rows below them with their numbers.
 
-    Rows and columns count from 1, as in a spreadsheet. ``faults`` gathers what is wrong.
+    Rows and columns count from 1. ``faults`` collects the errors.
     """
 
     name: str
@@ -152,23 +152,23 @@ class Sheet:
     faults: list[Diagnostic] = field(default_factory=list)
 
     def fault(self, row: int, column: int, message: str, suggestion: str = "") -> None:
-        """Note a mistake in one cell. Raises InvalidFileError once there are too many to go on."""
+        """Report an error in a cell. Raises InvalidFileError if there are too many."""
         add_diagnostic(self.faults, Diagnostic(SourceText(self.name, ""), Mark(row, column), message, suggestion))
 
     @property
     def is_workbook(self) -> bool:
-        """Whether it comes from a workbook."""
+        """True if it comes from a workbook."""
         return bool(self.tab)
 
     @property
     def remark(self) -> str:
-        """What is said of a workbook with further sheets; empty for others."""
+        """Note about further sheets of the workbook; empty if there are none."""
         others = ", ".join(f"'{name}'" for name in self.other_tabs)
         how = "a move file names another: tab: NAME"
         return f"sheet '{self.tab}' is read, and not {others}; {how}" if others else ""
 
     def raise_faults(self) -> None:
-        """Raise InvalidFileError if there are faults; the first one says which sheet of the workbook was read."""
+        """Raise InvalidFileError if there are errors; the first one names the sheet of the workbook."""
         if self.faults and self.other_tabs:
             first = self.faults[0]
             hint = "; ".join(filter(None, (first.suggestion, self.remark)))
@@ -177,7 +177,7 @@ class Sheet:
             raise InvalidFileError(self.faults)
 
     def read_numbers(self, heading: str) -> list[float]:
-        """Return the column under ``heading``; a cell without a number is a fault, and 0."""
+        """Return the column under ``heading``; a cell without a number is an error, and becomes 0."""
         column = self.headings[heading]
         cells = [(row, cells[column - 1] if column <= len(cells) else "") for row, cells in self.rows]
         commas = [(row, cell) for row, cell in cells if isinstance(cell, str) and _COMMA.fullmatch(cell)]
@@ -194,16 +194,18 @@ class Sheet:
         if found is None:
             merged = "of merged cells the first one has the value: write it in each" if self.is_workbook else ""
             self.fault(
-                row, column, *(("an empty cell", merged) if cell == "" else (f"{quoted_value(cell)} is no number", ""))
+                row,
+                column,
+                *(("an empty cell", merged) if cell == "" else (f"{quoted_value(cell)} is not a number", "")),
             )
         return found or 0.0
 
 
 def read_sheet(path: Path, tab: str | None = None) -> Sheet:
-    """Read a spreadsheet; of a workbook the sheet ``tab``, or the first. Raises InvalidFileError with what is wrong."""
+    """Read a spreadsheet; of a workbook the sheet ``tab``, or the first. Raises InvalidFileError."""
     kind = path.suffix.lower()
     if kind not in SHEET_SUFFIXES:
-        raise _file_error(path, f"no spreadsheet: its name must end in {', '.join(SHEET_SUFFIXES)}")
+        raise _file_error(path, f"not a spreadsheet: its name must end in {', '.join(SHEET_SUFFIXES)}")
     name, others = "", list[str]()
     if kind == ".csv":
         written = _read_separated(path)
@@ -235,7 +237,7 @@ def read_sheet(path: Path, tab: str | None = None) -> Sheet:
 
 
 def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
-    """Say whether the first row is no row of headings: it has one cell alone, or the second row has headings."""
+    """Return whether the first row is a title: it has one cell, or the second row has headings."""
     texts = [cell for cell in second if cell != "" and _number_in(cell) is None and not _COMMA.fullmatch(str(cell))]
     alone = sum(cell != "" for cell in first) == 1 and sum(cell != "" for cell in second) > 1
     headed = len(texts) > 1 and len(texts) == sum(cell != "" for cell in second)
@@ -244,7 +246,7 @@ def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
 
 
 def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
-    """Note a row of units under the headings, and say whether there is one."""
+    """Report a row of units below the headings; return whether there is one."""
     named = [(heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)]
     units = [(heading, cell) for heading, cell in named if cell and is_unit_word(cell)]
     found = bool(units) and all(cell == "" or _number_in(cell) is None for cell in cells)
@@ -262,11 +264,11 @@ def _take_headings(sheet: Sheet, cells: Sequence[Cell]) -> None:
             sheet.fault(
                 sheet.heading_row,
                 column,
-                f"{quoted_value(cell)} is no heading",
+                f"{quoted_value(cell)} is not a heading",
                 "the first row has the names of the columns",
             )
         elif cell in sheet.headings:
-            sheet.fault(sheet.heading_row, column, f"the heading {quoted_value(cell)} stands here again")
+            sheet.fault(sheet.heading_row, column, f"repeated heading {quoted_value(cell)}")
         else:
             sheet.headings[cell] = column
 
@@ -275,7 +277,7 @@ def _take_row(sheet: Sheet, row: int, cells: Sequence[Cell]) -> None:
     filled = [column for column, cell in enumerate(cells, 1) if cell != ""]
     stray = next((column for column in filled if column not in sheet.headings.values()), None)
     if not filled:
-        sheet.fault(row, 1, "an empty row", "take it out: every row is a moment")
+        sheet.fault(row, 1, "an empty row", "remove it: every row is a moment")
     elif stray is not None:
         hint = "a comma within a number makes two cells of it: write a point"
         if sheet.is_workbook:
@@ -286,7 +288,7 @@ def _take_row(sheet: Sheet, row: int, cells: Sequence[Cell]) -> None:
 
 
 def _read_separated(path: Path) -> list[list[Cell]]:
-    """Read a file of separated values: all cells are texts."""
+    """Read a file of separated values; all cells are texts."""
     text = read_source(path).text
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=first.count)
@@ -296,11 +298,11 @@ def _read_separated(path: Path) -> list[list[Cell]]:
         rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
         return [[cell.strip() for cell in row] for row in rows]
     except csv.Error as error:
-        raise _file_error(path, f"no separated values: {error}") from error
+        raise _file_error(path, f"invalid separated values: {error}") from error
 
 
 def _read_workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, list[str]]:
-    """Read one sheet of a workbook; return its rows, its name, and the others if nobody has named it."""
+    """Read one sheet of a workbook; return its rows, its name, and the other sheets if ``tab`` is None."""
     if find_spec("python_calamine") is None:
         raise _file_error(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
     try:
@@ -313,10 +315,10 @@ def _read_workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, 
     except OSError as error:
         raise _file_error(path, f"cannot be read: {error.strerror}") from error
     except subprocess.SubprocessError as error:
-        raise _file_error(path, "no workbook: it is damaged") from error
+        raise _file_error(path, "not a valid workbook") from error
     told = json.loads(heard.stdout)
     if "error" in told:
-        raise _file_error(path, f"no workbook: {told['error']}")
+        raise _file_error(path, f"not a valid workbook: {told['error']}")
     if told["rows"] is None:
         raise _file_error(path, f"there is no sheet {quoted_value(tab)}", suggest_from(tab or "", told["sheets"]))
     others = [name for name in told["sheets"] if name != told["sheet"]] if tab is None else []
@@ -324,12 +326,12 @@ def _read_workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, 
 
 
 def _cell(value: object) -> Cell:
-    """Return what a cell of a workbook holds; what is neither number nor text (a date, TRUE) as its text."""
+    """Return the contents of a workbook cell; dates and booleans become texts."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value).strip()
 
 
 def _number_in(cell: Cell) -> float | None:
-    """Return the finite number that a cell holds, None if it holds none."""
+    """Return the finite number in a cell; None if it has none."""
     try:
         value = float(cell)
     except ValueError:

@@ -1,1 +1,1 @@
-"""The JSON Schema of missions: completion, hover help and mistakes while typing, in any editor that knows YAML."""
+"""JSON Schemas of missions and other files: completion, help and errors in YAML editors."""

@@ -1,4 +1,4 @@
-"""``mission schema``: JSON Schemas for editors that know YAML: of missions, tests, robots and worlds."""
+"""``mission schema``: JSON Schemas for editors with YAML support."""
 
 import json
 from pathlib import Path
@@ -17,20 +17,22 @@ from missions.plugins.schema.robots import robot_reference
 from missions.trees import drawing
 
 TREE_KIND = "tree"
-"""The schema of the JSON of a drawn tree, which is no file of a kind."""
+"""Kind of the JSON of a drawn tree, which is not a file of MissionTree."""
 
 
 @click.command(epilog="Example: mission schema -o mission.schema.json")
 @click.argument("kind", type=click.Choice(["missions", *FILE_KINDS, TREE_KIND]), default="missions")
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write to this file."
+)
 @click.option("--reference", is_flag=True, help="Of robots: every key of every driver that there is, as Markdown.")
 @behaviours_option
 def command(kind: str, output: Path | None, files: tuple[Path, ...], *, reference: bool) -> None:
-    """Write the JSON Schema of missions, from which an editor completes, explains and checks them.
+    """Write the JSON Schema of missions, with which an editor completes, explains and checks them.
 
-    Or that of tests, robots, worlds, gestures, gaits, moves, controllers, objects, or of the tree that
-    `mission show --format json` writes. In VS Code, with the YAML extension, after
-    `mission schema -o mission.schema.json`, begin a mission in that folder with the line
+    Another KIND writes the schema of tests, robots, worlds, gestures, gaits, moves, controllers or objects, or of the
+    tree that `mission show --format json` writes. In VS Code, install the YAML extension, run `mission schema -o
+    mission.schema.json`, and begin a mission in that folder with the line
 
     # yaml-language-server: $schema=mission.schema.json
     """
@@ -49,7 +51,7 @@ def command(kind: str, output: Path | None, files: tuple[Path, ...], *, referenc
 
 
 def _write(text: str, output: Path | None) -> None:
-    """Write a text into a file, or print it."""
+    """Write a text to a file, or print it."""
     if output is None:
         click.echo(text)
         return

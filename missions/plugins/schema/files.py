@@ -1,4 +1,4 @@
-"""The schemas of the files that are no missions, made of the classes that declare their keys."""
+"""Schemas of the files other than missions, from the classes that declare their keys."""
 
 from collections.abc import Mapping
 
@@ -26,15 +26,15 @@ FILE_KINDS: Mapping[str, tuple[str, type]] = {
     "controllers": ("A controller: the rules by which a behaviour tracks.", ControllerFileKeys),
     "objects": ("An object to look for.", ObjectKeys),
 }
-"""The kinds of files: what each is, and the class of its keys."""
+"""Kinds of files: description, and class of the keys."""
 
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
-"""Which JSON Schema it is."""
+"""Identifier of the JSON Schema version."""
 
 
 def file_schema(kind: str) -> Schema:
-    """Return the JSON Schema (draft-07) of the files of a kind, one of ``FILE_KINDS``."""
+    """Return the JSON Schema (draft-07) for a kind of ``FILE_KINDS``."""
     told, cls = FILE_KINDS[kind]
     schema = keys_schema(cls)
     if kind == "robots":

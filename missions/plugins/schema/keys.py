@@ -1,4 +1,4 @@
-"""The schema of a section of a file, from the keys that a class declares; and what each takes, in words."""
+"""Schema and description of the keys that a class declares for a section of a file."""
 
 from dataclasses import is_dataclass
 
@@ -21,14 +21,14 @@ def keys_schema(cls: type) -> Schema:
 
 
 def key_schema(key: Key) -> Schema:
-    """Return what a key takes, with its help, and its default."""
+    """Return the schema of a key, with its help and default."""
     schema = _value_schema(key)
     told = " ".join(part for part in (key.help, default_text(key)) if part)
     return {"description": told, **schema} if told else schema
 
 
 def default_text(key: Key) -> str:
-    """Say what holds without a key; nothing where that is nothing."""
+    """Return the text about the default of a key; empty if there is none."""
     if key.required:
         return "It must be given."
     shown = format_default(key)
@@ -36,7 +36,7 @@ def default_text(key: Key) -> str:
 
 
 def format_default(key: Key) -> str:
-    """Return the default of a key as a file would have it; empty where there is none, or where it is a section's."""
+    """Return the default of a key as in a file; empty if there is none, or if it is a section."""
     value = key.default
     if value is None or value in ("", ()) or key.form in ("section", "list", "named", "rest") or is_dataclass(value):
         return ""
@@ -48,7 +48,7 @@ def format_default(key: Key) -> str:
 
 
 def bounds_text(key: Key) -> str:
-    """Say between which bounds the values of a key are; nothing where there are none."""
+    """Return the bounds of a key's values; empty if there are none."""
     low, high = (None if bound is None else _format_quantity(key, bound) for bound in (key.low, key.high))
     if low is not None and high is not None:
         return f"{low} to {high}"
@@ -56,7 +56,7 @@ def bounds_text(key: Key) -> str:
 
 
 def value_text(key: Key) -> str:
-    """Say in words what a key takes."""
+    """Return a description of the values of a key."""
     unit = _unit_text(key)
     if key.form == "either":
         return "; or ".join(map(value_text, key.options))
@@ -86,7 +86,7 @@ def _unit_text(key: Key) -> str:
 
 
 def _plural_text(key: Key) -> str:
-    """Say in words what stands under names."""
+    """Return a description of the members of a mapping or a list."""
     plural = {"text": "texts", "section": "sections", "integer": "whole numbers", "any": "values"}
     return (
         f"lists of {_plural_text(key.inner)}"
@@ -120,7 +120,7 @@ def _value_schema(key: Key) -> Schema:
 
 
 def _plain_schema(key: Key) -> Schema:
-    """Return what a value without a unit looks like."""
+    """Return the schema of a value without a unit."""
     match key.form:
         case "choice":
             return _choice_schema(key)
@@ -135,13 +135,13 @@ def _plain_schema(key: Key) -> Schema:
 
 
 def _choice_schema(key: Key) -> Schema:
-    """Return the words of a key, also as YAML takes them: as numbers, true and false."""
+    """Return the schema of a choice, including words that YAML reads as numbers or booleans."""
     others = [value for word in key.among if not isinstance(value := plain_value(word), str)]
     return {"enum": [*key.among, *others]}
 
 
 def _quantity_schema(key: Key) -> Schema:
-    """Return what a quantity of a key looks like."""
+    """Return the schema of a quantity."""
     dimension = "share" if key.dimension == PERCENT else key.dimension
     schema = quantity_schema(
         dimension, bounds_text(key), negative=key.low is None or key.low < 0, zero=not (key.low or 0) > 0

@@ -1,4 +1,4 @@
-"""The schema of a whole mission file, for the leaves and the things that there are."""
+"""Schema of mission files, for the available leaves and library names."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -26,11 +26,11 @@ _LOADERS: Named[str, Callable[[Path], object]] = {
 
 
 OTHER_KIND_KEYS = (*(key for key in KIND_KEYS if key != "mission"), "move")
-"""The keys by which files of other kinds are known."""
+"""Keys that identify files of other kinds."""
 
 
 def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
-    """Return the JSON Schema (draft-07) of missions made of ``leaves``, that name ``things``."""
+    """Return the JSON Schema (draft-07) of missions with these ``leaves``, which name ``things``."""
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",
@@ -44,7 +44,7 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
 
 
 def _body() -> Schema:
-    """Return what a mission file holds."""
+    """Return the schema of the keys of a mission file."""
     text = {"type": SCALAR, "pattern": r"\S"}
     return {
         "properties": {
@@ -57,7 +57,7 @@ def _body() -> Schema:
                 "additionalProperties": _param(),
             },
             "if_interrupted": {
-                "description": "What to do about it as a task when nobody knows how far it came.",
+                "description": "What happens to the mission as a task after an interruption.",
                 "enum": list(IF_INTERRUPTED),
             },
             "tree": NODE,
@@ -73,7 +73,7 @@ def _body() -> Schema:
 
 
 def shipped_things() -> dict[str, dict[str, str]]:
-    """Return the names of the gestures, moves, gaits, controllers and missions that ship, with their summaries."""
+    """Return the gestures, moves, gaits, controllers and missions of MissionTree by name, with their summaries."""
     found = {
         kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped_files(f"{kind}s").items()}
         for kind, load in _LOADERS.items()
@@ -82,7 +82,7 @@ def shipped_things() -> dict[str, dict[str, str]]:
 
 
 def _missions() -> dict[str, str]:
-    """Return the shipped missions by the shortest name that is theirs alone. Only their summaries are read."""
+    """Return MissionTree's missions by their shortest unique names. Only their summaries are read."""
     files = shipped_missions()
     short = Counter(path.stem for path in files.values())
     return {path.stem if short[path.stem] == 1 else name: _summary(path) for name, path in files.items()}
@@ -95,7 +95,7 @@ def _summary(path: Path) -> str:
 
 
 def _param() -> Schema:
-    """Return what a param is: a plain default, or the long form."""
+    """Return the schema of a param: a plain default, or the long form."""
     default = {
         "type": [*SCALAR, "null"],
         "pattern": rf"^(?![\s\S]*{HOLE})",
@@ -125,7 +125,7 @@ def _param() -> Schema:
 
 
 def _properties() -> Schema:
-    """Return what a list of properties is: one key with a text in each."""
+    """Return the schema of a list of properties, each with one key and a text."""
     kinds = {
         word: {"description": sentence(text), "type": "string", "pattern": pattern}
         for word, (text, pattern) in PROPERTIES.items()

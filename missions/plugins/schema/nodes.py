@@ -1,4 +1,4 @@
-"""Nodes in the schema: behaviours, composites, sub-missions, and what may stand beside them."""
+"""Schema of nodes: behaviours, composites, sub-missions, and the keys beside them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -32,15 +32,15 @@ RESULTS: Schema = {"type": "object", "propertyNames": NAME, "additionalPropertie
 
 
 def node_definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema:
-    """Return the schema of a ``node``, and those of all ``behaviours`` by their words."""
+    """Return the schema of a ``node``, and those of all ``behaviours`` by word."""
     behaviours = {word: leaf_value(leaf, things) for word, leaf in leaves.items()} | _composite_schemas(things)
     return {"node": _node(leaves, list(behaviours)), "behaviours": behaviours}
 
 
 def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
-    """Return what a node of the tree may be: a word, or a behaviour with what stands beside it.
+    """Return the schema of a node: a word, or a behaviour with the keys beside it.
 
-    Once there is a behaviour, editors propose only what may stand beside it.
+    Once a behaviour is present, editors suggest only keys that can stand beside it.
     """
     behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
     silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
@@ -76,7 +76,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
 
 
 def _word_schema(leaves: Mapping[str, type[Leaf]]) -> Schema:
-    """Return what may be a node by its word alone."""
+    """Return the schema of a node that is a single word."""
     alone = {word: leaf for word, leaf in leaves.items() if is_complete_alone(leaf)}
     return {
         "enum": list(alone),
@@ -86,7 +86,7 @@ def _word_schema(leaves: Mapping[str, type[Leaf]]) -> Schema:
 
 
 def _composite_schemas(things: Things) -> dict[str, Schema]:
-    """Return what stands behind each composite, and behind ``mission``."""
+    """Return the schemas of the values of composites and of ``mission``."""
     lists = {
         word: {"description": f"A list of behaviours: {kind.help}.", **CHILDREN} for word, kind in COMPOSITES.items()
     }
@@ -115,7 +115,7 @@ def _composite_schemas(things: Things) -> dict[str, Schema]:
 
 
 def _for_each() -> Schema:
-    """Return what stands behind ``follow_for_each``."""
+    """Return the schema of the value of ``for_each``."""
     members = {"type": "array", "items": {"type": SCALAR}}
     return {
         "description": sentence(OTHER_PARENTS[FOR_EACH].help),
@@ -154,7 +154,7 @@ def _beside_schemas() -> dict[str, Schema]:
 
 
 def _setting_schema(takes: str, text: str) -> Schema:
-    """Return what a modifier takes, or what else stands beside a behaviour, from the words that say so."""
+    """Return the schema of a modifier or another key beside a behaviour, from the text of its form."""
     found: Schema = {"description": f"{sentence(text)} Takes {takes}."}
     match takes:
         case "an expression":
@@ -180,7 +180,7 @@ def _setting_schema(takes: str, text: str) -> Schema:
 
 
 def _forbid_second_behaviour(words: Sequence[str]) -> dict[str, Schema]:
-    """Forbid, beside each behaviour, all those that come after it in the list: so each pair is an error once."""
+    """Return dependencies that forbid all later behaviours beside each one, so that each pair is one error."""
     return {
         word: {
             "properties": dict.fromkeys(words[place + 1 :], False),
@@ -191,7 +191,7 @@ def _forbid_second_behaviour(words: Sequence[str]) -> dict[str, Schema]:
 
 
 def _require_one_of(words: Sequence[str], message: str) -> Schema:
-    """Ask for one of these keys in the node."""
+    """Return a schema that requires one of these keys in the node."""
     some = {"anyOf": [{"required": [word]} for word in words]}
     return {"if": {"not": some}, "then": {"type": "string", "errorMessage": message}}
 
@@ -205,4 +205,4 @@ _SNIPPETS: list[Schema] = [
         ("until one ends", "One thing, until another has ended.", "race", ("track_face", "wait: ${1:10 s}")),
     )
 ]
-"""Common forms, each composite with two children; children are indented by four blanks, below "- " too."""
+"""Snippets of composites with two children, which are indented by four spaces, also after "- "."""

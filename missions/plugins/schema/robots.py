@@ -1,4 +1,4 @@
-"""The schema of robot files: a section for each kind of part, with the keys of each driver that there is."""
+"""Schema and reference of robot files: a section for each kind of part, with the keys of each driver."""
 
 from collections.abc import Collection, Iterable
 
@@ -15,7 +15,7 @@ COLUMNS = ("key", "takes", "bounds", "default", "what it does")
 
 
 def robot_reference(table: DriverTable, among: Collection[tuple[str, str]] | None = None) -> str:
-    """Return the keys of every driver of a table, by kind of part; or of those ``among`` (kind, name)."""
+    """Return the keys of all drivers as Markdown, by kind of part; or of those ``among`` (kind, name)."""
     parts = []
     for kind in KINDS.values():
         drivers: dict[type, list[Driver]] = {}
@@ -32,9 +32,9 @@ def robot_reference(table: DriverTable, among: Collection[tuple[str, str]] | Non
 
 
 def keys_table(cls: type, apart: Collection[type] = ()) -> str:
-    """Return the table of the keys of a class; those of its sections stand below them as ``section.key``.
+    """Return the table of the keys of a class as Markdown; keys of sections follow as ``section.key``.
 
-    Those of sections ``apart`` do not.
+    Sections of the classes ``apart`` are left out.
     """
     return markdown_table(COLUMNS, _rows(cls, "", apart))
 
@@ -49,7 +49,7 @@ def _rows(of: type, within: str, apart: Collection[type]) -> Iterable[tuple[str,
 
 
 def _sections(key: Key, path: str) -> Iterable[tuple[str, type]]:
-    """Yield the sections in a key, each with what leads to it."""
+    """Yield the sections in a key, each with its path."""
     if key.of is not None:
         yield path, key.of
     for each in key.options:
@@ -65,12 +65,12 @@ def markdown_table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> st
 
 
 def markdown_code(text: str) -> str:
-    """Set ``text`` as code."""
+    """Return ``text`` as inline code in Markdown."""
     return f"`{text}`"
 
 
 def part_schemas(table: DriverTable) -> dict[str, Schema]:
-    """Return what the section of each kind of part may hold; a driver that cannot be used is left out."""
+    """Return the schema of the section of each kind of part, without broken drivers."""
     found: dict[str, list[Driver]] = {kind: [] for kind in KINDS}
     for kind, _, driver in table.iter_drivers():
         if not isinstance(driver, BrokenDriver):
@@ -79,7 +79,7 @@ def part_schemas(table: DriverTable) -> dict[str, Schema]:
 
 
 def further_part_schema(kind: PartKind, section: Schema) -> Schema:
-    """Return what the section of one more part of a kind may hold: what a ``section`` of it may, and its ``kind``."""
+    """Return the schema of a further part of a kind: that of the ``section``, with the key ``kind``."""
     word: Schema = {"description": "Of which kind of part this is one more.", "const": kind.name}
     choices = [
         {**each, "then": _with_word(each["then"], word)} if "then" in each else each
@@ -94,7 +94,7 @@ def _with_word(schema: Schema, word: Schema) -> Schema:
 
 
 def _section_schema(kind: PartKind, drivers: list[Driver]) -> Schema:
-    """Return what a section may hold: the keys of the driver that it names, or of the usual one."""
+    """Return the schema of a section: the keys of the driver that it names, or of the default driver."""
     names = [driver.name for driver in drivers]
     told = "What drives it." + (f" Without it: {kind.default_driver}." if kind.default_driver else " It must be given.")
     word: Schema = {"description": told, "enum": names}

@@ -1,7 +1,7 @@
-"""Values in the schema: how each kind of value is written. ``${...}`` may stand wherever a value does.
+"""Schema of values by kind; ``${...}`` is allowed in place of each value.
 
-``errorMessage``, ``defaultSnippets`` and ``markdownDescription`` are what the YAML language server adds to JSON Schema;
-validators pass over them. Patterns keep to what Python's and JavaScript's regular expressions have in common.
+``errorMessage``, ``defaultSnippets`` and ``markdownDescription`` are extensions of the YAML language server, which
+validators ignore. Patterns use only syntax common to Python and JavaScript.
 """
 
 import math
@@ -28,7 +28,7 @@ from missions.library.catalogue import (
 Schema = dict[str, Any]
 
 Things = Mapping[str, Mapping[str, str]]
-"""What missions name: for each kind ("gesture", "mission") the names, each with its summary."""
+"""Names that missions can use: for each kind ("gesture", "mission") the names with their summaries."""
 
 HOLE = r"\$\{"
 SCALAR = ["string", "number", "boolean"]
@@ -44,7 +44,7 @@ NAME: Schema = {
     "pattern": rf"^(?!(?:{'|'.join(_RESERVED_NAMES)})$)[^{_SIGNS}0-9][^{_SIGNS}]*$",
     "errorMessage": "needs a plain word such as last_seen, that means nothing else in expressions",
 }
-"""The name that a mission gives to a param or a variable."""
+"""Schema of the name of a param or a variable."""
 
 _PHRASE: Schema = {"type": SCALAR, "pattern": r"[^\s!-@\[-`{-~]"}
 PHRASES: Schema = {
@@ -54,13 +54,13 @@ PHRASES: Schema = {
     "minItems": 1,
     "errorMessage": "needs a phrase, or a list of them, in words",
 }
-"""What is listened for."""
+"""Schema of phrases."""
 
 _SPECIAL_KINDS: Mapping[str, Schema] = {
     "phrases": PHRASES,
     "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
 }
-"""The kinds whose values are unlike those of others."""
+"""Schemas of kinds with a form of their own."""
 
 EXPRESSION: Schema = {
     "type": SCALAR,
@@ -71,7 +71,7 @@ EXPRESSION: Schema = {
 
 
 def quantity_schema(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:
-    """Return what a quantity looks like. ``limits`` are for the message; the pattern knows of its sign and of zero."""
+    """Return the schema of a quantity. ``limits`` are for the message; the pattern checks only the sign and zero."""
     number = ("[-+]?" if negative else r"\+?") + ("" if zero else _ABOVE_ZERO) + _UNSIGNED
     units = UNITS[dimension]
     message = f"needs {with_article(dimension)} such as '{EXAMPLES[dimension]}' (units: {', '.join(units)})"
@@ -83,7 +83,7 @@ def quantity_schema(dimension: str, limits: str = "", *, negative: bool = False,
 
 
 def name_schema(kind: str, names: Mapping[str, str], *, computed: bool = True) -> Schema:
-    """Return what the name of a thing looks like: one of ``names``, each with its summary, or the path of a file."""
+    """Return the schema of a name: one of ``names``, each with its summary, or the path of a file."""
     known = "|".join(_escape_pattern(name) for name in names)
     return {
         "type": "string",
@@ -94,7 +94,7 @@ def name_schema(kind: str, names: Mapping[str, str], *, computed: bool = True) -
 
 
 def argument_schema(argument: Argument, things: Things) -> Schema:
-    """Return what an argument takes, with its help, and its default or an example."""
+    """Return the schema of an argument with its help, and its default or an example."""
     text = f"{sentence(argument.help)} {sentence(requirements_text(argument))}"
     found = {"description": text, **value_schema(argument, things)}
     if not argument.required:
@@ -104,7 +104,7 @@ def argument_schema(argument: Argument, things: Things) -> Schema:
 
 
 def value_schema(argument: Argument, things: Things) -> Schema:
-    """Return what an argument takes."""
+    """Return the schema of the value of an argument."""
     kind = argument.kind
     if argument.by_joint:
         return {
@@ -132,7 +132,7 @@ def value_schema(argument: Argument, things: Things) -> Schema:
 
 
 def _plain_schema(argument: Argument) -> Schema:
-    """Return what a value without a unit looks like."""
+    """Return the schema of a value without a unit."""
     limits = bounds_text(argument)
     within = {"minimum": argument.low, "maximum": argument.high}
     limited = {word: bound for word, bound in within.items() if math.isfinite(bound)}
@@ -175,12 +175,12 @@ def _plain_schema(argument: Argument) -> Schema:
 
 
 def _is_json(value: object) -> bool:
-    """True for a default that a mission can hold; Python's own, of a foreign behaviour, may be anything."""
+    """Return True for a default that a mission can contain; defaults of foreign behaviours may be any object."""
     return isinstance(value, str | list | bool) or (isinstance(value, int | float) and math.isfinite(value))
 
 
 def _escape_pattern(text: str) -> str:
-    """Quote what has a meaning in patterns; re.escape quotes more than JavaScript allows."""
+    """Escape characters with a meaning in patterns; re.escape escapes more than JavaScript allows."""
     return re.sub(r"[.*+?^${}()|\[\]\\/]", r"\\\g<0>", text)
 
 
@@ -191,7 +191,7 @@ def _escape_pattern(text: str) -> str:
 
 
 def leaf_value(leaf: type[Leaf], things: Things) -> Schema:
-    """Return what may stand behind a leaf's word: nothing, its principal argument, or a mapping of named ones."""
+    """Return the schema of a leaf's value: nothing, its principal argument, or a mapping of named arguments."""
     found: Schema = {
         "description": summary(leaf),
         "markdownDescription": leaf_markdown(leaf),
@@ -220,7 +220,7 @@ def leaf_markdown(leaf: type[Leaf]) -> str:
 
 
 def is_complete_alone(leaf: type[Leaf]) -> bool:
-    """True for a leaf whose word may stand alone."""
+    """Return True for a leaf whose word can stand alone."""
     return not leaf.open_ended and not any(argument.required for argument in leaf.arguments.values())
 
 
@@ -239,7 +239,7 @@ def _arguments_schema(leaf: type[Leaf], things: Things) -> Schema:
 
 
 def _value_alone_schema(leaf: type[Leaf], things: Things) -> Schema:
-    """Return what a leaf takes without the name of an argument."""
+    """Return the schema of a leaf's value without the name of an argument."""
     principal = _principal_argument(leaf)
     if leaf.open_ended:
         return {"type": "object", "errorMessage": "needs names and values, such as {count: 1}"}
@@ -252,7 +252,7 @@ def _value_alone_schema(leaf: type[Leaf], things: Things) -> Schema:
 
 
 def _completions(leaf: type[Leaf], things: Things) -> list[Schema]:
-    """Return values to complete a leaf's word with; none for one that may stand alone."""
+    """Return the values that complete a leaf's word; empty for one that can stand alone."""
     principal = _principal_argument(leaf)
     if leaf.open_ended:
         return [{"label": "names and values", "body": {"count": 1}}]

@@ -157,7 +157,7 @@ class Odd(BaseKeys):
         (Driver("x", "base", "", Odd, ""), "means nothing: Odd.answer: no key can hold"),
         (Driver("x", "base", "", "Keys", ""), "do not extend drivers.api.sections.BaseKeys"),  # type: ignore[arg-type]
         (Driver("y", "base", "", BaseKeys, ""), "declares the driver base.y: both must have one name"),
-        (Driver("x", "base", "", BaseKeys, "", needs=("wings",)), "needs parts that there are not: wings"),
+        (Driver("x", "base", "", BaseKeys, "", needs=("wings",)), "needs unknown parts: wings"),
     ],
     ids=["joints", "mark", "type", "class", "name", "needs"],
 )

@@ -71,7 +71,7 @@ def test_nothing_is_left_of_whom_one_removes(people: People) -> None:
     people.add("Ben", BEN)
     assert people.remove("ANNA") == 3
     assert [path.name for path in people.folder.iterdir()] == ["Ben"]
-    with pytest.raises(PeopleError, match="nobody is called 'Anna'") as refused:
+    with pytest.raises(PeopleError, match="no person is called 'Anna'") as refused:
         people.remove("Anna")
     assert refused.value.hint == "known: Ben"
 
@@ -142,7 +142,7 @@ def test_only_who_has_pictures_is_somebody_and_can_be_removed(crowded: People) -
     before = seen(crowded.folder)
     assert [each.name for each in crowded.known_people()] == ["Anna"]
     for name in ("proj", "Zoe", "..", "notes.txt"):
-        with pytest.raises(PeopleError, match="nobody is called"):
+        with pytest.raises(PeopleError, match="no person is called"):
             crowded.remove(name)
     assert crowded.remove("Anna") == 3
     assert seen(crowded.folder) == {path: mode for path, mode in before.items() if path not in {
@@ -316,7 +316,7 @@ def test_a_picture_that_is_none_is_named_and_left_out(people: People, content: b
     found = people.portraits(told.append)
     assert {name: len(each) for name, each in found.items()} == {"Anna": 3, "Ben": 3}
     (error,) = told
-    assert str(error) == f"{people.folder}/Anna/001.png: is no portrait, and is left out"
+    assert str(error) == f"{people.folder}/Anna/001.png: is not a portrait; it is skipped"
     assert error.hint == f"rm {people.folder}/Anna/001.png"
 
 

@@ -85,7 +85,7 @@ def test_a_mission_that_needs_what_was_skipped_says_so(capsys: pytest.CaptureFix
     Path("m.yaml").write_text("mission: m\ntree:\n  wobble\n")
     checked = command(capsys, "check", "m.yaml")
     assert checked.code == 2
-    assert "it may be defined by what could not be loaded: behaviours/bad.py" in checked.err
+    assert "it may be defined in a file that could not be loaded: behaviours/bad.py" in checked.err
 
 
 ODD = {

@@ -191,7 +191,7 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
         ),
         (
             BLINK + "    def __init__(self, name, colour):\n        super().__init__(name)\n",
-            "wrong.py:7:7: Blink: a leaf is made with its name alone, but here: missing a required argument: 'colour'",
+            "wrong.py:7:7: Blink: a leaf must be constructible with its name alone: missing a required argument: 'colour'",
         ),
         (COUNTER.replace("limit: int", "limit: list[int]"), "wrong.py:5:7: CountTo needs 'limit' (list"),
         (COUNTER.replace("limit: int", "limit: Nothing"), "NameError: name 'Nothing' is not defined"),
@@ -206,7 +206,7 @@ def test_what_is_wrong_with_a_file_is_told_at_its_line(text: str, message: str) 
 def test_a_leaf_that_drives_what_is_no_part_of_a_robot_is_refused() -> None:
     Path("blink.py").write_text(BLINK + '    drives = frozenset({"haed"})\n')
     Path("m.yaml").write_text("mission: m\ntree:\n  blink\n")
-    with pytest.raises(InvalidFileError, match="'blink' drives 'haed', which is no part of a robot") as caught:
+    with pytest.raises(InvalidFileError, match="'blink' drives 'haed', which is not a part of a robot") as caught:
         load_mission("m.yaml", leaves=load_leaves([Path("blink.py")]), robot=TargetRobot("r2", frozenset({"head"})))
     assert caught.value.diagnostics[0].suggestion == "did you mean 'head'?"
 
@@ -237,7 +237,7 @@ def test_installed_packages_offer_classes_and_modules(monkeypatch: pytest.Monkey
     [
         ("nowhere:Leaf", "cannot be imported: ModuleNotFoundError: No module named 'nowhere'"),
         ("json:dumps", "names neither a behaviour nor a module"),
-        ("json", "there is no behaviour in it"),
+        ("json", "it contains no behaviour"),
     ],
 )
 def test_what_is_wrong_with_an_entry_point_is_told_by_its_name(

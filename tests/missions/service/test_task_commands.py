@@ -170,7 +170,7 @@ def test_a_priority_is_kept_and_listed_where_any_is_not_0(user: User) -> None:
 def test_a_param_that_is_not_utf_8_is_refused_in_words(user: User) -> None:
     refused = user.task("add", str(user.mission), "--param", "to=Ren\udce9")
     assert refused.code == 2
-    assert "'to=Ren\\xe9' is no text in UTF-8" in refused.err
+    assert "'to=Ren\\xe9' is not UTF-8 text" in refused.err
     assert user.tasks() == []
 
 

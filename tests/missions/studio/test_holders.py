@@ -53,7 +53,7 @@ def test_mission_stop_ends_teleop_with_the_base_at_rest(capsys: pytest.CaptureFi
         wait_until(lambda: terminal.hold() and base.seen().moving, pause=0.02)
         since = base.seen().heard_at
         stopped = command(capsys, "stop", "teleop")
-        assert (stopped.code, stopped.out) == (0, f"{name}: ended, with what it moved at rest\n")
+        assert (stopped.code, stopped.out) == (0, f"{name}: ended, with its actuators at rest\n")
         assert terminal.process.wait(20.0) == 130
         assert seconds_to_rest(base, since) < REST
         assert terminal.shows("mission teleop: stopped by mission stop (process")
@@ -114,7 +114,7 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
         assert command(capsys, "stop", "another").err.startswith("no run another")
         told = command(capsys, "stop", "waiting")
         assert (told.code, f"{number}: waiting on turtlebot2: hangs" in told.out) == (1, True)
-        assert "SIGTERM was sent, and has not ended it within 0.05 s: perhaps not stopped\n" in told.out
+        assert "SIGTERM did not end it within 0.05 s: perhaps not stopped\n" in told.out
         assert f"  try: if process {number} is there still: kill -9 {number}\n" in told.out
         process.process.send_signal(signal.SIGCONT)
         assert process.process.wait(20.0) == 130
@@ -228,7 +228,7 @@ def test_a_command_without_any_folder_is_ended_by_its_abstract_socket(
     nowhere(tmp_path, monkeypatch)
     with deaf(heeds="SIG_DFL") as number:
         stopped = command(capsys, "stop")
-    assert (stopped.code, stopped.out) == (0, f"{number}: a command: ended, with what it moved at rest\n")
+    assert (stopped.code, stopped.out) == (0, f"{number}: a command: ended, with its actuators at rest\n")
 
 
 def test_who_stops_all_others_does_not_end_itself() -> None:

@@ -83,7 +83,7 @@ def test_a_folder_that_cannot_be_read_is_a_doubt(
     for words in (["stop"], ["stop", "--list"], ["stop", "--release"], ["stop", "greet"]):
         told = command(capsys, *words)
         assert told.code == 1
-        assert "no mission runs" not in told.out
+        assert "no mission is running" not in told.out
         assert os.strerror(number) in told.out + told.err
     assert "perhaps not stopped: " in command(capsys, "stop").out
     found = asyncio.run(RunHub(lambda: None).stop("", "a test"))
@@ -432,7 +432,7 @@ def test_a_name_that_no_run_has_is_told_beside_one_that_has(capsys: pytest.Captu
     with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
         told = command(capsys, "stop", "driving", "typo", "1")
     assert told.out == "1: driving on r: stopped (base)\n".replace("1:", f"{os.getpid()}:")
-    assert (told.code, told.err) == (1, "no run typo: `mission stop --list` lists what runs\n")
+    assert (told.code, told.err) == (1, "no run typo: `mission stop --list` lists the runs\n")
 
 
 def test_a_stop_without_threads_asks_one_after_another(

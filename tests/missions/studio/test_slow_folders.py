@@ -140,7 +140,7 @@ def test_what_a_hanging_folder_holds_is_a_doubt_and_no_other_folder_is_left_out(
         write_stamp()
         assert was_stopped_since(process)
         (doubt,) = search_runs().warnings
-        assert doubt.reason == f"{first} cannot be read: {first} does not answer (a network disk that is gone?)"
+        assert doubt.reason == f"{first} cannot be read: {first} does not respond (network disk disconnected?)"
     for place in run_folders():
         (place.folder / "newest.stop").unlink(missing_ok=True)
 

@@ -61,7 +61,7 @@ def refused(error: str, action: Callable[[], None]) -> str:
 
 
 def test_nobody_drives_who_has_not_taken_the_wheels(driving: Driving) -> None:
-    assert refused("no_wheels", driving.drive) == "nobody has taken the wheels"
+    assert refused("no_wheels", driving.drive) == "no client has the wheels"
     assert driving.commands == []
 
 

@@ -172,7 +172,7 @@ def test_blank_rows_a_mark_at_the_beginning_and_a_line_of_excel_are_borne(tmp_pa
     path = written(tmp_path, text, "utf-8-sig")
     assert degrees(load_move(path, arm=arm).keyframes[1].positions["elbow"]) == pytest.approx(20)
     ((message, hint),) = told(written(tmp_path, "time;elbow\n0;0.1\n\n1;0.2\n"), arm)
-    assert (message, hint) == ("an empty row", "take it out: every row is a moment")
+    assert (message, hint) == ("an empty row", "remove it: every row is a moment")
     ((message, hint),) = told(written(tmp_path, "Zeit (s);elbow (Grad)\n0;1,5\n1;2,5\n"), arm)
     assert "has a decimal comma" in message
     assert hint == "write numbers with a point: 0.25"

@@ -158,7 +158,7 @@ def test_a_limb_without_length_is_a_fault_in_its_row(sheet: Path) -> None:
     rows = arm_of_points([0.1, 0.2]) + "0,0,0,0,0,0,0.2,0.3,0\n" + "0,0,0,1,0,0,1,0,0\n"
     file = described(sheet, rows, "elbow: {points: [shoulder, elbow, wrist]}")
     assert mistakes(file) == [
-        "reach.csv:4:4: joint 'elbow': two of its points are in one place, and so in 1 more row",
+        "reach.csv:4:4: joint 'elbow': two of its points coincide, and so in 1 more row",
     ]
 
 
@@ -203,7 +203,7 @@ def test_times_have_to_rise(sheet: Path) -> None:
 
 def test_rows_without_times_need_a_rate(sheet: Path) -> None:
     sheet.write_text("# ours\nelbow\n0\n", encoding="utf-8")
-    assert mistakes(sheet, rate=None) == ["reach.csv:2:1: it does not say when its rows are"]
+    assert mistakes(sheet, rate=None) == ["reach.csv:2:1: it has no times"]
     sheet.write_text("time\n0\n", encoding="utf-8")
     assert mistakes(sheet, rate=None) == ["reach.csv:1:1: there is no column of a joint"]
 

@@ -126,12 +126,12 @@ def test_a_sheet_is_headings_and_rows_under_them(tmp_path: Path, text: str, foun
 
 def test_what_is_no_spreadsheet_is_refused_in_words(tmp_path: Path) -> None:
     assert mistakes(tmp_path / "move.txt") == [
-        (1, 1, "no spreadsheet: its name must end in .csv, .xls, .xlsx, .ods"),
+        (1, 1, "not a spreadsheet: its name must end in .csv, .xls, .xlsx, .ods"),
     ]
     assert mistakes(tmp_path / "gone.csv") == [(1, 1, "cannot be read: No such file or directory")]
     assert mistakes(tmp_path / "gone.xlsx") == [(1, 1, "cannot be read: No such file or directory")]
     (quoted,) = mistakes(csv(tmp_path, 'a,b\n"1,2\n'))
-    assert quoted[2].startswith("no separated values: ")
+    assert quoted[2].startswith("invalid separated values: ")
 
 
 @pytest.mark.parametrize("kind", ["xls", "xlsx", "ods"])
@@ -147,7 +147,7 @@ def test_a_damaged_workbook_is_refused_and_not_choked_on(tmp_path: Path, kind: s
 def test_a_workbook_that_breaks_off_is_refused(tmp_path: Path, size: int) -> None:
     path = tmp_path / "move.xls"
     path.write_bytes(XLS.read_bytes()[:size])
-    assert mistakes(path, "moves") == [(1, 1, "no workbook: it is damaged")]
+    assert mistakes(path, "moves") == [(1, 1, "not a valid workbook")]
 
 
 def test_a_workbook_that_asks_for_all_memory_takes_nobody_with_it(tmp_path: Path) -> None:
@@ -155,12 +155,12 @@ def test_a_workbook_that_asks_for_all_memory_takes_nobody_with_it(tmp_path: Path
     damaged[1950] = 127  # of the number of its first row
     path = tmp_path / "move.xls"
     path.write_bytes(damaged)
-    assert mistakes(path, "moves") == [(1, 1, "no workbook: it is damaged")]
+    assert mistakes(path, "moves") == [(1, 1, "not a valid workbook")]
 
 
 def test_a_workbook_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sheets, "READING_TIMEOUT", 0.0)
-    assert mistakes(XLS, "moves") == [(1, 1, "no workbook: it is damaged")]
+    assert mistakes(XLS, "moves") == [(1, 1, "not a valid workbook")]
 
 
 def test_a_workbook_without_the_extra_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

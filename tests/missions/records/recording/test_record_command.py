@@ -110,7 +110,7 @@ def test_tables_have_a_column_for_each_member_and_the_time_first(path: Path, tmp
 def test_a_folder_is_not_called_as_a_file_is(option: str, path: Path, tmp_path: Path) -> None:
     result = run("export", path, option, tmp_path / "a.csv")
     assert result.exit_code == 2
-    assert f"would become a folder, and ends in .csv\n  try: {option} {tmp_path / 'a'}" in result.output
+    assert f"would become a folder, but ends in .csv\n  try: {option} {tmp_path / 'a'}" in result.output
     assert not (tmp_path / "a.csv").exists()
     (tmp_path / "a.csv").mkdir()  # somebody wants it so
     assert run("export", path, option, tmp_path / "a.csv").exit_code == 0

@@ -123,7 +123,7 @@ def test_a_mistake_in_todays_mission_is_told_as_such(greeted: RunRecord, tmp_pat
         (commands.replay, ["--frames", "out.mp4"], "has no pictures"),
         (commands.rerun, ["--see"], "has no pictures"),
         (commands.replay, ["--frames", "no/such/folder/out.mp4"], "no such folder"),
-        (commands.replay, ["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.webm"),
+        (commands.replay, ["--frames", "out.gif"], "would become a folder, but ends in .gif\n  try: --frames out.webm"),
     ],
 )
 def test_what_cannot_be_is_refused_with_words(

@@ -134,7 +134,7 @@ def test_parts_say_their_level_in_words_with_their_age_and_what_to_try() -> None
         parts = [
             part("OK", values={"battery": 91.6, "x": -0.001, "heading": 0.5}),
             part("WARN", part="arm", age=0.0, detail="3 replies missed within 2 s"),
-            part("STALE", part="head", age=3.26, detail="nothing new"),
+            part("STALE", part="head", age=3.26, detail="no new reading"),
             part("ERROR", part="voice", age=None, detail="/dev/snd: no such device", hint="plug it in"),
         ]
         await shown.hear(news(parts=parts))
