@@ -100,9 +100,9 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
         and leaf.instant
         and (step.kind == "on_running" or (step.kind == "timeout" and not _waits(child)))
     ):
-        context.fault_at(step, f"'{step.kind}' has no effect here:  '{child.kind}' ends at once")
+        context.fault_at(step, f"'{step.kind}' has no effect here: '{child.kind}' ends at once")
     elif occasion and occasion not in possible_ends(child):
-        said = f"'{step.kind}' has no effect here:  '{child.name}' never {VERBS[occasion]}"
+        said = f"'{step.kind}' has no effect here: '{child.name}' never {VERBS[occasion]}"
         context.fault_at(step, said, _order_hint(step, child, occasion))
     elif step.kind == "timeout":
         _check_delay(context, step, child)

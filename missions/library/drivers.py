@@ -84,7 +84,7 @@ class DriverTable:
             if kind not in KINDS or not own:
                 kinds = ", ".join(KINDS)
                 hint = f"it must be called KIND.NAME, such as base.{own or kind}; kinds are: {kinds}"
-                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} has an invalid name:  {hint}")
+                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} has an invalid name: {hint}")
             elif own in BUILT_IN_DRIVERS.get(kind, ()):
                 why = f"is not used: MissionTree has a {kind}.{own} itself"
                 yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} {why}")

@@ -164,11 +164,11 @@ class Witness:
 
 
 def _checked(case: Case) -> Plan | None:
-    """Return the plan, None for the mistakes that are made here: rivals for an actuator, and what cannot matter."""
+    """Return the plan, None for the mistakes that are made here: rivals for an actuator, and modifiers without effect."""
     try:
         return case.plan()
     except InvalidFileError as error:
-        known = ("at the same time", "never reached", "cannot matter", "no 'else'", "must be at most", "never does")
+        known = ("at the same time", "never reached", "no effect", "not an 'else'", "must be at most", "never does")
         if not all(any(words in fault.message for words in known) for fault in error.diagnostics):
             raise
         return None

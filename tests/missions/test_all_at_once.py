@@ -66,7 +66,7 @@ TOGETHER = [
     ),
     several(
         "- for_each: {in: [1, 2], as: n, do: {set: {n: 3}}}\n- drve_on",
-        "'set' gives another value to 'n'",
+        "'set' sets 'n'",
         "unknown behaviour 'drve_on'",
     ),
     several(

@@ -269,7 +269,7 @@ UNITS = "(units: deg, rad)"
         (
             ["- find_object: red ball", "  as: ball", "- track_face: {face: '${ball}'}"],
             "'${ball}'",
-            "'track_face': 'face' needs a face stored by 'as', got what 'find_object' keeps",
+            "'track_face': 'face' needs a face stored by 'as', got the result of 'find_object'",
             'store one with as: person, beside find_face, and write "${person}"',
         ),
         (["- identify: ${n}"], "${n}", "'identify' needs a face stored by 'as', got 2", ""),
@@ -312,7 +312,7 @@ UNITS = "(units: deg, rad)"
         (
             ["- selector:", "    - say: a", "      if: n > 1", "      timeout: 3 s", "    - say: b"],
             "if",
-            "'if' is no 'else' in a selector: what is skipped counts as success, and the others are not tried",
+            "'if' is not an 'else' in a selector: a skipped node counts as success, so the others are not tried",
             "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
         ),
         # what stands beside

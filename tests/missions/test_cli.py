@@ -99,7 +99,7 @@ def test_check_tells_all_mistakes_of_all_files_and_exits_with_2(mission: Mission
         "two.yaml:3:3",
     ]
     assert "greet: good" in outcome.out
-    assert "3 mistakes" in outcome.err
+    assert "3 errors" in outcome.err
 
 
 def test_check_of_a_folder_checks_every_mission_in_it(mission: Mission) -> None:

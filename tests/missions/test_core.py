@@ -95,7 +95,7 @@ def test_the_core_works_without_plug_ins(core: Core, arguments: Sequence[str], s
         (("show", "greet", "--diff", "wander"), "the plug-in 'pictures'"),
         (("show", "world", "empty"), "the plug-in 'pictures'"),
         (("show", "gait", "stroll"), "the plug-in 'legs'"),
-        (("show", "greet", "-o", "a.svg"), "the name says no format that is known"),
+        (("show", "greet", "-o", "a.svg"), "unknown format; known:"),
     ],
     ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
 )

@@ -162,7 +162,7 @@ def test_mistakes_in_the_file_and_in_the_callers_values_come_together() -> None:
         ("{a: {type: list}}", "param 'a' needs 'of', the type of its members"),
         ("{a: {type: list, of: list}}", "param 'a': unknown type 'list'"),
         ("{a: {type: choice}}", "param 'a' needs 'choices', a list of words"),
-        ("{a: {type: length, choices: [b]}}", "param 'a' is no choice"),
+        ("{a: {type: length, choices: [b]}}", "param 'a' is not a choice"),
         ("{a: {choices: [b, c], default: d}}", "param 'a' needs one of b, c, got 'd'"),
         (
             "{a: {type: gesture, default: wve}}",
@@ -284,7 +284,7 @@ def test_a_callers_list_is_checked_member_by_member() -> None:
         ("places", "[a, [b]]", "'places' needs plain values as its members"),
         ("places", "a]", "'places' needs a list, such as 'kitchen, hall', got 'a]'"),
         ("side", "up", "'side' needs one of left, right, got 'up'"),
-        ("places", "", "'say': 'places[0]': no member 0 in a list of 0"),
+        ("places", "", "'say': 'places[0]': index 0 out of range (length 0)"),
     ):
         found = faults(LISTS, {"people": "Anna", name: text})
         assert found[0].message.startswith(message)

@@ -93,7 +93,7 @@ def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(be
 def test_too_few_pictures_are_refused(bench: Bench) -> None:
     outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")[:2]))
     assert outcome.code == 1
-    assert "too few pictures of Anna: 2, where each counts once\n  try: it takes 3 at least" in outcome.err
+    assert "too few pictures of Anna: 2, where each counts once\n  try: at least 3 are needed" in outcome.err
     assert not bench.people.folder.exists()
 
 
@@ -118,7 +118,7 @@ def test_a_picture_of_somebody_else_is_refused(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     outcome = bench.run("add", "Ben", *bench.write("ben", *near("ben"), near("anna")[0]))
     assert outcome.code == 1
-    assert "nothing was kept: one of the pictures of Ben is Anna's already" in outcome.err
+    assert "nothing was stored: one of the pictures of Ben is already stored for Anna" in outcome.err
     assert [each.name for each in bench.people.known_people()] == ["Anna"]
 
 

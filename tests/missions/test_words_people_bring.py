@@ -77,26 +77,26 @@ MISTAKES = [
     # True and false
     a(
         "- switch: {on: face.seen, cases: {yes: stop, no: {say: Bye}}}",
-        "'on' is true or false, and never 'yes' > write true: for yes:",
-        "'on' is true or false, and never 'no' > write false: for no:",
+        "'on' is true or false and never equals 'yes' > write true: for yes:",
+        "'on' is true or false and never equals 'no' > write false: for no:",
     ),
     a(
         "- switch: {on: battery.percent > 20, cases: {full: stop}}",
-        "'on' is true or false, and never 'full' > the cases can be true: and false:",
+        "'on' is true or false and never equals 'full' > the cases can be true: and false:",
     ),
     a(
         "- set: {known: true}\n- switch: {on: known, cases: {yes: stop}}",
-        "'on' is true or false, and never 'yes' > write true: for yes:",
+        "'on' is true or false and never equals 'yes' > write true: for yes:",
     ),
     a(
         "- switch: {on: face.count, cases: {0: stop, none: stop, true: stop, many: stop}}",
-        "'on' is a number, and never 'true'",
-        "'on' is a number, and never 'many'",
+        "'on' is a number and never equals 'true'",
+        "'on' is a number and never equals 'many'",
     ),
     a(
         "- switch: {on: base.x, cases: {1 m: stop, 20 cm: stop, 3: stop, 3 s: stop}}",
-        "'on' is a length, and never '3'",
-        "'on' is a length, and never '3 s'",
+        "'on' is a length and never equals '3'",
+        "'on' is a length and never equals '3 s'",
     ),
     a("- set: {word: '3'}\n- switch: {on: word, cases: {3: stop, yes: {say: Hi}}}", ""),
     a("- set: {seen: null}\n- set: {seen: true}\n- switch: {on: seen, cases: {null: stop, true: {say: Hi}}}", ""),

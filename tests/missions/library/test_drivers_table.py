@@ -152,9 +152,9 @@ class Odd(BaseKeys):
 @pytest.mark.parametrize(
     ("driver", "told"),
     [
-        (Driver("x", "arm", "", Limbless, ""), "do not say which joints there are: give Limbless `limits`, a property"),
+        (Driver("x", "arm", "", Limbless, ""), "has keys without joints: give Limbless `limits`, a property"),
         (Driver("x", "base", "", Unread, ""), "are not read: write @keys before class Unread"),
-        (Driver("x", "base", "", Odd, ""), "means nothing: Odd.answer: no key can hold"),
+        (Driver("x", "base", "", Odd, ""), "has an invalid key: Odd.answer: no key can hold"),
         (Driver("x", "base", "", "Keys", ""), "do not extend drivers.api.sections.BaseKeys"),  # type: ignore[arg-type]
         (Driver("y", "base", "", BaseKeys, ""), "declares the driver base.y: both must have one name"),
         (Driver("x", "base", "", BaseKeys, "", needs=("wings",)), "needs unknown parts: wings"),

@@ -151,7 +151,7 @@ def test_only_who_has_pictures_is_somebody_and_can_be_removed(crowded: People) -
 
 def test_nobody_is_added_into_what_a_link_leads_to(crowded: People) -> None:
     outside = seen(crowded.folder.parent / "outside")
-    with pytest.raises(PeopleError, match="Zoe: nothing was kept: Not a directory"):
+    with pytest.raises(PeopleError, match="Zoe: nothing was stored: Not a directory"):
         crowded.add("Zoe", CHIDI)
     assert seen(crowded.folder.parent / "outside") == outside
     assert not list(crowded.folder.glob(".*"))
@@ -257,7 +257,7 @@ def test_a_picture_counts_once(people: People) -> None:
 
 def test_a_picture_of_somebody_else_is_refused(people: People) -> None:
     people.add("Anna", ANNA)
-    with pytest.raises(PeopleError, match="one of the pictures of Ben is Anna's already") as refused:
+    with pytest.raises(PeopleError, match="one of the pictures of Ben is already stored for Anna") as refused:
         people.add("Ben", [*BEN, ANNA[1]])
     assert "mission person remove Anna" in refused.value.hint
     assert [path.name for path in people.folder.iterdir()] == ["Anna"]
@@ -274,7 +274,7 @@ def small_files() -> Iterator[None]:
 
 @pytest.mark.usefixtures("small_files")
 def test_where_there_is_no_room_nothing_of_somebody_new_is_kept(people: People) -> None:
-    with pytest.raises(PeopleError, match="Anna: nothing was kept: File too large") as refused:
+    with pytest.raises(PeopleError, match="Anna: nothing was stored: File too large") as refused:
         people.add("Anna", [*ANNA, taken(3, size=100)])
     assert "df -h" in refused.value.hint
     assert list(people.folder.iterdir()) == []
@@ -326,7 +326,7 @@ def test_who_has_too_few_pictures_is_named_and_left_out(people: People) -> None:
     (people.folder / "Anna/001.png").unlink()
     told = list[PeopleError]()
     assert list(people.portraits(told.append)) == ["Ben"]
-    assert [str(error) for error in told] == ["Anna: 2 pictures are too few to know somebody by: it takes 3"]
+    assert [str(error) for error in told] == ["Anna: 2 pictures are too few: at least 3 are needed"]
 
 
 # --- names ---------------------------------------------------------------------------------------------------------

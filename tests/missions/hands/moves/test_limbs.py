@@ -51,7 +51,7 @@ def test_two_points_are_enough_in_a_plane() -> None:
     [((0.0, 0.0), (1.0, 0.0)), ((1.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (0.0, 0.0)), ((1e-12, 0.0), (1.0, 0.0))],
 )
 def test_a_limb_without_length_has_no_angle(before: tuple[float, float], behind: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match="in one place"):
+    with pytest.raises(ValueError, match="coincide"):
         angle_at(before, (0.0, 0.0), behind)
 
 
