@@ -93,7 +93,7 @@ def test_a_plug_in_cannot_keep_back_what_ends_a_run(monkeypatch: pytest.MonkeyPa
         run(request, StringIO(), lambda _: None, contexts=contexts)
 
 
-@pytest.mark.parametrize("observed", ["on_moment", "on_view", "on_frame"])
+@pytest.mark.parametrize("observed", ["on_tick", "on_view", "on_frame"])
 @pytest.mark.parametrize("eyes", ["truth", "pixels"])
 def test_an_observer_that_raises_changes_nothing(observed: str, eyes: Any) -> None:
     results = []

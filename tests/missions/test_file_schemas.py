@@ -20,7 +20,7 @@ from config.yaml_nodes import compose, read_source
 from missions.library.drivers import parse_robot
 from missions.library.shipped import shipped_missions
 from missions.plugins.schema.files import FILE_KINDS, file_schema
-from missions.plugins.testing.suite import test_file_of
+from missions.plugins.testing import suite
 from tests.config.test_move_file import WHOLE as A_MOVE
 from tests.missions.command import command
 from tests.missions.test_schema import VALIDATOR as MISSIONS
@@ -38,7 +38,7 @@ KEY = {
 }
 EVERY = [*FILE_KINDS]
 FILES = {
-    "tests": [tests for path in shipped_missions().values() if (tests := test_file_of(path)).is_file()],
+    "tests": [tests for path in shipped_missions().values() if (tests := suite.test_file_of(path)).is_file()],
     "robots": list(shipped_files("robots").values()),
     **{
         kind: list(shipped_files(kind).values())

@@ -141,8 +141,8 @@ def test_a_move_that_is_not_there_or_wrong_is_told(tmp_path: Path) -> None:
     sheet = tmp_path / "lift.csv"
     sheet.write_text("time,left_elbow\n0,0.1\n0.5,none\n", encoding="utf-8")
     (found,) = faults(f"play: {sheet}")
-    assert found.startswith("'play' names a move that is wrong: ")
-    assert "lift.csv:3:2: 'none' is no number" in found
+    assert found.startswith("'play' names a move with errors: ")
+    assert "lift.csv:3:2: 'none' is not a number" in found
 
 
 def test_a_new_move_has_the_name_of_a_file() -> None:

@@ -158,14 +158,14 @@ def test_a_limb_without_length_is_a_fault_in_its_row(sheet: Path) -> None:
     rows = arm_of_points([0.1, 0.2]) + "0,0,0,0,0,0,0.2,0.3,0\n" + "0,0,0,1,0,0,1,0,0\n"
     file = described(sheet, rows, "elbow: {points: [shoulder, elbow, wrist]}")
     assert mistakes(file) == [
-        "reach.csv:4:4: joint 'elbow': two of its points coincide, and so in 1 more row",
+        "reach.csv:4:4: joint 'elbow': two of its points coincide, and in 1 more row",
     ]
 
 
 def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, arm: ArmKeys) -> None:
     sheet.write_text("wrist,elbow\n0,0\n0,2.2\n4,-0.1\n", encoding="utf-8")
     assert mistakes(sheet, arm=arm) == [
-        "reach.csv:3:2: 'elbow' at 126.051 deg is outside its limits, 0 deg to 120 deg, and so in 1 more row",
+        "reach.csv:3:2: 'elbow' at 126.051 deg is outside its limits, 0 deg to 120 deg, and in 1 more row",
         "reach.csv:4:1: 'wrist' at 229.183 deg is outside its limits, -148.969 deg to 148.969 deg",
     ]
     assert load_move(sheet, rate=10.0).keyframes[2].positions["wrist"] == 4.0
@@ -174,9 +174,9 @@ def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, 
 def test_all_that_is_wrong_with_a_sheet_is_said_at_once(sheet: Path, arm: ArmKeys) -> None:
     sheet.write_text("time,elbow,wrist\n0,x,0\n0.1,,1\n0.2,0.3,1;2\n", encoding="utf-8")
     assert mistakes(sheet, arm=arm) == [
-        "reach.csv:2:2: 'x' is no number",
+        "reach.csv:2:2: 'x' is not a number",
         "reach.csv:3:2: an empty cell",
-        "reach.csv:4:3: '1;2' is no number",
+        "reach.csv:4:3: '1;2' is not a number",
     ]
     sheet.write_text("elbw,hand_x,wrist\n0,0,0\n", encoding="utf-8")
     with pytest.raises(InvalidFileError) as caught:
@@ -198,7 +198,7 @@ def test_times_have_to_rise(sheet: Path) -> None:
         "reach.csv:5:1: 0.05 s is not later than the 0.1 s of the row before",
     ]
     sheet.write_text("time,elbow\n0,0\nlate,0\n", encoding="utf-8")
-    assert mistakes(sheet) == ["reach.csv:3:1: 'late' is no number"]
+    assert mistakes(sheet) == ["reach.csv:3:1: 'late' is not a number"]
 
 
 def test_rows_without_times_need_a_rate(sheet: Path) -> None:

@@ -71,7 +71,7 @@ def test_rows_and_columns_count_as_the_spreadsheet_counts_them(tmp_path: Path, k
     sheet = read_sheet(write(path, {"moves": [("# ours",), (None, "elbow"), (None, "x"), (None, 2.0)]}))
     assert (sheet.heading_row, sheet.headings) == (2, {"elbow": 2})
     assert sheet.read_numbers("elbow") == [0.0, 2.0]
-    assert [(fault.place, fault.message) for fault in sheet.faults] == [(f"{path}:3:2", "'x' is no number")]
+    assert [(fault.place, fault.message) for fault in sheet.faults] == [(f"{path}:3:2", "'x' is not a number")]
 
 
 def test_every_cell_without_a_number_is_a_fault(tmp_path: Path) -> None:
@@ -80,12 +80,12 @@ def test_every_cell_without_a_number_is_a_fault(tmp_path: Path) -> None:
     assert sheet.read_numbers("b") == [0.0, 0.0, 0.0, 0.0]
     assert [(fault.mark.line, fault.mark.column, fault.message) for fault in sheet.faults] == [
         (3, 1, "an empty cell"),
-        (4, 1, "'1_0' is no number"),
-        (5, 1, "'0x1' is no number"),
-        (2, 2, "'nan' is no number"),
-        (3, 2, "'inf' is no number"),
-        (4, 2, "'true' is no number"),
-        (5, 2, "'2024-01-05' is no number"),
+        (4, 1, "'1_0' is not a number"),
+        (5, 1, "'0x1' is not a number"),
+        (2, 2, "'nan' is not a number"),
+        (3, 2, "'inf' is not a number"),
+        (4, 2, "'true' is not a number"),
+        (5, 2, "'2024-01-05' is not a number"),
     ]
 
 
@@ -114,8 +114,8 @@ def test_decimal_commas_between_commas_are_cells_too_many(tmp_path: Path) -> Non
         ("", [(1, 1, "it needs a row of headings, and rows of numbers under it")]),
         ("a,b\n", [(1, 1, "it needs a row of headings, and rows of numbers under it")]),
         ("# a\n# b\n", [(1, 1, "it needs a row of headings, and rows of numbers under it")]),
-        ("a,b,a\n1,2,3\n", [(1, 3, "the heading 'a' stands here again"), (2, 3, "a cell without a heading")]),
-        ("a,0.5\n1,2\n", [(1, 2, "'0.5' is no heading"), (2, 2, "a cell without a heading")]),
+        ("a,b,a\n1,2,3\n", [(1, 3, "repeated heading 'a'"), (2, 3, "a cell without a heading")]),
+        ("a,0.5\n1,2\n", [(1, 2, "'0.5' is not a heading"), (2, 2, "a cell without a heading")]),
         ("a,b\n1,2\n\n3,4\n", [(3, 1, "an empty row")]),
         ("a,,b\n1,2,3\n", [(2, 2, "a cell without a heading")]),
     ],
@@ -140,7 +140,7 @@ def test_a_damaged_workbook_is_refused_and_not_choked_on(tmp_path: Path, kind: s
     path.write_bytes(b"not a workbook")
     ((row, column, message),) = mistakes(path)
     assert (row, column) == (1, 1)
-    assert message.startswith("no workbook: ")
+    assert message.startswith("not a valid workbook: ")
 
 
 @pytest.mark.parametrize("size", [4096, 4608])
