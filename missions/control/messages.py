@@ -157,7 +157,8 @@ class StateMessage:
     ] = None
     parts: Annotated[
         Sequence[Mapping[str, object]] | None,
-        "Status of each part: `part`, `level` (OK, WARN, ERROR, STALE), `age`, `values`, `detail`, `hint`; twice a second",
+        "Status of each part: `part`, `level` (OK, WARN, ERROR, STALE), `age`, `values`, `detail`, `hint`; "
+        "twice a second",
     ] = None
     pose: Annotated[Sequence[float] | None, "Odometry of the base: x, y (m), heading (rad)."] = None
     joints: Annotated[

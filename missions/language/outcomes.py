@@ -78,7 +78,8 @@ def _check_skipped_if(context: CheckContext, step: Step) -> None:
         if child.kind == "if":
             context.fault_at(
                 child,
-                f"'if' is not an 'else' in a {step.kind}: a skipped node counts as success, so the others are not tried",
+                f"'if' is not an 'else' in a {step.kind}: "
+                "a skipped node counts as success, so the others are not tried",
                 "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
             )
 

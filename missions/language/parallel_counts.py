@@ -95,7 +95,8 @@ def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[s
                 f"'{FAILURE_COUNT}' has no effect: after {first}, {decided.successes} of {children} cannot succeed",
                 f"write '{SUCCESS_COUNT}' too: how many must succeed"
                 if decided.successes == children
-                else f"write '{FAILURE_COUNT}: {ALL_CHILDREN}': it fails once {decided.successes} cannot succeed any more",
+                else f"write '{FAILURE_COUNT}: {ALL_CHILDREN}': "
+                f"it fails once {decided.successes} cannot succeed any more",
             )
     return found
 

@@ -242,7 +242,8 @@ def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
         return None
     for item, kind in zip(items, kinds, strict=True):
         if kind != kinds[0]:
-            both = f"{quoted_value(items[0].text)} is {with_article(kinds[0])}, {quoted_value(item.text)} {with_article(kind)}"
+            first = f"{quoted_value(items[0].text)} is {with_article(kinds[0])}"
+            both = f"{first}, {quoted_value(item.text)} {with_article(kind)}"
             context.fault(item.mark, f"param '{name}': the members of a list must have one type: {both}")
             return None
     return kinds[0]

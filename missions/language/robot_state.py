@@ -41,7 +41,9 @@ ROBOT_STATE: Mapping[str, StatePart] = {
     "base": StatePart("base", "base", {
         "x": StateValue("length", "Position ahead of the start, in metres.", is_dead_reckoned=True),
         "y": StateValue("length", "Position to the left of the start, in metres.", is_dead_reckoned=True),
-        "heading": StateValue("angle", "Heading relative to the start, in radians, positive to the left.", is_dead_reckoned=True),
+        "heading": StateValue(
+            "angle", "Heading relative to the start, in radians, positive to the left.", is_dead_reckoned=True
+        ),
         "reckoned": StateValue(
             "flag",
             "True if the base does not measure its motion: its pose is dead reckoning, which no condition may use.",
@@ -69,7 +71,8 @@ ROBOT_STATE: Mapping[str, StatePart] = {
         "charging": _flag("True while it charges."),
         "low": _flag("True if the charge has been below the low threshold of the robot file for two seconds."),
         "critical": _flag(
-            "True if the charge has been below the critical threshold of the robot file for two seconds: the mission ends."
+            "True if the charge has been below the critical threshold of the robot file for two seconds: "
+            "the mission ends."
         ),
     }),
     "face": StatePart("camera", "camera", {

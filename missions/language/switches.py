@@ -57,7 +57,10 @@ def _repeated_cases(step: Step, written: Sequence[Scalar]) -> Iterator[Diagnosti
     for case, key in zip(step.cases, written, strict=True):
         before = first.setdefault(case_key(case), key)
         if before.text != key.text:
-            message = f"the case {quoted_value(key.text)} is the case {quoted_value(before.text)} again (first at line {before.mark.line})"
+            message = (
+                f"the case {quoted_value(key.text)} repeats the case {quoted_value(before.text)} "
+                f"(first at line {before.mark.line})"
+            )
             yield Diagnostic(step.source, key.mark, message)
 
 

@@ -281,7 +281,7 @@ class People:
                     changed |= _restrict_file(path)
         except OSError as error:
             raise PeopleError(
-                f"{self.folder}: others may read these pictures of people, and that cannot be changed: {error.strerror}",
+                f"{self.folder}: others may read these pictures of people, and it cannot be changed: {error.strerror}",
                 hint=f"sudo chown -R $USER {self.folder}",
             ) from error
         return changed
@@ -292,7 +292,8 @@ class People:
         late = list(everybody)[MAX_PICTURES_TOGETHER // MIN_PICTURES :]
         if late:
             on_problem(PeopleError(f"{len(late)} people are left out, {late[0]} to {late[-1]}: there is room for "
-                             f"{MAX_PICTURES_TOGETHER // MIN_PICTURES}", hint="mission person remove NAME"))  # fmt: skip
+                             f"{MAX_PICTURES_TOGETHER // MIN_PICTURES}",
+                             hint="mission person remove NAME"))  # fmt: skip
         share = min(MAX_PICTURES, MAX_PICTURES_TOGETHER // max(1, len(everybody) - len(late)))
         for name, files in everybody.items():
             if len(files) > share and name not in late:

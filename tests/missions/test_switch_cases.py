@@ -64,7 +64,7 @@ def test_one_case_written_twice_is_a_mistake(first: str, second: str) -> None:
         plan([first, second], "1")
     (fault,) = caught.value.diagnostics
     again, before = (each.strip('"') for each in (second, first))
-    assert fault.message == f"the case '{again}' is the case '{before}' again (first at line 10)"
+    assert fault.message == f"the case '{again}' repeats the case '{before}' (first at line 10)"
     assert fault.mark.line == 11
 
 

@@ -191,7 +191,7 @@ def test_a_run_that_still_loads_is_ended_before_it_has_begun(
 
 
 def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(capsys, "stop").out == "no mission runs\n"
+    assert command(capsys, "stop").out == "no mission is running\n"
     missing = command(capsys, "stop", "greet")
     assert (missing.code, missing.err) == (1, "no run greet: `mission stop --list` lists the runs\n")
 

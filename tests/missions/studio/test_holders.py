@@ -57,7 +57,7 @@ def test_mission_stop_ends_teleop_with_the_base_at_rest(capsys: pytest.CaptureFi
         assert terminal.process.wait(20.0) == 130
         assert seconds_to_rest(base, since) < REST
         assert terminal.shows("mission teleop: stopped by mission stop (process")
-    assert command(capsys, "stop").out == "no mission runs\n"
+    assert command(capsys, "stop").out == "no mission is running\n"
 
 
 @contextmanager

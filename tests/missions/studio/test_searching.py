@@ -107,7 +107,7 @@ def test_the_folder_of_another_user_holds_no_run_and_leaves_no_doubt(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
     monkeypatch.setattr(abstract_sockets, "listed_names", list)
-    assert command(capsys, "stop").out == "no mission runs\n"
+    assert command(capsys, "stop").out == "no mission is running\n"
 
 
 @pytest.mark.parametrize(("kind", "doubts"), [("run", 1), ("command", 1), ("run-simulated", 0)])
@@ -132,7 +132,7 @@ def test_a_process_with_a_note_and_without_a_socket_is_ended_by_sigterm(capsys: 
         assert process.wait(PATIENCE) == -15
     assert told.code == 0
     assert told.out.startswith(f"{process.pid}: driving on turtlebot2: hangs (No such file or directory); SIGTERM")
-    assert command(capsys, "stop").out == "no mission runs\n"
+    assert command(capsys, "stop").out == "no mission is running\n"
 
 
 def test_a_process_that_has_got_the_number_of_a_run_is_not_ended(capsys: pytest.CaptureFixture[str]) -> None:
@@ -145,7 +145,7 @@ def test_a_process_that_has_got_the_number_of_a_run_is_not_ended(capsys: pytest.
             note_of(process.pid + number).write_text(json.dumps(about) + "\n", encoding="utf-8")
         told = command(capsys, "stop")
         assert process.poll() is None
-    assert (told.code, told.out) == (0, "no mission runs\n")
+    assert (told.code, told.out) == (0, "no mission is running\n")
     assert list(sockets.socket_folder().glob("*.note")) == []
     assert pid == run.pid
 
@@ -156,7 +156,7 @@ def test_a_note_of_another_computer_that_shares_the_home_is_left_alone(capsys: p
     about["computer"] = "another"
     about["process"][2] = "the boot of another computer"
     note_of(run.pid).write_text(json.dumps(about) + "\n", encoding="utf-8")
-    assert command(capsys, "stop").out == "no mission runs\n"
+    assert command(capsys, "stop").out == "no mission is running\n"
     assert note_of(run.pid).exists()
 
 

@@ -52,7 +52,7 @@ def test_a_run_that_started_before_a_stop_ends_before_it_begins(
             write_stamp()
     with loading(tmp_path, "run", brief(tmp_path), "--simulate", "fast") as (process, gate):
         if stopped:
-            assert command(capsys, "stop").out == "no mission runs\n"
+            assert command(capsys, "stop").out == "no mission is running\n"
         gate.write_text("go on")
         out, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == (3 if stopped else 0), (out, error)
