@@ -49,7 +49,7 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
             "run home.yaml",
             "home.yaml is a world: mission show home.yaml, or mission run MISSION --world home.yaml\n",
         ),
-        ("test ask.yaml", "write it, beginning with `tests: ask` and `cases:` (docs/testing.md)\n"),
+        ("test ask.yaml", "create it with `tests: ask` and `cases:` (docs/testing.md)\n"),
         ("test home.yaml", "home.yaml is a world: "),
         ("record info ask.yaml", "try: mission run ask.yaml --record ask.mcap, which makes one\n"),
         ("record info home.yaml", "home.yaml is a world: "),

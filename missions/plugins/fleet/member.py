@@ -302,7 +302,7 @@ def _valid_number(value: object) -> float | None:
 
 
 def _is_significant(old: RobotState, new: RobotState) -> bool:
-    """Return whether a new state must be published at once: another mission, task or stop, or a large enough movement."""
+    """Return whether a new state must be published at once: another mission, task or stop, or a large movement."""
     moved = any(
         (getattr(old, name) is None) != (getattr(new, name) is None)
         or abs((getattr(old, name) or 0.0) - (getattr(new, name) or 0.0)) >= step

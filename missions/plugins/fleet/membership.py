@@ -50,7 +50,8 @@ def add_task_services(
     timeouts, own = timeouts or FleetTimeouts(), member.info.address
     ready, now = _make_sender(member, timeouts), member.clock.now
     errands = TaskExecutor(
-        own, queue, member.fleet_robot, ready, now, wall_clock, is_stopped=lambda: member.latch.is_latched or member.is_duplicate,
+        own, queue, member.fleet_robot, ready, now, wall_clock,
+        is_stopped=lambda: member.latch.is_latched or member.is_duplicate,
         robot=robot, options=tuple(options), timeouts=timeouts, has_mission=has_mission,
     )  # fmt: skip
     keeper = TaskAllocator(own, store, member.roster, ready, now, wall_clock, timeouts)

@@ -164,7 +164,7 @@ class KeepTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcceptTask(FleetRequest):
-    """Accept a task and report on it, but begin only after the allocator's confirmation. ``again``: it may be repeated."""
+    """Accept a task and report on it; begin only after a confirmation. ``repeatable`` allows a second run."""
 
     word: ClassVar[str] = "accept"
     task: str
@@ -235,9 +235,9 @@ class FleetTaskInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetAnswer:
-    """Answer to a FleetRequest; ``why`` is the reason and remedy if it was not carried out.
+    """Answer to a FleetRequest; if it was refused, ``reason`` has the reason and the remedy.
 
-    ``told`` are JSON objects, which the receiver decodes and checks.
+    ``data`` are JSON objects, which the receiver decodes and checks.
     """
 
     ok: bool = True

@@ -34,7 +34,7 @@ APPROVED_BY = "its keeper"
 
 @dataclass(frozen=True, slots=True)
 class TaskAssignment:
-    """An accepted fleet task with its attempt and its task in the robot's own queue; ``again`` if it may be repeated."""
+    """An accepted fleet task with its attempt and its task in the robot's own queue."""
 
     id: str
     attempt: int
@@ -190,7 +190,7 @@ class TaskExecutor:
                 self._queue.approve(task.id, self._wall(), APPROVED_BY)
 
     def _release_expired(self, errand: TaskAssignment, talk: _ReportState, now: float) -> None:
-        """Cancel a repeatable or waiting task whose allocator has been silent for the lease: another robot may get it."""
+        """Cancel a repeatable or waiting task if its lease has expired: another robot may get it."""
         since = talk.begun_at if talk.leased_at is None else talk.leased_at
         waits = errand.task.awaits_approval
         if not errand.task.has_ended and (errand.again or waits) and now > since + self._timeouts.lease:

@@ -48,7 +48,7 @@ PICTURE_FORMS: Mapping[str, Callable[[TreeDrawing], Dump]] = {
     "png": lambda drawing: png(svg(drawing)),
     "html": page,
 }
-"""Formats of one tree besides text. ``png`` raises ImportError without the extra ``plots``."""
+"""Formats of one tree in addition to text. ``png`` raises ImportError without the extra ``plots``."""
 
 PAIR_COLUMNS = 120
 """Columns of a side-by-side text in a file."""

@@ -32,7 +32,7 @@ _BOLD = """
 # Thousandths of the font's size for each character of ASCII from the blank on, as the font's own table has them.
 
 _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
-"""What small letters of other scripts take in a word, and what other signs and capitals, and those of East Asia do."""
+"""Widths of characters outside the table: small letters of other scripts; signs and capitals; East Asian characters."""
 _BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹωϖϣͳЉЊЖШЩЮжмфшщыюљњ‰‱№")
 _BROADER = 1.4
 """Wide letters and signs, and their width as a multiple of that of others of their kind."""
@@ -46,7 +46,7 @@ def text_width(text: str, size: float, *, bold: bool = False) -> float:
 
 
 def truncate(text: str, size: float, max_width: float, *, bold: bool = False) -> str:
-    """Return ``text`` in one line no wider than ``most``, truncated with an ellipsis."""
+    """Return ``text`` in one line within the maximum width, truncated with an ellipsis."""
     text = " ".join(text.split())
     if text_width(text, size, bold=bold) <= max_width:
         return text
@@ -123,7 +123,7 @@ TITLE_HEIGHT, SMALL_LINE_HEIGHT, BADGE_HEIGHT, BADGE_PADDING = 20, 16, 23, 7
 
 @dataclass(frozen=True, slots=True)
 class CardText:
-    """A text on a card, with its baseline at ``x``, ``y`` from the card's upper left corner. A badge has a status too."""
+    """A text on a card, its baseline at ``x``, ``y`` from the card's upper left corner. A badge has a status too."""
 
     part: Part
     text: str

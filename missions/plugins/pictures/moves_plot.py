@@ -26,7 +26,7 @@ FORMATS = (".png", ".svg")
 """Suffixes of the supported picture formats."""
 
 GOAL_COLOUR, MEASURED_COLOUR, LIMIT_COLOUR = "#2a78b5", "#c8553d", "#8a8f98"
-"""Colours: what was sent, what was measured, and how far a joint may go."""
+"""Colours of goals, measured angles, and limits."""
 
 MAX_COLUMNS = 2
 """Maximum number of joints side by side."""

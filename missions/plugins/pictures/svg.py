@@ -142,7 +142,7 @@ class SvgCanvas:
             written.text = _clean(text)
 
     def rect(self, kind: str, x: int, y: int, wide: int, high: int, *, radius: int = 8) -> None:
-        """Draw a rectangle with corners of the radius ``turn``."""
+        """Draw a rectangle with corners of the given radius."""
         size = {"width": str(wide), "height": str(high), "rx": str(radius)}
         self._add("rect", x=str(x), y=str(y), **size).set("class", kind)
 
@@ -234,7 +234,7 @@ def kind_of(box: TreeBox) -> Kind:
 
 
 def _page_width(drawing: TreeDrawing, layout: TreeLayout, max_width: int) -> int:
-    """Return the width of a tree with its header; the header is no wider than ``most``."""
+    """Return the width of a tree with its header; the header is no wider than ``max_width``."""
     title = ceil(text_width(drawing.mission, TITLE_SIZE, bold=True)) + MOMENT_WIDTH
     return max(layout.width, title, min(ceil(text_width(drawing.summary, SUMMARY_SIZE)), max_width))
 

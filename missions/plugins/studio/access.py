@@ -52,7 +52,7 @@ def save_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
 
 
 MAX_WRONG_TOKENS, WRONG_TOKEN_WINDOW = 10, 60.0
-"""Wrong tokens of one address, within seconds, from which further ones are refused. A valid token is always accepted."""
+"""Wrong tokens of one address, within seconds, from which more are refused. A valid token is always accepted."""
 
 MAX_SIGN_INS, MAX_ADDRESSES = 500, 1000
 """Maximum number of sign-ins of each role, and of recorded addresses; the oldest are dropped."""
@@ -66,7 +66,7 @@ class SignIn:
     """Sign-in of a browser. Its ``secret`` never leaves the studio: proofs are derived from it.
 
     A browser sends its cookie to every server on the same host name, whatever the port. So the cookie alone opens only
-    the page's files; everything else also needs a proof, which only the page's origin stores.
+    the page's files; any other path also needs a proof, which only the page's origin stores.
     """
 
     role: Role

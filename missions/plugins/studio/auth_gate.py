@@ -125,7 +125,7 @@ class AuthGate:
         return None
 
     def _redirect_signed_in(self, scope: Scope, query: dict[str, list[str]], role: Role) -> Response:
-        """Return the redirection that replaces the token in a link with a cookie and a proof: history keeps no token."""
+        """Return the redirection that replaces a token with a cookie and a proof, so that the history has no token."""
         headers = Headers(scope=scope)
         value = ""
         sign_in = next((each for each in self._sign_ins(headers) if each.role == role), None)

@@ -46,7 +46,7 @@ MIN_DESCRIPTORS = 128
 @click.option(
     "--record/--no-record",
     default=None,
-    help="Record the runs that it starts, including simulated ones; the default, unless your defaults.yaml has `record: false`.",
+    help="Record the runs that it starts, also simulated ones; the default unless defaults.yaml has `record: false`.",
 )
 @click.option(
     "--records",

@@ -1,4 +1,4 @@
-"""Connections of the studio: their limits, and the choice of those that are closed for newer ones.
+"""Connections of the studio: their limits, and the choice of connections to close for newer ones.
 
 A connection counts from ``accept``, before TLS, until its descriptor is closed. A connection that has not signed in is
 closed for a newer one; a signed-in one never is.

@@ -99,7 +99,7 @@ class AsyncRunLink:
 
     @property
     def run_identity(self) -> tuple[object, ...]:
-        """Key that tells this run from others of the same name."""
+        """Key that distinguishes this run from others of the same name."""
         members = "run", "pid", "began", "mission", "robot", "simulated"
         return self.identity, *(self.about.get(name) for name in members)
 
@@ -130,7 +130,7 @@ class AsyncRunLink:
         return self._writer.transport.get_write_buffer_size()
 
     async def stop(self, by: str, press: str) -> Mapping[str, object]:
-        """Stop the run; terminate it if it does not answer. Return its result, with `trouble` if the stop is uncertain."""
+        """Stop the run; terminate it if it does not answer. Return its result, with `trouble` if uncertain."""
         for _ in range(STOP_TRIES):
             try:
                 answer = await self.request({"do": "stop", "by": by, "press": press})

@@ -71,7 +71,7 @@ class RunLauncher:
         """Number of stops of all runs so far; a run requested before a stop does not begin after it."""
 
     def stop(self) -> None:
-        """Cancel the runs requested until now, and end those that have no control socket yet."""
+        """Cancel the runs requested until now, and end started runs that have no control socket yet."""
         self.stops += 1
 
     async def start(self, request: StartRun, stops: int | None = None) -> Mapping[str, object]:

@@ -256,7 +256,7 @@ class StudioClient(Protocol):
 
 @cache
 def page_edition() -> str:
-    """Return the version that tells this page from those of other releases."""
+    """Return the version of the page, which differs between releases."""
     digest = hashlib.sha256()
     for path in sorted(PAGE_FOLDER.glob("*")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
@@ -264,7 +264,7 @@ def page_edition() -> str:
 
 
 class Studio:
-    """One studio: its ``hub`` holds the runs, ``audit`` the log, ``access`` the tokens, ``reader`` the workers.
+    """State of one studio: ``hub`` has the runs, ``audit`` the log, ``access`` the tokens, ``reader`` the workers.
 
     ``fleet`` is the connection to this computer's fleet.
     """
@@ -308,7 +308,7 @@ class Studio:
         return len(self._clients)
 
     async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
-        """Stop a run, or all for an empty name, including runs that are starting. Raises BadMessage for an unknown run."""
+        """Stop a run, or all for an empty name, including starting runs. Raises BadMessage for an unknown run."""
         if not run:
             self._launcher.stop()
         return await self.hub.stop(run, by, press)

@@ -180,7 +180,7 @@ class TasksQuery(ClientCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetQuery(ClientCommand):
-    """Return the `robots` of this computer's fleet, and those that are `missing`: docs/fleet.md."""
+    """Return the `robots` of this computer's fleet, and the `missing` robots: docs/fleet.md."""
 
     word: ClassVar[str] = "fleet"
     role: ClassVar[Role] = "viewer"
@@ -251,7 +251,8 @@ COMMANDS: Mapping[str, type[ClientCommand]] = {
     **{
         kind.word: kind
         for kind in (
-            Hello, LibraryQuery, MissionQuery, WorldQuery, FailsafeQuery, StartRun, ShowPerson, AddPerson, KeepTuning, RevokeLinks,
+            Hello, LibraryQuery, MissionQuery, WorldQuery, FailsafeQuery, StartRun,
+            ShowPerson, AddPerson, KeepTuning, RevokeLinks,
             RecordsQuery, RecordQuery, MomentQuery, CompareRecords,
             TasksQuery, AddTask, ApproveTask, MoveTask, CancelTask,
             FleetQuery, StopFleet, ReleaseFleet,

@@ -1,4 +1,4 @@
-"""Delivery of notices from the outbox to their channels, on a thread per notice, so that a dead broker blocks no other."""
+"""Delivery of notices from the outbox to their channels, on a thread per notice: a dead broker blocks no other."""
 
 import sqlite3
 from collections.abc import Callable, Collection
@@ -25,7 +25,7 @@ MAX_BLOCKING_TRIES = 5
 """Failed tries after which another notice is tried too, since the notice may be at fault and not the channel."""
 
 MAX_NOTICE_AGE, MIN_TRIES = 7 * 24 * 3600.0, 20
-"""Age in seconds and number of tries (two hours) after which a notice is given up; the clock alone may jump by years."""
+"""Age in seconds and number of tries (two hours) after which a notice is given up; a clock may jump."""
 
 
 @dataclass(slots=True)

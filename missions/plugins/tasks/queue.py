@@ -278,7 +278,8 @@ class TaskQueue:
             return None
         with self._transaction():
             while (task := self._due(now)) is not None and _is_too_late(task, now):
-                reason = f"it was due at {_clock_text(task.due_since, self._zone)}, and does not begin more than {task.late:g} s later"
+                due_at = _clock_text(task.due_since, self._zone)
+                reason = f"it was due at {due_at}, and does not begin more than {task.late:g} s later"
                 self._settle(task, "given_up", reason, now)
                 self._post(task, notice.missed_notice(task, reason, now), now)
             if task is None:

@@ -41,7 +41,7 @@ def queue_error(path: Path, error: OSError | sqlite3.OperationalError) -> TaskEr
         return _disk_full(path)
     if code == sqlite3.SQLITE_READONLY or number in _READ_ONLY:
         return TaskError(
-            f"{path}: is read-only ({detail}): Linux mounts a failing disk read-only; or the file belongs to another user",
+            f"{path}: is read-only ({detail}): a failing disk, or a file of another user",
             hint=f"findmnt -T {folder}, dmesg | tail, ls -l {folder}",
         )
     if code in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN) and not _has_space(path.parent):

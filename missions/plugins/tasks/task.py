@@ -12,7 +12,7 @@ How = Literal["success", "failure", "error", "interrupted", "cancelled"]
 """End of an attempt; an error is a missing device or an invalid file."""
 
 Interrupted = Literal["retry", "give-up"]
-"""Policy for an interrupted task, of which nobody knows how far it came."""
+"""Policy for an interrupted task, whose progress is unknown."""
 
 Verdict = Literal["done", "again", "failed", "given_up"]
 """Consequence of an attempt's end; ``given_up``: interrupted too often, or must not be done twice."""

@@ -113,7 +113,7 @@ def _posture(twins: Twins) -> Posture:
 
 
 def _is_still(before: Posture, after: Posture, max_sway: float) -> bool:
-    """Return whether nothing moved farther than ``sway``, in metres and radians."""
+    """Return whether nothing moved farther than ``max_sway``, in metres and radians."""
     if not max_sway:
         return before == after
     (there, looked, were), (here, looks, are) = before, after

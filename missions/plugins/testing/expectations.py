@@ -23,7 +23,7 @@ MAY_BE_EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
 
 @dataclass(frozen=True, slots=True)
 class ExpectedItem:
-    """One expected item with its position in the file. ``value`` is the result of the key's reader."""
+    """Item of an expectation with its position in the file. ``value`` is the result of the key's reader."""
 
     mark: Mark
     value: Any
@@ -153,7 +153,7 @@ def _read_joints(fields: Fields, node: Node, names: CaseNames) -> Iterator[Expec
 
 
 def _read_angle(fields: Fields, key: str, node: Node, default_tolerance: float) -> tuple[float, float]:
-    """Read ``90 deg`` or ``90 deg +- 5 deg``; the default tolerance is ``otherwise``."""
+    """Read ``90 deg`` or ``90 deg +- 5 deg``; the tolerance may be omitted."""
     text = node.text if isinstance(node, Scalar) else ""
     middle, sign, either = (part.strip() for part in re.split(r"(\+-|±|$)", text, maxsplit=1))
     try:

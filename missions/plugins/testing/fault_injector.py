@@ -72,7 +72,7 @@ class FaultInjector:
         """Faults that have started, each with its actual start time."""
 
     def schedule(self, faults: Iterable[FaultSpec]) -> None:
-        """Schedule the faults; those that begin at 0 start at once."""
+        """Schedule the faults; faults that begin at 0 start at once."""
         for mishap in faults:
             if mishap.trigger is not None:
                 self._wait_for_trigger(mishap)
@@ -92,7 +92,7 @@ class FaultInjector:
         self._history.listeners.append(hear)
 
     def start(self, fault: FaultSpec) -> None:
-        """Start a fault now, whatever its start time."""
+        """Start a fault now, ignoring its start time."""
         self.started_faults.append(replace(fault, start=self._now()))
         if fault.part == RUN:
             self._suspend_run(fault)

@@ -30,7 +30,7 @@ EXAMPLE = "such as 'fails twice, then succeeds'"
 
 @dataclass(frozen=True, slots=True)
 class MockTurn:
-    """One start of a mock: it runs for ``seconds`` and ``ticks``, then returns ``end``.
+    """Behaviour of a mock after a start: it runs for ``seconds`` and ``ticks``, then returns ``end``.
 
     ``end`` is success or failure, or running if the mock never ends (then both are infinite). ``times`` is the number
     of consecutive starts that it covers.

@@ -49,7 +49,7 @@ class MissionFile(pytest.File):
 
 
 class MissionCase(pytest.Item):
-    """One case of a test file, run in this process."""
+    """Case of a test file, run in this process."""
 
     def __init__(self, *, case: "Case", **others: Any) -> None:
         super().__init__(**others)

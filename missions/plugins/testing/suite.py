@@ -174,7 +174,7 @@ def _read_value(fields: Fields, name: Scalar, value: Node) -> object:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One checked case: plain data, which can be sent to another process. ``timeout`` is in simulated seconds.
+    """A checked case: plain data, which can be sent to another process. ``timeout`` is in simulated seconds.
 
     ``mission``, ``robot`` and ``world`` are names or absolute paths.
     """
@@ -215,7 +215,7 @@ def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
 def read_suite(
     fields: Fields, folder: Path, behaviours: Sequence[Path] = (), *, with_expectations: bool = True
 ) -> tuple[Case, ...]:
-    """Read the cases of a test file; names are relative to ``folder``; ``judged`` requires expectations.
+    """Read the cases of a test file; names are relative to ``folder``.
 
     Raises InvalidFileError with all errors in the test file or the mission.
     """
@@ -341,7 +341,7 @@ def find_tests(name: str) -> list[Path]:
     if not tests.is_file():
         raise UnknownNameError(
             f"mission '{name}' has no tests: there is no {tests}\n"
-            f"  try: write it, beginning with `tests: {tests.name.removesuffix(TEST_SUFFIX)}` and `cases:` (docs/testing.md)"
+            f"  try: create it with `tests: {tests.name.removesuffix(TEST_SUFFIX)}` and `cases:` (docs/testing.md)"
         )
     return [tests]
 

@@ -35,10 +35,10 @@ def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[CaseVerdict, None
 def run_parallel(
     work: Callable[[T], R], items: Sequence[T], on_lost: Callable[[T], R], *, jobs: int
 ) -> Generator[R, None, None]:
-    """Call ``work`` for each of ``things`` in up to ``jobs`` processes; yield each result when it is ready.
+    """Call ``work`` for each of ``items`` in up to ``jobs`` processes; yield each result when it is ready.
 
     When the generator is closed or interrupted, all work ends at once. Work that ends its process also takes down work
-    of other processes; all of it is repeated, each alone, to find the cause, whose result is ``gone(thing)``.
+    of other processes; all of it is repeated, each alone, to find the cause, whose result is ``on_lost(item)``.
     """
     lost: list[T] = []
     others = active_children()

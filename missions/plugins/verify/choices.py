@@ -13,7 +13,7 @@ Script = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class NondetChoice:
-    """One choice: the number of options, the index taken, and a function that describes it."""
+    """Nondeterministic choice: number of options, index taken, and a function that describes it."""
 
     options: int
     index: int
@@ -38,7 +38,7 @@ class Oracle:
         self.choices, self._reports = [], {}
 
     def choose(self, options: Sequence[T], describe: Callable[[T], str]) -> T:
-        """Return one of ``options``; ``say`` describes it for a trace, with an empty text if it is not worth showing."""
+        """Return one of ``options``; ``describe`` returns its text for a trace; empty if not worth showing."""
         if len(options) == 1:
             return options[0]
         place = len(self.choices)

@@ -16,7 +16,7 @@ from missions.plugins.verify.model import MissionModel, ModelState
 from missions.plugins.verify.rule_monitor import Violation
 
 GOING, HALTING, RESTED = "going", "halting", "rested"
-"""A run that is ticked; one that was told to stop and is not at rest yet; one that is."""
+"""Kinds of a state: the run is ticked; it is halting; it is at rest after a halt."""
 
 MAX_TIMED_VARIANTS = 10
 """Maximum number of states that differ only in time bounds; beyond that, time bounds are made coarser."""
@@ -58,7 +58,7 @@ class FirstViolation:
 class StateSpace:
     """Explored state space. ``open`` are the states that were not completely expanded.
 
-    The exploration ends at ``bound`` states, or when ``late`` returns true.
+    The exploration ends at ``bound`` states, or when ``is_late`` returns true.
     """
 
     def __init__(self, model: MissionModel, bound: int, is_late: Callable[[], bool] = lambda: False) -> None:
@@ -211,7 +211,7 @@ def is_halt_step(place: ExploredState) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class TraceStep:
-    """One step of a trace: tick or halt, its choices, and the status changes of nodes."""
+    """Step of a trace: tick or halt, its choices, and the status changes of nodes."""
 
     halted: bool
     choices: tuple[str, ...]

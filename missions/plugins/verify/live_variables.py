@@ -1,4 +1,4 @@
-"""Live variables: those that a run may still read before they are stored again.
+"""Live variables: variables that a run may still read before it stores them again.
 
 This is the backward data-flow analysis of compilers on a tree: each node gets the variables that are live after its
 success and after its failure, and returns those live before it. A variable that is not live has no effect: states that
@@ -45,8 +45,8 @@ PASSIVE_MODIFIERS = frozenset(
 def live_while_running(tree: Step) -> Mapping[str, Names]:
     """Return, by node key, the variables of the node's own mission that are live while it runs.
 
-    A parent has only those that it may itself lead to; its running children have the others. ``tree`` has the abstract
-    steps (see missions.plugins.verify.model), since a stand-in reads fewer variables.
+    A parent has only the variables that its own next steps may read; its running children have the others. ``tree`` has
+    the abstract steps (see missions.plugins.verify.model), since a stand-in reads fewer variables.
     """
     analysis = LivenessAnalysis()
     while analysis.has_grown:

@@ -81,7 +81,7 @@ def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozens
 
 
 def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[str]) -> dict[str, Value]:
-    """Return the relevant arguments: stored values, and those that can prevent the start of a leaf that never fails."""
+    """Return the relevant arguments: stored values, and values that can prevent the start of a leaf."""
     if leaf.open_ended:
         return {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):

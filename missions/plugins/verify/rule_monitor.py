@@ -104,7 +104,7 @@ def _leaves_named(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:
 
 
 EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET = "alone", "clean", "set"
-"""The rules that hold for every mission: one to an actuator, all at rest after a halt, what is read has been set."""
+"""Rules for every mission: one leaf per actuator, rest after a halt or an end, variables set before they are read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ class Monitor(Protocol):
         ...
 
     def on_start(self, leaf: "StandIn", live_leaves: "Sequence[StandIn]") -> str:
-        """Handle the start of a leaf while ``live`` leaves run; return a violation text, or an empty one."""
+        """Handle the start of a leaf while ``live_leaves`` run; return a violation text, or an empty one."""
         ...
 
     def on_success(self, node: Node) -> None:

@@ -130,7 +130,7 @@ class Snapshots:
 
 
 def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the attributes declared by a class and its bases: those of a run, and those that last beyond it."""
+    """Return the attributes declared by a class and its bases: for one run, and beyond a run."""
     declared = [vars(each) for each in kind.__mro__]
     running, lasting = (
         frozenset().union(*(each.get(name, ()) for each in declared)) for name in ("run_state", "lasting_state")

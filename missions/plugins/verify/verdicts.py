@@ -109,7 +109,7 @@ class RuleChecker:
             step.source,
             step.mark,
             f"'{step.name}' is never reached",
-            f"'{parent.kind}' (line {parent.mark.line}): {NODES[parent.kind].unreached_reason or 'it never comes to it'}",
+            f"'{parent.kind}' (line {parent.mark.line}): {NODES[parent.kind].unreached_reason or 'never reached'}",
         )
 
     def _check_timeouts(self) -> list[RuleVerdict]:

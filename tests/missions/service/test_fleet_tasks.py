@@ -432,7 +432,8 @@ def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> N
     ("wrong", "why"),
     [
         ({"task": "bob/0000000b/0123456789ab"}, "is not the ID"), ({"task": "../x"}, "is not the ID"),
-        ({"mission": "/etc/passwd"}, "not the name of a library mission"), ({"mission": "../greet"}, "not the name of a library mission"),
+        ({"mission": "/etc/passwd"}, "not the name of a library mission"),
+        ({"mission": "../greet"}, "not the name of a library mission"),
         ({"where": "__import__('os')"}, "cannot be called"), ({"where": "battery >"}, "is not an expression"),
     ],
 )  # fmt: skip

@@ -132,7 +132,7 @@ def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
     program = (
         "import signal, sys\nfrom missions.control.holders import announce_command\n"
         f"signal.signal(signal.SIGTERM, signal.{heeds})\n"
-        "with noted('teleop', 'turtlebot2'):\n    print(flush=True)\n    sys.stdin.read()\n"
+        "with announce_command('teleop', 'turtlebot2'):\n    print(flush=True)\n    sys.stdin.read()\n"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None

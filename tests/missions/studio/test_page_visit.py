@@ -328,7 +328,7 @@ def test_the_failsafe_page_is_stepped_through_and_says_what_the_base_does(browse
         chosen = f"(() => {{ const e = document.querySelectorAll('.failsafe select')[{at}]; e.value = '{word}';"
         tab.evaluate(f"{chosen} e.dispatchEvent(new Event('change')) }})()")
         wait_until(partial(said, words))
-    page.press("Before")
+    page.press("Previous")
     wait_until(lambda: str(tab.evaluate(now)).startswith("-"))
     assert tab.errors == []
 

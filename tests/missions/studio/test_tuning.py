@@ -89,7 +89,7 @@ def test_an_arm_goes_no_farther_and_no_faster_than_it_was_tuned_to(tuning: Tunab
 
 def test_a_head_turns_more_slowly_at_once_and_does_not_leap(runner: Runner, tuning: TunableValues) -> None:
     head: Any = runner.assembled_robot.devices["head"]
-    way, now = head._way, 0.0
+    way, now = head._motion, 0.0
     way.look(HeadPose(radians(60), 0.0), now)
     places = []
     for step in range(1, 400):
@@ -119,12 +119,12 @@ def test_nothing_goes_beyond_the_robot_file(tuning: TunableValues, runner: Runne
     with pytest.raises(BadMessage, match=r"nothing is called 'head\.pan\.trimm'"):
         tuning.tune("head.pan.trimm", 0.0)
     base: Any = runner.assembled_robot.devices["base"]
-    assert base.curb(replace(base.limits, speed=9.0)).speed == 0.5
+    assert base.restrict_limits(replace(base.limits, speed=9.0)).speed == 0.5
     with pytest.raises(BadRequest, match="positive"):
-        base.curb(replace(base.limits, speed=-1.0))
+        base.restrict_limits(replace(base.limits, speed=-1.0))
     arm: Any = runner.assembled_robot.devices["arm"]
     with pytest.raises(BadRequest, match="elbow"):
-        arm.curb({"elbow": JointLimits(1.0, 0.5, 1.0)})
+        arm.restrict_limits({"elbow": JointLimits(1.0, 0.5, 1.0)})
 
 
 @contextmanager

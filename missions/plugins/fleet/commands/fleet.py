@@ -68,7 +68,7 @@ def _show(operator: Operator, *, as_json: bool) -> None:
 
 
 def _row(member: RosterEntry, *, twice: bool) -> Iterator[str]:
-    """Yield the cells of a robot; with ``twice``, its name includes the number, since another robot has the same name."""
+    """Yield the cells of a robot; with ``twice``, the name includes the number, since it is not unique."""
     state = member.state
     yield str(member.address) if twice else member.address.name
     yield member.connection

@@ -27,7 +27,7 @@ class Markup(str):
 
 
 def join(*parts: str) -> Markup:
-    """Return the concatenated parts; those that are not markup are escaped."""
+    """Return the concatenated parts; parts that are not markup are escaped."""
     return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in parts))
 
 

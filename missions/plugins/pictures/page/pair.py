@@ -76,7 +76,7 @@ def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], le
 
 
 def _pair_side(box: TreeBox | None, time: float | None, *, hidden: bool = False) -> Markup:
-    """Return one side of a pair; hidden from screen readers if it repeats the other (``again``)."""
+    """Return one side of a pair; hidden from screen readers if ``hidden``, since it repeats the other side."""
     return tag(
         "div",
         card(box, time) if box is not None else _screen_reader_text("nothing"),

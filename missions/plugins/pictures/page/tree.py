@@ -136,7 +136,7 @@ def toolbar(*buttons: str) -> Markup:
 
 
 def button(text: str, **attributes: str | bool | None) -> Markup:
-    """Return a button; its attributes tell the script its action."""
+    """Return a button; the script finds its action by the attributes."""
     return tag("button", text, type="button", **attributes)
 
 

@@ -70,7 +70,6 @@ export class Camera extends HTMLElement {
     }).observe(this.#canvas);
   }
 
-  /** Show the pictures of a watcher, at most `rate` a second. */
   begin(watcher, rate = 10) {
     this.#watcher = watcher;
     this.rate = rate;

@@ -47,7 +47,6 @@ export function button(text, onclick, more) {
   return el("button", { type: "button", onclick, ...more }, text);
 }
 
-/** Return a form field with its label, and a help text below it. */
 export function field(label, control, help = "") {
   const id = `field-${(field.count = (field.count ?? 0) + 1)}`;
   control.id = id;
@@ -56,7 +55,6 @@ export function field(label, control, help = "") {
   return el("div", { class: "field" }, el("label", { for: id }, label), control, hint);
 }
 
-/** Return a select element of `options`: texts, or pairs of a value and its text. */
 export function choice(options, value = "") {
   const select = el("select");
   for (const option of options) {
@@ -66,7 +64,6 @@ export function choice(options, value = "") {
   return select;
 }
 
-/** Replace the options of a select element; the selected value stays if it is still among them. */
 export function set_options(select, options) {
   const { value } = select;
   select.replaceChildren(...choice(options).children);

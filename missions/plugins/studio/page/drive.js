@@ -119,7 +119,7 @@ export class Drive {
         try {
           const mission = `by_hand/${seeing.getAttribute("aria-checked") === "true" ? "drive_and_look" : "drive_by_hand"}`;
           const { run } = await this.#link.ask({ do: "start", mission, ...target.members() }, 60000);
-          target.unsure();
+          target.reset_confirmation();
           this.#watcher.follow(run);
           await this.#watcher.ask("take");
         } catch (error) {
@@ -232,7 +232,6 @@ export class Drive {
     this.node.classList.toggle("refused", Boolean(refusal));
   }
 
-  /** Return the number of a command and the stamp of the newest state. */
   #stamp() {
     this.#last_sent_at = performance.now();
     return { n: ++this.#number, stamp: this.#watcher.state.stamp };

@@ -41,7 +41,6 @@ export class Faults {
     this.#update_time();
   }
 
-  /** Disable the duration for permanent faults, and for faults that include one. */
   #update_time() {
     this.#time.disabled = / battery | overloaded | turned |\d s$/.test(this.#what.value);
   }

@@ -68,7 +68,6 @@ export class Fleet {
         may && robot.stopped && button("Release", () => this.#do("release_fleet", { robot: `${robot.name}/${robot.number}` }), { "aria-label": `Release ${robot.name}` })));
   }
 
-  /** Draw the tree of a robot's mission from this computer's library. */
   async #show(robot) {
     try {
       const mission = await this.#link.ask({ do: "mission", name: robot.mission });

@@ -76,7 +76,6 @@ export class Params {
     return Object.fromEntries([...this.#controls].map(([param, { text }]) => [param.name, text()]).filter(([, text]) => text));
   }
 
-  /** Restore the texts of a previous form that differed from its defaults. */
   keep(former) {
     const { values } = former.changed;
     for (const [param, { set }] of this.#controls) if (param.name in values) set(values[param.name]);
@@ -153,7 +152,7 @@ export class Target {
     this.#real = real;
     this.simulated.hidden = real;
     this.moving.hidden = !real;
-    this.unsure();
+    this.reset_confirmation();
     this.node.dispatchEvent(new Event("change"));
   }
 

@@ -19,7 +19,6 @@ export class StudioError extends Error {
 
 let proof = ""; // bound to this origin, while the cookie goes to servers on other ports too
 
-/** Store the proof in an address; return the address without it. */
 export function store_proof(address) {
   const url = new URL(address);
   proof = url.searchParams.get("proof") ?? proof;
@@ -93,7 +92,6 @@ export class Link {
     return Math.max(this.#last_round_trip, this.#pings.length ? performance.now() - this.#pings[0].sent : 0);
   }
 
-  /** Send a command without waiting for an answer; return whether it was sent. */
   send(command) {
     if (!this.open || this.#socket.readyState !== WebSocket.OPEN) return false;
     this.#socket.send(JSON.stringify(command));
@@ -200,7 +198,6 @@ export class Link {
     this.#socket.send(JSON.stringify({ do: "hello", version: this.#version, id }));
   }
 
-  /** Store the round trip of a `hello` that was answered by `welcome` or an error. */
   #pong(id) {
     const at = this.#pings.findIndex((each) => each.id === id);
     const [{ sent }] = this.#pings.splice(at, 1);

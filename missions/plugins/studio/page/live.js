@@ -158,7 +158,6 @@ export class Live {
     }
   }
 
-  /** End the mission at the second press, because it cannot be undone. */
   #end_mission() {
     if (!this.#halt.classList.contains("armed")) {
       this.#halt.classList.add("armed");

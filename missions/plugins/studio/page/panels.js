@@ -99,7 +99,6 @@ export class Parts {
   }
 }
 
-/** Table of all joints: position, load and temperature. Its panel is hidden without joints. */
 export class Joints {
   node = el("table", { class: "joints" });
   #rows = new Map();
@@ -135,7 +134,6 @@ export class Joints {
   }
 }
 
-/** Lines of the log, newest last; `only` selects their kinds. */
 export class Lines {
   #only;
 

@@ -50,7 +50,6 @@ export class Plan extends HTMLElement {
     this.#draw();
   }
 
-  /** Show the pose, scan and percept of a state, as far as it has them. */
   show({ pose, scan, percept }) {
     if (!pose && !scan && !percept) return;
     if (pose) this.#move_robot(pose);
@@ -65,7 +64,6 @@ export class Plan extends HTMLElement {
     this.#draw();
   }
 
-  /** Place the people and objects of a percept by their direction and distance. */
   people(percept) {
     const [x, y] = this.#pose ?? [0, 0];
     const seen = [...(percept?.faces ?? []).map((each) => [each, "face"]), ...(percept?.things ?? []).map((each) => [each, "thing"])];
@@ -84,7 +82,6 @@ export class Plan extends HTMLElement {
     if (this.#trail.length > MAX_TRAIL_POINTS) this.#trail = this.#trail.filter((_, at) => at % 2 === 0);
   }
 
-  /** Return the projection from metres to pixels, and the pixels of a metre. */
   #view(width, height) {
     const world = this.#world;
     if (world) {

@@ -76,7 +76,6 @@ export class Run {
     clearInterval(this.#timer);
   }
 
-  /** Update the list, and reload the chosen mission if files have changed. */
   async #refresh() {
     if (!this.#library || !this.#link.open) return;
     try {
@@ -86,7 +85,6 @@ export class Run {
     }
   }
 
-  /** Fetch the library if it has changed; return whether it has. */
   async #fetch() {
     const library = await this.#link.library(this.#library?.edition);
     if (!library.missions) return false;
@@ -215,7 +213,7 @@ export class Run {
       notify(`Starting ${plain(mission)}…`, "good");
       const { run, message } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
       if (message) notify(message);
-      this.#target.unsure();
+      this.#target.reset_confirmation();
       this.#watcher.follow(run);
       location.hash = "#live";
     } catch (error) {
@@ -232,7 +230,7 @@ export class Run {
       if (![first, again].every(Number.isInteger)) throw new Error("Priority and retry are whole numbers.");
       const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again, needs_approval: this.#approval.getAttribute("aria-checked") === "true" };
       const answer = await this.#link.ask({ do: "add_task", mission: this.#mission.name, params: this.#params.values, ...this.#target.members(true), ...when });
-      this.#target.unsure();
+      this.#target.reset_confirmation();
       notify(answer.message || `Task ${answer.task} is queued.`, "good");
     } catch (error) {
       notify(error);

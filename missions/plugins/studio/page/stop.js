@@ -18,7 +18,6 @@ function is_text_field(node) {
   return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TEXT_INPUTS.has(node.type));
 }
 
-/** Return the troubles in `runs` or in the answer to a stop; empty if there are none. */
 function unreached_text(runs) {
   return runs.filter((each) => each.trouble).map(({ run, trouble }) => (run === UNKNOWN ? trouble : `run ${run}: ${trouble}`)).join("\n");
 }

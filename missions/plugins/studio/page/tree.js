@@ -53,14 +53,12 @@ class Block {
     this.label();
   }
 
-  /** Return an element with a text, which may have placeholders. */
   text(kind, text) {
     const node = el("span", { class: kind }, text);
     if (text.includes("${")) this.texts.push([node, text]);
     return node;
   }
 
-  /** Replace placeholders by values; a tooltip has the placeholder. */
   fill(value) {
     for (const [node, text] of this.texts) {
       const pieces = filled(text, value);
@@ -125,7 +123,6 @@ export class Tree extends HTMLElement {
   #are_values_stale = false; // whether blocks show outdated values
   follow = false;
 
-  /** Draw a tree, unless it is drawn already, with all nodes idle. `first` has the initial values of its variables. */
   draw(drawing, first = {}) {
     this.#first = first;
     this.values({}, true);
@@ -160,27 +157,23 @@ export class Tree extends HTMLElement {
     this.replaceChildren();
   }
 
-  /** Mark the nodes that the last tick visited, by their keys. */
   visit(keys) {
     this.#visited = keys;
     this.#paint();
   }
 
-  /** Set values of variables by their names in `state`; with `all`, drop the others. */
   values(values, all = false) {
     this.#values = { ...(all ? {} : this.#values), ...values };
     this.#are_values_stale = true;
     this.#paint();
   }
 
-  /** Return the display name of a variable: the node key of a sub-mission is replaced by its name. */
   called(variable) {
     const [, key, name] = /^([\d.]+) (.*)$/.exec(variable) ?? [];
     const inner = this.#missions.get(key);
     return inner ? `${inner}: ${name}` : variable;
   }
 
-  /** Return the value of a name in a sub-mission or in the mission; undefined if unknown. */
   #value(name, scope) {
     const key = scope ? `${scope.key} ${name}` : name;
     const given = scope?.arguments[name];
@@ -200,7 +193,6 @@ export class Tree extends HTMLElement {
     for (const block of this.#blocks.values()) block.toggle(folded && block.parent !== null);
   }
 
-  /** Add blocks within the frame's budget, and the rest in the next frames. */
   #add() {
     const until = performance.now() + FRAME_BUDGET;
     while (this.#pending_nodes.length && performance.now() < until) {
@@ -251,7 +243,6 @@ export class Tree extends HTMLElement {
     setTimeout(() => (this.#row_budget = performance.now() - now > MAX_FRAME_TIME ? Math.max(MIN_ROWS, this.#row_budget >> 1) : Math.min(MAX_ROWS, this.#row_budget + 1)));
   }
 
-  /** Scroll to the deepest running node, and unfold its ancestors. */
   #scroll_to_running() {
     let block = this.#blocks.values().next().value;
     if (!isActive(block?.status)) return;

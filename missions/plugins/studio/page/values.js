@@ -31,7 +31,6 @@ export function filled(text, value) {
   return [...pieces, text.slice(end)].filter((piece) => piece !== "");
 }
 
-/** Return a text with all placeholders filled; undefined if one is unknown. */
 export function whole(text, value) {
   const pieces = filled(text, value);
   const missing = pieces.some((piece) => typeof piece === "string" && piece.includes("${"));

@@ -53,7 +53,6 @@ export class Watcher extends EventTarget {
     this.#emit("which", run);
   }
 
-  /** Set the pictures a second that a camera element needs; 0 for none. */
   look(who, rate) {
     this.#camera_rates.set(who, rate);
     this.#update_rate();
@@ -64,7 +63,6 @@ export class Watcher extends EventTarget {
     return this.#link.ask({ do: word, run: this.run, ...members });
   }
 
-  /** Send a command to the shown run without waiting for an answer. */
   send(word, members) {
     return this.#link.send({ do: word, run: this.run, ...members });
   }

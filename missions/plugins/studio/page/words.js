@@ -29,10 +29,8 @@ export function bytes(size) {
   return `${size >= 10 || !step ? Math.round(size) : size.toFixed(1)} ${steps[step]}`;
 }
 
-/** Return an identifier as words: "elbow_turn" is "elbow turn". */
 export const plain = (name) => String(name).replaceAll("_", " ");
 
-/** Return the title of a library entry; for a user's file, its heading and file name. */
 export const heading = ({ name, title, own }) => (own ? `${plain(title)} (${name.split("/").at(-1)})` : plain(title ?? name));
 
 /** Return a number with two or three significant digits. */
@@ -76,7 +74,6 @@ const LINES = {
   command: (e) => ["", `${e.to}: ${Object.entries(e.values ?? {}).map(([name, value]) => sized(name, value)).join(", ")}`],
 };
 
-/** Return the kind of a line of the log ("", good, warn, bad, said, heard), and its text. */
 export function line(event) {
   if (event.event === "log") {
     if (event.level === "voice") return ["said", event.text];

@@ -156,7 +156,7 @@ def _queue() -> Iterator[tuple[TaskQueue, Outbox]]:
     type=WholeNumber(*PRIORITIES),
     default=0,
     metavar="NUMBER",
-    help="Priority from -100 to 100, default 0: the highest of the due tasks runs first. A running task is not interrupted.",
+    help="Priority from -100 to 100, default 0: the highest of the due tasks runs first; running tasks go on.",
 )
 @click.option("--retry", type=WholeNumber(min=0), default=0, metavar="TIMES", help="Number of retries after a failure.")
 @click.option(
@@ -287,7 +287,8 @@ def list_command(everything: bool, as_json: bool) -> None:
         click.echo(format_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
     for task in tasks:
         if not task.has_ended and task.added > now + MAX_CLOCK_ERROR:
-            warning = f"task {task.id} was added at {clock_text(task.added)}, a time in the future: the clock was wrong then, or is wrong"
+            added_at = clock_text(task.added)
+            warning = f"task {task.id} was added at {added_at}, in the future: the clock was wrong then, or is"
             cure = f"date; if it is right: mission task remove {task.id}, and add it again"
             click.echo(f"{warning} now\n  try: {cure}", err=True)
 

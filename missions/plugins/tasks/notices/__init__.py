@@ -1,4 +1,4 @@
-"""The ways that notices go, by what a robot file says of them."""
+"""Notice channels: terminal, command, webhook and MQTT, as configured in the robot file."""
 
 import os
 from collections.abc import Callable, Mapping

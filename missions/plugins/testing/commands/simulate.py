@@ -117,7 +117,7 @@ def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> No
 
 
 class LineReader:
-    """Reads whole lines from a file descriptor without blocking longer than asked; None or its end yields no lines."""
+    """Reads whole lines from a file descriptor; None, or its end, yields no lines."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor

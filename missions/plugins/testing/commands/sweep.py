@@ -157,7 +157,7 @@ def command(
 
 
 def _run(sweep: SweepPlan, seeds: range, jobs: int, keep: Callable[[SweepRow], None]) -> list[SweepRow]:
-    """Run all seeds until done or until Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row. Returns the rows by seed."""
+    """Run all seeds, until Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row. Return the rows by seed."""
     found: list[SweepRow] = []
     with closing(run_here(sweep, seeds, jobs)) as work, _progress(len(seeds)) as progress:
         try:

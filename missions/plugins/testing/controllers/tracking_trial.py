@@ -136,7 +136,7 @@ def swinging_path(period: float) -> Callable[[float], float]:
 
 
 def uniform_jitter(max_jitter: float) -> StampNoise:
-    """Return a noise of time stamps, uniform within ``most`` seconds to both sides."""
+    """Return a noise of time stamps, uniform within ``max_jitter`` seconds to both sides."""
 
     def noise(time: float, random: Random) -> float:
         del time

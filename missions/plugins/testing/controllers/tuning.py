@@ -32,7 +32,7 @@ MAX_LOG_FACTOR = log2(2.5)
 """Base-2 logarithm of the largest factor: numbers change by up to 2.5 times either way."""
 
 NEVER_CENTRED_COST, LOST_FACE_COST, INVALID_COST = 10.0, 50.0, 1000.0
-"""What it costs to be never centred, to lose the face, and to be no controller at all."""
+"""Costs of never centring the face, of losing it, and of an invalid controller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +75,9 @@ class ControllerTuning:
         on_cost: Callable[[float], object],
         on_better: Callable[[str], object] = lambda _: None,
     ) -> TuningResult:
-        """Try about ``evaluations`` variants and return the best; ``progress`` gets the cost of each.
+        """Try about ``evaluations`` variants and return the best; ``on_cost`` gets the cost of each.
 
-        ``better`` gets the text of each new best variant, beginning with the current numbers.
+        ``on_better`` gets the text of each new best variant, beginning with the current numbers.
         """
         size = max(5, min(2 * len(self.groups), evaluations // 4))
         spent: list[float] = []

@@ -210,9 +210,9 @@ WAITING = "waits"
 class ScenarioMoment:
     """State from ``t`` seconds after the fault began on (negative: before it); compared without ``t`` and ``ahead``.
 
-    ``source`` is the commanding source ("" for none), ``wanted`` and ``given`` are speeds (m/s, rad/s), ``because`` is
-    the reason of their difference, and ``latched`` the reason of the latch, from the driver. ``mission`` and ``person``
-    are the feedback to these sources. ``ahead`` is the distance in metres from the pose at the fault.
+    ``source`` is the commanding source ("" for none), ``setpoint`` and ``limited`` are speeds (m/s, rad/s), ``reason``
+    is the reason of their difference, and ``latched`` the reason of the latch, from the driver. ``mission`` and
+    ``person`` are the feedback to these sources. ``ahead`` is the distance in metres from the pose at the fault.
     """
 
     t: float
@@ -267,7 +267,7 @@ class CommandSource:
 
 
 class FailsafeScenario:
-    """One setting on the base of a ``hand``, in the time of ``timeline``; results in ``moments``."""
+    """Simulation of one setting on the base of a ``rig``, in the time of ``timeline``; results in ``moments``."""
 
     def __init__(self, setting: FailsafeSetting, timeline: Timeline, rig: BaseRig) -> None:
         self.moments: list[ScenarioMoment] = []

@@ -72,7 +72,7 @@ def drive(linear: float, angular: float) -> Velocity:
 
 
 class RecordedBase(Spy):
-    """A ``drivers.api.Base`` with all capabilities, except those that the test sets to None.
+    """A ``drivers.api.Base`` with all capabilities; the test may set some to None.
 
     The test also sets ``reading``, ``limits``, ``latched``, ``steers`` (the commanding source) and ``performed`` (the
     progress of an act of its legs).

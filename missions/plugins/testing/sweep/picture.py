@@ -16,7 +16,7 @@ from missions.plugins.testing.sweep.summary import Bin, Summary
 from missions.plugins.testing.sweep.variation import SweepRow
 
 SUCCESS_COLOUR, FAILURE_COLOUR, MUTED_COLOUR = "#2a78b5", "#c8553d", "#8a8f98"
-"""The colours of success, of failure, and of what is beside the point."""
+"""Colours of success, of failure, and of secondary elements."""
 
 MAX_COLUMNS = 3
 MAX_CAUSES = 6

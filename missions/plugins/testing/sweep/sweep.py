@@ -189,7 +189,7 @@ class VariationError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """A sweep as the user requests it: ``vary`` has the values by name, the rest as in ``missions.request.RunRequest``."""
+    """Request of a sweep: ``vary`` has the values by name, the rest as in ``missions.request.RunRequest``."""
 
     mission: str
     vary: Mapping[str, str]

@@ -57,7 +57,7 @@ class ValueList:
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """One varied parameter. Numbers are in ``unit``, the first of their dimension; empty for none."""
+    """A varied parameter. Numbers are in ``unit``, the first of their dimension; empty for none."""
 
     name: str
     unit: str
@@ -144,7 +144,7 @@ Outcome = Literal["success", "failure", "unfinished", "error"]
 
 @dataclass(frozen=True, slots=True)
 class SweepRow:
-    """One run: its drawn values (in the order of the sweep's variations), and its outcome.
+    """Result of a run: its drawn values (in the order of the sweep's variations), and its outcome.
 
     ``seconds`` are simulated. The row does not depend on the machine or the worker.
     """
