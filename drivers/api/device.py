@@ -68,14 +68,14 @@ class ReconnectPolicy:
         default=1.0,
         low=0.1,
         word="decide_after",
-        help="Away for longer, it stays at rest until the mission decides anew what it is to do.",
+        help="After a longer absence it rests until a new command of the mission.",
     )
     latch_after: float = key(
         "duration",
         default=5.0,
         low=0.1,
         word="latch_after",
-        help="Away for longer, it stays at rest until somebody enables it.",
+        help="After a longer absence it is latched until a person enables it.",
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:

@@ -100,7 +100,7 @@ def resolve_name(name: str) -> Any:
     """
     module, colon, attribute = name.partition(":")
     if not colon or not module or not attribute:
-        raise ValueError(f"'{name}' is no dotted name such as my_robot.base:make")
+        raise ValueError(f"'{name}' is not a dotted name such as my_robot.base:make")
     return getattr(import_module(module), attribute)
 
 

@@ -38,7 +38,7 @@ def _make_dataclass(cls: type, *, frozen: bool, eq: bool, slots: bool, kw_only: 
     own = frozenset(cls.__dict__)
     bases = [vars(base)["__dataclass_params__"] for base in cls.__mro__[1:] if "__dataclass_params__" in vars(base)]
     if any(base.frozen is not frozen for base in bases):
-        raise TypeError(f"{cls.__qualname__} and the dataclasses that it inherits from are frozen, or none of them is")
+        raise TypeError(f"{cls.__qualname__} and its base dataclasses must all be frozen, or none")
     with _unfreeze_bases(bases):
         new_class: type[Any] = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots, kw_only=kw_only)(
             cls

@@ -12,38 +12,42 @@ Vector = tuple[float, float, float]
 class PointKeys:
     """Positions of the soles at one point of the cycle."""
 
-    at: float = key("share", low=0.0, high=1.0, help="When: a share of the cycle, below 100 %.")
-    left: Vector = key("length", help="The middle of the left sole from the trunk's origin: [x, y, z].")
-    right: Vector = key("length", help="The middle of the right sole.")
-    left_turn: float = key("angle", default=0.0, help="How far the left sole is turned, to the left.")
-    right_turn: float = key("angle", default=0.0, help="How far the right sole is turned, to the left.")
-    on: Literal["both", "left", "right"] = key(default="both", help="Which of them is on the floor from then on.")
+    at: float = key("share", low=0.0, high=1.0, help="Time as a share of the cycle, below 100 %.")
+    left: Vector = key("length", help="Position of the left sole's middle, from the trunk's origin: [x, y, z].")
+    right: Vector = key("length", help="Position of the right sole's middle.")
+    left_turn: float = key("angle", default=0.0, help="Rotation of the left sole, to the left.")
+    right_turn: float = key("angle", default=0.0, help="Rotation of the right sole, to the left.")
+    on: Literal["both", "left", "right"] = key(default="both", help="Soles on the floor from then on.")
 
 
 @keys
 class WalkKeys:
     """Walk, described by its steps."""
 
-    step: float = key("length", help="How far a foot lands ahead of the other; negative is backwards.")
-    side: float = key("length", default=0.0, help="How far it goes to the left in two steps.")
-    turn: float = key("angle", default=0.0, help="How far it turns to the left in two steps.")
-    period: float | None = key("duration", default=None, low=0.3, high=5.0, help="The time of two steps.")
-    double_support: float | None = key("share", default=None, low=0.05, high=0.8, help="The share on both feet.")
-    rise: float | None = key("length", default=None, low=0.0, high=0.3, help="How high a foot is lifted.")
-    sway: float | None = key("length", default=None, low=0.0, high=0.2, help="How far it sways to either side.")
-    height: float | None = key("length", default=None, low=0.05, high=2.0, help="From the soles to the trunk.")
-    feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other.")
+    step: float = key("length", help="Distance from one foot to the next; negative is backwards.")
+    side: float = key("length", default=0.0, help="Distance to the left in two steps.")
+    turn: float = key("angle", default=0.0, help="Turn to the left in two steps.")
+    period: float | None = key("duration", default=None, low=0.3, high=5.0, help="Duration of two steps.")
+    double_support: float | None = key(
+        "share", default=None, low=0.05, high=0.8, help="Share of the cycle on both feet."
+    )
+    rise: float | None = key("length", default=None, low=0.0, high=0.3, help="Height of a lifted foot.")
+    sway: float | None = key("length", default=None, low=0.0, high=0.2, help="Sway to either side.")
+    height: float | None = key(
+        "length", default=None, low=0.05, high=2.0, help="Height of the trunk's origin above the soles."
+    )
+    feet: float | None = key("length", default=None, low=0.01, help="Distance between the soles.")
 
 
 @keys
 class GaitKeys:
     """The keys of a gait file."""
 
-    gait: str = key(help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    walk: WalkKeys | None = key(default=None, help="A walk by its steps, for the walking engine.")
-    period: float | None = key("duration", default=None, low=0.1, high=60.0, help="The time of a cycle of points.")
-    points: tuple[PointKeys, ...] = key(default=(), each="a point", help="Where the soles are, one after another.")
+    gait: str = key(help="Name of the gait.")
+    summary: str = key(default="", help="Summary in one line.")
+    walk: WalkKeys | None = key(default=None, help="Walk described by its steps, for the walking engine.")
+    period: float | None = key("duration", default=None, low=0.1, high=60.0, help="Duration of a cycle of points.")
+    points: tuple[PointKeys, ...] = key(default=(), each="a point", help="Positions of the soles, in order of time.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield errors: neither or both of ``walk`` and ``points``, no period, too few or unordered points."""

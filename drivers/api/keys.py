@@ -3,7 +3,7 @@
     @keys
     class WheelKeys:
         port: str = key(help="The serial port.")
-        max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")
+        max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="Maximum speed.")
 
 The type of a field determines its value: a text, a number, true or false, or one of some words (``Literal``, or
 ``among``). With a ``dimension`` it is a quantity with its unit, or ``[low, high]`` or ``[x, y, z]`` of quantities.

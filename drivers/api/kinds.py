@@ -87,7 +87,7 @@ KINDS: Mapping[str, PartKind] = {
         PartKind(
             "imu",
             "imu",
-            "What feels how the robot leans.",
+            "An IMU, for the attitude of the robot.",
             ImuKeys,
             "drivers.api:Imu",
             has_port=True,
@@ -96,7 +96,7 @@ KINDS: Mapping[str, PartKind] = {
         PartKind(
             "range",
             "ranger",
-            "A range finder that turns.",
+            "A rotating range finder.",
             RangeKeys,
             "drivers.api:Ranger",
             has_port=True,
@@ -117,7 +117,7 @@ KINDS: Mapping[str, PartKind] = {
         PartKind(
             "voice",
             "voice",
-            "What the robot speaks with.",
+            "A voice.",
             VoiceKeys,
             "drivers.api:Voice",
             hold_still=lambda it: it.rest(),
@@ -128,7 +128,7 @@ KINDS: Mapping[str, PartKind] = {
         PartKind(
             "screen",
             "screen",
-            "Where the robot shows its face.",
+            "A screen with the robot's face.",
             ScreenKeys,
             "drivers.api:Screen",
             default_driver="page",
@@ -147,7 +147,7 @@ KINDS: Mapping[str, PartKind] = {
         PartKind(
             "ros2",
             "ros2",
-            "The nodes of ROS 2 that a robot is made of.",
+            "The ROS 2 nodes of a robot.",
             Ros2Keys,
             "drivers.api:Ros2",
             hold_still=lambda it: it.stop(),

@@ -30,29 +30,23 @@ MAX_TRIM = radians(45)
 class SerialKeys:
     """Keys of a part on a serial port; a driver overrides the default of ``baud``."""
 
-    port: str = key(help="The serial port that it is plugged into.")
-    baud: int = key(default=115_200, low=1, help="The rate of the port, in bits per second.")
+    port: str = key(help="Serial port of the device.")
+    baud: int = key(default=115_200, low=1, help="Baud rate of the port.")
 
 
 @keys
 class BaseKeys:
     """Keys of every base: limits, reflexes, reconnect policy and range guard."""
 
-    max_speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="The highest speed.")
-    max_turn: float = key("turn rate", default=1.9, low=0.01, high=12.0, help="The highest turn rate.")
-    acceleration: float = key(
-        "acceleration", default=0.5, low=0.01, help="How fast its speed changes at most, up or down."
-    )
-    turn_acceleration: float = key(
-        "turn acceleration", default=3.5, low=0.01, help="How fast its turn rate changes at most."
-    )
-    reflexes: Reflexes = key(default=Reflexes(), help="What it does by itself, whoever commands.")
-    away: ReconnectPolicy = key(
-        default=ReconnectPolicy(), help="What it does when it is back after it was unplugged, or silent."
-    )
+    max_speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="Maximum speed.")
+    max_turn: float = key("turn rate", default=1.9, low=0.01, high=12.0, help="Maximum turn rate.")
+    acceleration: float = key("acceleration", default=0.5, low=0.01, help="Maximum acceleration.")
+    turn_acceleration: float = key("turn acceleration", default=3.5, low=0.01, help="Maximum turn acceleration.")
+    reflexes: Reflexes = key(default=Reflexes(), help="Reflexes, independent of the source of commands.")
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was unplugged or silent.")
     range_guard: RangeGuardKeys | Literal["off"] = key(
         default=RangeGuardKeys(),
-        help="How it keeps away from what its range finder sees, whoever commands; `off` for not at all.",
+        help="Range guard, for all sources of commands; `off` disables it.",
     )
 
     default_footprint = BASE_RADIUS
@@ -88,13 +82,13 @@ class BaseKeys:
 class AxisKeys:
     """Keys of an axis of a head."""
 
-    limits: tuple[float, float] = key("angle", help="How far the head turns by it: [lowest, highest].")
+    limits: tuple[float, float] = key("angle", help="Range of the head on this axis: [lowest, highest].")
     trim: float = key(
         "angle",
         default=0.0,
         low=-MAX_TRIM,
         high=MAX_TRIM,
-        help="Corrects what sits askew: `mission head trim`.",
+        help="Correction of a skewed mounting: `mission head trim`.",
     )
 
     @property
@@ -113,7 +107,7 @@ class AxisKeys:
             low, high = (f"{degrees(end):.0f} deg" for end in reach)
             about = tuple((*at, word) for word in ("limits", "trim"))
             yield KeyDiagnostic(
-                f"'limits': {name} reaches from {low} to {high}, which is none of them", at, about=about
+                f"'limits': {name} reaches only {low} to {high}, outside of these limits", at, about=about
             )
 
 
@@ -121,10 +115,8 @@ class AxisKeys:
 class HeadKeys:
     """Keys of every head: maximum speed and acceleration of each axis."""
 
-    speed: float = key("turn rate", default=2.0, low=0.01, help="The highest turn rate of each axis.")
-    acceleration: float = key(
-        "turn acceleration", default=7.0, low=0.1, help="How fast the turn rate of each axis changes at most."
-    )
+    speed: float = key("turn rate", default=2.0, low=0.01, help="Maximum turn rate of each axis.")
+    acceleration: float = key("turn acceleration", default=7.0, low=0.1, help="Maximum turn acceleration of each axis.")
 
     @property
     def led_joints(self) -> tuple[str, ...]:
@@ -137,13 +129,13 @@ class ArmKeys:
     """Keys of every arm: groups of joints. A driver adds the joints."""
 
     groups: Mapping[str, Annotated[tuple[str, ...], inside(wrong="group '{}' needs a list of joints")]] = key(
-        default={}, help="Names for several joints, each with a list of them: missions take them for a joint."
+        default={}, help="Groups of joints, each with a list of joints; missions use their names like those of joints."
     )
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
         """Limits of each joint by name. Raises TypeError unless the driver overrides it."""
-        raise TypeError(f"{type(self).__name__} does not say which joints there are: give it the property `limits`")
+        raise TypeError(f"{type(self).__name__} has no joints: define the property `limits`")
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
@@ -167,7 +159,7 @@ class ArmKeys:
             for place, joint in enumerate(members):
                 at = (*inside, place)
                 if joint not in known:
-                    message = f"group '{group}': there is no joint '{joint}'"
+                    message = f"group '{group}': no joint '{joint}'"
                     yield KeyDiagnostic(message, at, unknown_word=joint, known_words=known, about=about)
                 elif joint in members[:place]:
                     yield KeyDiagnostic(f"group '{group}' has '{joint}' already", at, about=about)
@@ -178,12 +170,15 @@ class Ros2Keys:
     """Keys of every connection to ROS 2 nodes: domain, namespace, and the places of their map."""
 
     domain: int | None = key(
-        default=None, low=0, high=232, help="The domain; else that of ROS_DOMAIN_ID in the environment, or 0."
+        default=None, low=0, high=232, help="Domain; the default is ROS_DOMAIN_ID in the environment, or 0."
     )
-    namespace: str = key(default="", help="What names that do not begin with `/` are within, such as `/robot1`.")
-    places: str = key(default="", help="A file with places by name, for `navigate`; beside the robot file unless `/`.")
-    navigation: str = key(default="navigate_to_pose", help="The action of Nav2 that drives to a place.")
-    through: str = key(default="navigate_through_poses", help="The action of Nav2 that drives through several.")
+    namespace: str = key(default="", help="Namespace of names that do not begin with `/`, such as `/robot1`.")
+    places: str = key(
+        default="",
+        help="File with places by name, for `navigate`; relative to the robot file unless it begins with `/`.",
+    )
+    navigation: str = key(default="navigate_to_pose", help="Action of Nav2 that drives to a place.")
+    through: str = key(default="navigate_through_poses", help="Action of Nav2 that drives through several places.")
 
 
 @keys
@@ -193,15 +188,15 @@ class RangeKeys:
     position: tuple[float, float, float] = key(
         "length",
         default=(0.0, 0.0, DEFAULT_RANGE_FINDER_HEIGHT),
-        help="Where it sits, from the middle of the base on the floor: [x, y, z].",
+        help="Mounting position, from the middle of the base on the floor: [x, y, z].",
     )
-    yaw: float = key("angle", default=0.0, help="How far its front is turned from the robot's, to the left.")
+    yaw: float = key("angle", default=0.0, help="Mounting yaw, to the left of the robot's front.")
     blind: tuple[Sector, ...] = key(
         "angle",
         default=(),
         wrong="'{}' needs pairs of angles, anticlockwise",
         hint="blind: [[100 deg, 120 deg]]",
-        help="Bearings at which the robot itself is in its way: pairs, anticlockwise.",
+        help="Sectors that the robot itself blocks: pairs of bearings, anticlockwise.",
     )
 
     @property
@@ -218,7 +213,7 @@ class ImuKeys:
         "angle",
         default=(0.0, 0.0),
         wrong="'{}' needs two angles, such as [0.5 deg, -1 deg]",
-        help="What it tells with the robot upright: [roll, pitch].",
+        help="Reading with the robot upright: [roll, pitch].",
     )
 
 
@@ -226,11 +221,11 @@ class ImuKeys:
 class VoiceKeys:
     """Keys of every voice: the default style of its speech."""
 
-    voice: str = key(default="", help="The voice, as the synthesiser calls it.")
+    voice: str = key(default="", help="Voice, by its name in the synthesiser.")
     speed: float = key(default=150.0, low=80, high=450, help="Words per minute.")
-    language: str = key(default="", help="The language, such as `en-us`.")
-    volume: float = key("share", default=1.0, low=0.0, high=2.0, help="How loud: `100 %` is the sound as it comes.")
-    device: str = key(default="", help="A part of the loudspeaker's name; else the system's choice.")
+    language: str = key(default="", help="Language, such as `en-us`.")
+    volume: float = key("share", default=1.0, low=0.0, high=2.0, help="Volume; `100 %` leaves the sound unchanged.")
+    device: str = key(default="", help="Part of the loudspeaker's name; by default the system's choice.")
 
     @property
     def style(self) -> SpeechStyle:
@@ -242,4 +237,4 @@ class VoiceKeys:
 class ScreenKeys:
     """Keys of every screen."""
 
-    mood: str = key(default="neutral", among=[*Mood], help="How the face looks before a mission says otherwise.")
+    mood: str = key(default="neutral", among=[*Mood], help="Initial expression of the face.")

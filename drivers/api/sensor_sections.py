@@ -51,9 +51,9 @@ class DistortionKeys:
 class MarkerKeys:
     """Markers on other robots: their family, the side of the black frame in metres, and the robot of each number."""
 
-    family: str = key(default=MARKER_FAMILIES[0], among=MARKER_FAMILIES, help="The family of the markers.")
-    size: float = key("length", default=0.15, low=0.01, high=2.0, help="The side of the black frame.")
-    names: Mapping[str, str] = key(default={}, word="robots", help="Whose each number is, such as `{7: R2}`.")
+    family: str = key(default=MARKER_FAMILIES[0], among=MARKER_FAMILIES, help="Family of the markers.")
+    size: float = key("length", default=0.15, low=0.01, high=2.0, help="Side of the black frame.")
+    names: Mapping[str, str] = key(default={}, word="robots", help="Robot of each marker number, such as `{7: R2}`.")
 
     @property
     def robots(self) -> Mapping[int, str]:
@@ -66,7 +66,7 @@ class MarkerKeys:
             if not name.strip():
                 yield KeyDiagnostic(f"'{number}' needs a text", ("robots", number))
             if not re.fullmatch("[0-9]{1,9}", number):
-                message = f"'{number}' is no marker's number"
+                message = f"'{number}' is not a marker number"
                 yield KeyDiagnostic(message, ("robots", number), marks_key=True, hint="robots: {7: R2}")
 
 
@@ -74,13 +74,13 @@ class MarkerKeys:
 class IdentityKeys:
     """Method by which people are recognised, and the folder of their pictures."""
 
-    people: str = key(default="", help="The folder of their pictures; else that of the user.")
+    people: str = key(default="", help="Folder of their pictures; by default that of the user.")
     method: str = key(
         default="patches",
         among=("patches", "sface", "dlib"),
-        help="What is built in, a network whose file you give, or one that `missiontree[people]` brings.",
+        help="Method: built in, a network from your file, or one from `missiontree[people]`.",
     )
-    model: str = key(default="", help="The file of the network, for `sface`.")
+    model: str = key(default="", help="File of the network, for `sface`.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield an error if the model of a method is missing."""
@@ -93,46 +93,44 @@ class IdentityKeys:
 class CameraKeys:
     """Keys of every camera: its view, its mounting, and the objects to detect."""
 
-    source: str = key(default="0", help="An index, a device, a file, a URL, or a folder of pictures.")
+    source: str = key(default="0", help="Index, device, file, URL, or folder of pictures.")
     rotate: float | Literal["0", "90", "180", "270"] = key(
         "angle",
         default="0",
         low=-1.5 * pi - 0.01,
         high=1.5 * pi + 0.01,
-        help="How far to turn its pictures clockwise; the other keys are those of the unturned camera.",
+        help="Clockwise rotation of its pictures; the other keys are those of the unrotated camera.",
     )
     flip: str = key(
         default="false",
         among=("false", "true", "horizontal", "vertical", "both"),
-        help="Mirror its pictures, once they are turned: left to right (`true`, `horizontal`), top to bottom, or both.",
+        help="Flip of its pictures after the rotation: left to right (`true`, `horizontal`), top to bottom, or both.",
     )
     field_of_view: float = key(
-        "angle", default=1.0471975512, low=0.2, high=2.6, help="From the left of the unturned picture to its right."
+        "angle", default=1.0471975512, low=0.2, high=2.6, help="Horizontal angle of view of the unrotated picture."
     )
-    width: int = key(default=640, low=64, high=4096, help="Pixels from left to right.")
-    height: int = key(default=480, low=48, high=4096, help="Pixels from top to bottom.")
+    width: int = key(default=640, low=64, high=4096, help="Width in pixels.")
+    height: int = key(default=480, low=48, high=4096, help="Height in pixels.")
     position: tuple[float, float, float] = key(
         "length",
         default=(0.0, 0.0, 1.0),
-        help="Where it sits, from the middle of the base on the floor, with the head looking ahead: [x, y, z].",
+        help="Mounting position, from the middle of the base on the floor, with the head looking ahead: [x, y, z].",
     )
-    centre_x: float = key(
-        "share", default=0.5, low=0.1, high=0.9, help="Where the optical axis meets the picture, from its left."
-    )
-    centre_y: float = key("share", default=0.5, low=0.1, high=0.9, help="The same from its top.")
+    centre_x: float = key("share", default=0.5, low=0.1, high=0.9, help="Optical axis in the picture, from its left.")
+    centre_y: float = key("share", default=0.5, low=0.1, high=0.9, help="Optical axis in the picture, from its top.")
     distortion: DistortionKeys | None = key(
-        default=None, help="How the lens bends the picture: `mission robot camera calibrate` finds it."
+        default=None, help="Lens distortion: `mission robot camera calibrate` measures it."
     )
-    detector: str = key(default="haar", among=("haar", "yunet"), help="What finds faces; `yunet` needs its model.")
-    model: str = key(default="", help="The file of YuNet; else where `mission robot models fetch` puts it.")
-    markers: MarkerKeys | None = key(default=None, help="The markers that other robots wear.")
-    identity: IdentityKeys = key(default=IdentityKeys(), help="How people are recognised.")
+    detector: str = key(default="haar", among=("haar", "yunet"), help="Face detector; `yunet` needs its model.")
+    model: str = key(default="", help="File of YuNet; by default where `mission robot models fetch` puts it.")
+    markers: MarkerKeys | None = key(default=None, help="Markers on other robots.")
+    identity: IdentityKeys = key(default=IdentityKeys(), help="Recognition of people.")
     delay: float = key(
         "duration",
         default=0.0,
         low=-0.1,
         high=0.25,
-        help="How long after its exposure a picture is stamped, as far as known; it is learnt from there on.",
+        help="Initial estimate of the time from exposure to stamp of a picture; it is refined at run time.",
     )
 
     @property
@@ -184,18 +182,18 @@ class CameraKeys:
 class MicrophoneKeys:
     """Keys of every microphone: its source, and the recognition of speech."""
 
-    source: str = key(default="", help="A part of the sound card's name, or the path of a WAV file.")
-    recogniser: str = key(default="pocketsphinx", among=RECOGNISERS, help="What understands speech.")
-    model: str = key(default="", help="The folder of a model for `vosk` or `sherpa`.")
+    source: str = key(default="", help="Part of the sound card's name, or the path of a WAV file.")
+    recogniser: str = key(default="pocketsphinx", among=RECOGNISERS, help="Speech recogniser.")
+    model: str = key(default="", help="Folder of a model for `vosk` or `sherpa`.")
     threshold: float = key(
-        default=0.0, low=-MAX_THRESHOLD, high=MAX_THRESHOLD, help="What scores less is not accepted; more is stricter."
+        default=0.0, low=-MAX_THRESHOLD, high=MAX_THRESHOLD, help="Minimum score of a phrase; more is stricter."
     )
     pronunciation_texts: Mapping[
         str, Annotated[str, inside(wrong="'{}' needs its phones", hint="write '{}: R AA D N IY'")]
     ] = key(
         default={},
         word="pronunciations",
-        help="How words are said that the dictionary lacks, such as `{ada: EY D AH}`.",
+        help="Pronunciations of words that the dictionary lacks, such as `{ada: EY D AH}`.",
     )
 
     @property
@@ -213,7 +211,7 @@ class MicrophoneKeys:
         for word, phones in self.pronunciation_texts.items():
             at = ("pronunciations", word)
             if _WORD.fullmatch(_normalize_word(word)) is None:
-                hint = "what is listened for is split into words, also at hyphens: give each of them its phones"
+                hint = "phrases are split into words, also at hyphens: give the phones of each word"
                 yield KeyDiagnostic(
                     f"'pronunciations': '{word}' is not one word of letters", at, marks_key=True, hint=hint
                 )

@@ -67,29 +67,33 @@ class Reflexes:
     """
 
     cliff: Literal["stop", "latch"] = key(
-        default="stop", help="At an edge of the floor: stop, or stand still until somebody enables the base."
+        default="stop", help="Reaction to an edge of the floor: stop, or latch until a person enables the base."
     )
-    wheel_drop: Literal["stop", "latch"] = key(default="stop", help="The same for a wheel that hangs in the air.")
+    wheel_drop: Literal["stop", "latch"] = key(default="stop", help="Reaction to a wheel that hangs in the air.")
     bumper: Literal["stop", "back_off", "latch"] = key(
-        default="back_off", help="What a bump does: `back_off` drives back a little."
+        default="back_off", help="Reaction to a bump: `back_off` drives back a little."
     )
     back_off_distance: float = key(
-        "length", default=0.05, low=0.01, high=0.5, word="back_off", help="How far it drives back then."
+        "length", default=0.05, low=0.01, high=0.5, word="back_off", help="Distance of a back-off."
     )
-    back_off_speed: float = key("speed", default=0.1, low=0.05, high=0.3, help="How fast it drives back.")
+    back_off_speed: float = key("speed", default=0.1, low=0.05, high=0.3, help="Speed of a back-off.")
     battery_low: float = key(
-        "percent", default=25.0, low=0.0, high=100.0, help="The battery counts as low below this; `0 %` for never."
+        "percent", default=25.0, low=0.0, high=100.0, help="Charge below which the battery is low; `0 %` for never."
     )
     battery_critical: float = key(
-        "percent", default=10.0, low=0.0, high=100.0, help="The same for critical: missions end then."
+        "percent",
+        default=10.0,
+        low=0.0,
+        high=100.0,
+        help="Charge below which the battery is critical, and missions end.",
     )
     stop_button: int | None = key(
         default=None,
         low=0,
         high=BUTTON_COUNT - 1,
-        help="The button that makes the base stand still until it is enabled.",
+        help="Button that latches the base.",
     )
-    enable_button: int | None = key(default=None, low=0, high=BUTTON_COUNT - 1, help="The button that enables it.")
+    enable_button: int | None = key(default=None, low=0, high=BUTTON_COUNT - 1, help="Button that enables the base.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield contradictions between keys."""
@@ -137,22 +141,22 @@ class RangeGuardKeys:
         default=None,
         low=0.02,
         high=2.0,
-        help="Its body from above: a radius, or corners [x, y], from between its wheels; else as its driver knows it.",
+        help="Body from above: a radius, or corners [x, y], from the middle of its wheels; the default is the driver's.",
         hint="footprint: 0.18 m",
     )
     gap: float = key(
-        "length", default=0.05, low=MIN_GAP, high=1.0, help="The room that it keeps between its body and anything."
+        "length", default=0.05, low=MIN_GAP, high=1.0, help="Minimum distance between the body and obstacles."
     )
     reaction: float | None = key(
         "duration",
         default=None,
         low=0.02,
         high=5.0,
-        help="How long after a command the wheels obey it; else as its driver knows it.",
+        help="Delay of the wheels after a command; the default is the driver's.",
     )
     unseen: Literal["slow", "free"] = key(
         default="slow",
-        help="Where the range finder does not look: drive there at 0.1 m/s at most, or as if nothing were there.",
+        help="Motion to where the range finder does not look: at 0.1 m/s at most, or free.",
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:

@@ -270,7 +270,7 @@ class ArduinoBoard:
         if boot_state is BootState.UNCHANGED and before is not ServoKnowledge.NONE:
             return
         if self._knowledge is ServoKnowledge.LOST:
-            reason = "nobody knows whether its board has started anew, and where its servos stand"
+            reason = "a reset of its board cannot be ruled out, so its servo angles are unknown"
             self._reconnect.latch(reason, replace=True)
             self._drop_goals()
             self._sent = {}  # the next program must not use it
@@ -282,10 +282,8 @@ class ArduinoBoard:
             self._sent = stored
             known = self._angle_store is None or all(device.servos <= stored.keys() for device in self._devices)
             if not known:
-                message = (
-                    "its board has been running, and nobody knows where its servos stand: the first movement may leap"
-                )
-                hint = "keep clear of it now; from then on let one program alone move it, and end that in good order"
+                message = "its board has been running with unknown servo angles: the first movement may leap"
+                hint = "keep clear of it now; from then on move it with one program only, and end that cleanly"
                 self._report(DeviceStatus(self.name, "fault", message, hint))
         self.first_boot_state = self.first_boot_state or boot_state
         self._sent = {

@@ -14,16 +14,16 @@ from drivers.head.keys import ServoKeys, TwoServoKeys
 class PanKeys(ServoKeys):
     """Servo that turns the head left and right."""
 
-    servo: int = key(default=0, low=0, high=3, help="The output of the board that it is on.")
-    joint: str = key(default="head_pan", help="What the axis is called, as in the Rodney project.")
+    servo: int = key(default=0, low=0, high=3, help="Output of the board.")
+    joint: str = key(default="head_pan", help="Name of the axis, as in the Rodney project.")
 
 
 @keys
 class TiltKeys(ServoKeys):
     """Servo that turns the head up and down."""
 
-    servo: int = key(default=1, low=0, high=3, help="The output of the board that it is on.")
-    joint: str = key(default="head_tilt", help="What the axis is called, as in the Rodney project.")
+    servo: int = key(default=1, low=0, high=3, help="Output of the board.")
+    joint: str = key(default="head_tilt", help="Name of the axis, as in the Rodney project.")
 
 
 @keys
@@ -31,17 +31,18 @@ class ArduinoKeys(TwoServoKeys, SerialKeys):
     """Keys of a pan/tilt head on an Arduino, with a Rodney sketch or MissionTree's own."""
 
     protocol: Literal["rosserial", "lines"] = key(
-        default="rosserial", help="What its sketch speaks: `lines` is that of docs/keeper_head, which needs no ROS."
+        default="rosserial", help="Protocol of the sketch: `lines` is that of docs/keeper_head, which needs no ROS."
     )
-    baud: int = key(default=57_600, low=1, help="The rate of the port, in bits per second.")
+    baud: int = key(default=57_600, low=1, help="Baud rate of the port.")
     boot: float = key(
-        "duration", default=2.0, low=0.0, help="How long the board starts when its port is opened; 0 s if it does not."
+        "duration",
+        default=2.0,
+        low=0.0,
+        help="Boot time of the board after its port is opened; 0 s if it does not restart.",
     )
-    pan: PanKeys = key(help="The servo that turns the head left and right.")
-    tilt: TiltKeys = key(help="The servo that turns the head up and down.")
-    away: ReconnectPolicy = key(
-        default=ReconnectPolicy(), help="What it does when it is back after it was unplugged, or silent."
-    )
+    pan: PanKeys = key(help="Servo that turns the head left and right.")
+    tilt: TiltKeys = key(help="Servo that turns the head up and down.")
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was unplugged or silent.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield servo numbers that MissionTree's own sketch does not have."""
@@ -49,7 +50,7 @@ class ArduinoKeys(TwoServoKeys, SerialKeys):
         if self.protocol == "lines":
             for word, servo, number in (("pan", self.pan.servo, 0), ("tilt", self.tilt.servo, 1)):
                 if servo != number:
-                    message = f"'{word}' is servo {number} of the sketch that speaks lines: change its pins there"
+                    message = f"'{word}' must be servo {number} with 'protocol: lines': change the pins in the sketch"
                     yield KeyDiagnostic(message, (word, "servo"))
 
 
@@ -62,13 +63,11 @@ def check_board_servos(second: SecondPanTiltKeys, others: Mapping[str, object]) 
     """Yield an error if the head has no such board, and servos that are already in use."""
     head = others.get("head")
     if not isinstance(head, ArduinoKeys):
-        message = (
-            "'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino', which this robot has not"
-        )
+        message = "'driver: arduino_second' needs a 'head' with 'driver: arduino'; this robot has none"
         yield KeyDiagnostic(message, ("driver",))
         return
     if head.protocol == "lines":
-        yield KeyDiagnostic("the sketch that speaks lines has two servos, both of the 'head'", ("driver",))
+        yield KeyDiagnostic("the sketch for 'protocol: lines' has two servos, both of the 'head'", ("driver",))
         return
     taken = {head.pan.servo: "the pan of the 'head'", head.tilt.servo: "the tilt of the 'head'"}
     for name, other in others.items():
@@ -85,7 +84,7 @@ def check_board_servos(second: SecondPanTiltKeys, others: Mapping[str, object]) 
 ARDUINO = Driver(
     "arduino",
     "head",
-    "Two hobby servos on an Arduino with the Rodney sketch, or with ours.",
+    "Two hobby servos on an Arduino, with the Rodney sketch or MissionTree's own.",
     ArduinoKeys,
     make="drivers.arduino.driver:make",
     twin="drivers.arduino.twin:make",

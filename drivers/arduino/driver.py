@@ -182,7 +182,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
 
 # Factories of a Rodney head from the keys of a robot file.
 
-OFFLINE_HINT = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
+OFFLINE_HINT = "flash docs/keeper_head/keeper_head.ino; check its power and cable"
 
 
 def make(keys: ArduinoKeys, site: DriverContext) -> Head:

@@ -303,11 +303,9 @@ class RosserialSession:
         if self.detector.check_timeout(now) and self.topic is not None:
             self.topic = None
             self._topics.clear()
-            silence = (
-                f"the board does not answer, and has not asked for the time for {now - self._time_requested_at:.1f} s"
-            )
+            silence = f"no reply from the board, and no time request for {now - self._time_requested_at:.1f} s"
             self._report(
-                DeviceStatus(self._name, "offline", silence, "press the board's reset button, look at its power")
+                DeviceStatus(self._name, "offline", silence, "press the board's reset button, check its power")
             )
         if self.topic is None:
             self._request_topics(now)
@@ -345,9 +343,9 @@ class RosserialSession:
             )  # a copy: the link's thread may add some
             return f"the board has the topics {names}, but no {self._expected_topic.name}", "flash the Rodney sketch"
         if self._finder.skipped and not self._counters["frames"]:
-            noise = f"{self._finder.skipped} bytes heard at {self._link.baud} baud, none of them rosserial"
+            noise = f"{self._finder.skipped} bytes received at {self._link.baud} baud, none of them rosserial"
             return noise, f"{look}  (text: another sketch; gibberish: another baud rate)"
-        waiting = "waiting for the board to say which topics it has; is the Rodney sketch on it?"
+        waiting = "waiting for the topics of the board; does it have the Rodney sketch?"
         return waiting, f"{look}  (is this the sketch's baud rate? 57600 on a Nano, 500000 on a Teensy)"
 
     def _request_topics(self, now: float) -> None:
@@ -408,9 +406,7 @@ class RosserialSession:
             if self.topic is not None and not was_probed and now - self._probed_at > TOPIC_REQUEST_INTERVAL:
                 self.boot_state = BootState.RESET  # unsolicited: it announces its topics, as after a reset
             if self.topic is not None and self.boot_state is BootState.RESET:
-                self._report(
-                    DeviceStatus(self._name, "fault", "the board has started anew", "look at its power supply")
-                )
+                self._report(DeviceStatus(self._name, "fault", "the board has restarted", "check its power supply"))
             elif self.topic is None:
                 self._report(
                     DeviceStatus(self._name, "online", f"the board takes {info.topic.type} as topic {info.id}")
@@ -433,7 +429,7 @@ class RosserialSession:
         self.detector.on_log_line()
         self._counters["log lines"] += 1
         if line.level >= WARNING_LEVEL:
-            self._report(DeviceStatus(self._name, "fault", f"the board says: {line.text}"))
+            self._report(DeviceStatus(self._name, "fault", f"log of the board: {line.text}"))
 
 
 def _topic_mismatch(topic: wire.RosserialTopic, expected: wire.RosserialTopic) -> str:

@@ -18,7 +18,7 @@ def drift(turned: float, seconds: float) -> Finding:
     if abs(rate) < DRIFT_WARNING:
         return Finding("gyro drift", f"{rate:+.2f} deg/s at rest")
     what = (
-        f"{rate:+.2f} deg/s at rest: unless a run learns that while the base stands, a turn of 90 deg at "
+        f"{rate:+.2f} deg/s at rest: unless a run learns that while the base is at rest, a turn of 90 deg at "
         f"{TURN_SPEED:g} deg/s ends {off:.1f} deg off"
     )
     if abs(rate) < DRIFT_WRONG:

@@ -24,7 +24,7 @@ _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
             "it does not drive backwards",
             "drive it forwards a little; to lift the limit see `safety_override` in docs/ros2.md",
         ),
-        STALL: ("a wheel is blocked", "look for what blocks the wheels"),
+        STALL: ("a wheel is blocked", "check for objects that block the wheels"),
         UNKNOWN: ("not known to this version", "`mission ros2 echo /hazard_detection` shows the message"),
     }
 )
@@ -90,16 +90,16 @@ class MotionFault:
 LINEAR_CAUSES: Mapping[str, tuple[str, str]] = {
     "none": (
         "blocked or not connected",
-        "free its wheels; is an E-stop pressed? look at motors, encoders and their cables",
+        "free its wheels; is an E-stop pressed? check motors, encoders and their cables",
     ),
     "less": (
         "held back, or one wheel is blocked or not connected",
-        "free its wheels; look at motors, encoders and their cables",
+        "free its wheels; check motors, encoders and their cables",
     ),
     "more": ("faster than commanded", "check the wheels' measures in the robot file, and the slope"),
     "opposite": (
         "the sign of its motors or encoders is swapped",
-        "swap the wires of both motors, or of both encoders; `mission doctor --move` tells which",
+        "swap the wires of both motors, or of both encoders; `mission doctor --move` shows which",
     ),
 }
 """Likely cause and hint for each deviation in driving."""
@@ -107,16 +107,16 @@ LINEAR_CAUSES: Mapping[str, tuple[str, str]] = {
 ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
     "none": (
         "blocked, slipping, or its gyro or encoders are not connected",
-        "free its wheels; look at motors, encoders and their cables",
+        "free its wheels; check motors, encoders and their cables",
     ),
     "less": ("held back, slipping, or one wheel is blocked or not connected", "free its wheels"),
     "more": (
         "one wheel is blocked or not connected, or the sign of one is swapped",
-        "free its wheels; look at motors, encoders and their cables",
+        "free its wheels; check motors, encoders and their cables",
     ),
     "opposite": (
         "the sides of its wheels, or the sign of one, are swapped",
-        "swap left and right; `mission doctor --move` tells which",
+        "swap left and right; `mission doctor --move` shows which",
     ),
 }
 """Likely cause and hint for each deviation in turning."""

@@ -232,7 +232,7 @@ class RangeGuard:
                 if why.startswith(SCANS_MISSING_REASON)
                 else f"the base goes {BLIND_SPEED:g} m/s at most"
             )
-            hint = "look at the range finder: mission doctor; without it: 'range_guard: off' in the robot file"
+            hint = "check the range finder: mission doctor; without it: 'range_guard: off' in the robot file"
             self._report(DeviceStatus("base", "fault", f"{why}: {does}", hint))
         return why
 

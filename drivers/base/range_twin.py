@@ -93,7 +93,7 @@ class RangerTwin:
         """Return whether complete turns arrive, as the real driver does."""
         health = self.plug.health({"turns": self._number})
         if health.online and self._turned_at == -inf:
-            return Health(False, f"{self.name}: waiting for its first turn", "", health.counters)
+            return Health(False, f"{self.name}: waiting for the first complete turn", "", health.counters)
         return health
 
     def step(self) -> None:

@@ -105,7 +105,7 @@ class ScanWitness:
         how = "was commanded to move" if state.reckoned else "measures"
         believed = f"{length_text(motion.linear)} and {degrees(motion.angular):.0f} deg"
         what = f"the base {how} {believed} in {now - before.at:.1f} s, but {said}"
-        return MotionFault(what, "free its wheels; look at motors, encoders and their cables, and at the range finder")
+        return MotionFault(what, "free its wheels; check motors, encoders and their cables, and the range finder")
 
     def _outside(self, ranges: Ranges, bearings: Floats) -> Floats:
         """Return the distances of objects beside the robot; NaN for beams that hit the robot, or nothing."""
@@ -133,7 +133,7 @@ def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
     if _agreement(new, expected, telling) > DISAGREE:
         return ""
     if _agreement(new, old, telling) >= AGREE:
-        return "what its range finder sees does not change: it is blocked, or its wheels slip or hang in the air"
+        return "the view of its range finder does not change: it is blocked, or its wheels slip or hang in the air"
     if _agreement(new, opposite, telling & np.isfinite(opposite)) >= AGREE:
         return "its range finder sees it move the other way: the sign of its motors is swapped"
     return ""
@@ -201,4 +201,4 @@ class ImuWitness:
         if side * felt > -TURN_SHARE * abs(believed):
             said = "does not turn: its wheels are blocked, slip or hang in the air"
         what = f"the base {how} {degrees(believed):.0f} deg in {now - since:.1f} s, but its IMU {said}"
-        return MotionFault(what, "free its wheels; look at motors, encoders and their cables")
+        return MotionFault(what, "free its wheels; check motors, encoders and their cables")

@@ -51,7 +51,7 @@ def check_machine(
         yield _device_finding(f"game pad {pad.path}", pad.name, pad.trouble)
     for card in scan.sound_cards:
         message = (
-            " and ".join(["microphone"] * card.hears + ["loudspeaker"] * card.speaks) or "neither hears nor speaks"
+            " and ".join(["microphone"] * card.hears + ["loudspeaker"] * card.speaks) or "no microphone, no loudspeaker"
         )
         yield Finding(f"sound card {card.number}", f"{message}: {card.name}")
     yield from _check_disk(folder, free_bytes or _free_bytes)
@@ -64,7 +64,7 @@ def check_machine(
 def _check_groups(machine: HostMachine) -> Iterator[Finding]:
     """Check the groups of the user; root needs none, and a group that the system does not have is not missed."""
     if machine.uid == 0:
-        yield Finding("rights", "root may open everything")
+        yield Finding("rights", "root may open all devices")
         return
     numbers = {
         line.split(":")[0]: int(line.split(":")[2]) for line in _lines(machine, "/etc/group") if line.count(":") > 2
@@ -72,7 +72,7 @@ def _check_groups(machine: HostMachine) -> Iterator[Finding]:
     missing = [name for name in GROUPS if name in numbers and numbers[name] not in machine.groups]
     if missing:
         fix = f"sudo usermod -a -G {','.join(missing)} $USER  (then log in again)"
-        yield warning("rights", f"you are not in {', '.join(missing)}: what belongs to them cannot be opened", fix)
+        yield warning("rights", f"you are not in {', '.join(missing)}: their devices cannot be opened", fix)
     else:
         yield Finding("rights", f"you are in {', '.join(name for name in GROUPS if name in numbers)}")
 
@@ -98,7 +98,7 @@ def _free_bytes(folder: Path) -> float:
 
 def _check_disk(folder: Path, free_bytes: Callable[[Path], float]) -> Iterator[Finding]:
     free = free_bytes(folder)
-    message = f"{free / 1e9:.1f} GB free where records are kept"
+    message = f"{free / 1e9:.1f} GB free for records"
     fix = "mission record list  (which may go?); sudo apt clean"
     if free < MIN_FREE_BYTES["wrong"]:
         yield failure("disk", message, fix)
@@ -112,7 +112,7 @@ def _check_clock(machine: HostMachine, now: float, installed_at: float) -> Itera
     """Check the time of day: a computer without a battery for its clock boots with a time in the past."""
     fix = "sudo timedatectl set-ntp true  (with a network)"
     if now < installed_at:
-        yield failure("clock", "the time of day lies before this installation: records and tasks get wrong times", fix)
+        yield failure("clock", "the time of day is before this installation: records and tasks get wrong times", fix)
     elif (
         machine.list_names("/run/systemd/timesync")
         and not machine.local_path("/run/systemd/timesync/synchronized").exists()
@@ -139,30 +139,28 @@ def _check_governor(machine: HostMachine) -> Iterator[Finding]:
         fix = f"echo performance | sudo tee {CPU_FOLDER}/cpu*/cpufreq/scaling_governor  (until the next start)"
         yield warning("processor", "its governor is powersave: it stays at its lowest rate", fix)
     else:
-        names = ", ".join(sorted({name for name, _ in governors})) or "not told"
+        names = ", ".join(sorted({name for name, _ in governors})) or "unknown"
         yield Finding(
             "processor",
             f"{sum(name[3:].isdecimal() for name in machine.list_names(CPU_FOLDER))} cores, governor {names}",
         )
     load, cores = machine.read_text("/proc/loadavg").split(), max(1, len(policies))
     if load and float(load[0]) > 2 * cores:
-        yield warning(
-            "load", f"{load[0]} programs want to run on {cores} cores: ticks will be late", "top  (which ones?)"
-        )
+        yield warning("load", f"{load[0]} programs compete for {cores} cores: ticks will be late", "top  (which ones?)")
 
 
 def _check_power_and_heat(machine: HostMachine) -> Iterator[Finding]:
     flags = machine.read_text(THROTTLED_FILE)
     if flags and int(flags, 16) & 0x1_0001:
-        yield warning("power", "this Raspberry Pi had too little of it", "a supply of 5 V, 3 A or more; a short cable")
+        yield warning("power", "this Raspberry Pi had too little power", "a supply of 5 V, 3 A or more; a short cable")
     elif flags:
         yield Finding("power", "enough since the start")
     zones = [machine.read_text(f"/sys/class/thermal/{zone}/temp") for zone in machine.list_names("/sys/class/thermal")]
     warmest = max((int(heat) / 1000 for heat in zones if heat.lstrip("-").isdecimal()), default=0.0)
     if warmest >= MAX_TEMPERATURE:
-        yield warning("heat", f"the processor has {warmest:.0f} degC, and slows down", "a heat sink, or a fan")
+        yield warning("heat", f"the processor is at {warmest:.0f} degC and slows down", "a heat sink, or a fan")
     elif warmest > 0:
-        yield Finding("heat", f"the processor has {warmest:.0f} degC")
+        yield Finding("heat", f"the processor is at {warmest:.0f} degC")
 
 
 def _check_memory(machine: HostMachine) -> Iterator[Finding]:

@@ -99,12 +99,12 @@ def skip_reason(port: SerialPortInfo) -> DeviceProblem | None:
         return port.shut
     consent = f"mission ports --ask {port.path}"
     if port.usb is None:
-        return DeviceProblem("not asked: nobody knows what is behind it", consent)
+        return DeviceProblem("not probed: the device behind it is unknown", consent)
     if port.usb.resets_on_open:
-        message = "not asked: opening it starts an Arduino anew, which may move its servos"
+        message = "not probed: opening it restarts an Arduino, which may move its servos"
         return DeviceProblem(message, f"{consent}  (hands off the robot)")
     if port.usb.ids not in ADAPTERS:
-        return DeviceProblem("not asked: it is no adapter that robots usually have", consent)
+        return DeviceProblem("not probed: robots do not usually have this adapter", consent)
     return None
 
 
@@ -187,10 +187,10 @@ def _no_reply_problem(port: SerialPortInfo, drivers: Sequence[Driver]) -> Device
     if len(drivers) == 1 and driver_by_serial_number(port, drivers) is drivers[0]:
         name = drivers[0].about.partition(",")[0].rstrip(".")
         return DeviceProblem(
-            f"{name[0].lower()}{name[1:]}, by its adapter, but it is silent", "switch it on, and look at its battery"
+            f"{name[0].lower()}{name[1:]}, by its adapter, but it is silent", "switch it on, and check its battery"
         )
     names = ", ".join(f"{driver.kind}.{driver.name}" for driver in drivers) or "no driver"
-    message = f"nothing answers; asked were: {names}"
+    message = f"no reply; probed: {names}"
     scan = any(driver.name == "dynamixel" for driver in drivers)
-    fix = "switch on the power of what is behind it: USB feeds the adapter alone; look at the cable"
+    fix = "switch on the power of the device: USB powers only the adapter; check the cable"
     return DeviceProblem(message, f"{fix}; mission servo scan --all-bauds --port {port.call}" if scan else fix)

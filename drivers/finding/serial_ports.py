@@ -224,7 +224,7 @@ def _read_port(machine: HostMachine, path: str, names: tuple[str, ...], holders:
     text = machine.read_text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
     latency = int(text) if text.isdecimal() else None
     slow = DeviceProblem(
-        f"its adapter holds bytes back for {latency} ms: servos and a Kobuki answer late",
+        f"its adapter delays bytes by {latency} ms: servos and a Kobuki reply late",
         f"echo {MAX_LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission robot udev)",
     )
     obstacle = _find_obstacle(machine, path, holders)
@@ -251,7 +251,7 @@ def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]
             next((PORT_GRABBER_FIXES[each.name] for each in holders if each.name in PORT_GRABBER_FIXES), usual),
         )
     if machine.can_open(path) is None:
-        return DeviceProblem("the kernel has it, but there is no such device in /dev", "sudo udevadm trigger")
+        return DeviceProblem("the kernel has it, but it has no device file in /dev", "sudo udevadm trigger")
     if not machine.can_open(path):
         return DeviceProblem(*machine.explain_denied(path))
     return None
@@ -267,7 +267,7 @@ def _with_stable_name(port: SerialPortInfo, *, unique: bool) -> SerialPortInfo:
         return replace(port, call=call)
     where = f"socket {port.usb.socket}" if port.usb is not None else "its socket"
     problem = DeviceProblem(
-        f"another adapter is just like it: only {where} tells them apart",
+        f"another adapter is identical: only {where} distinguishes them",
         "leave both in their sockets; mission ports --find  (which is which)",
     )
     return replace(port, call=call, troubles=(*port.troubles, problem))

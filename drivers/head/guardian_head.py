@@ -89,7 +89,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         name: str = "head",
         angle_store: ServoAngleStore | None = None,
         offline_reason: Callable[[], str] = str,
-        hint: str = "look at its power and its cable",
+        hint: str = "check its power and cable",
     ) -> None:
         self.name = name
         way = PanTiltMotion(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
@@ -228,7 +228,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
                 self._hold()
             self._reported_at = now
         if before in (GuardianState.UNMET, GuardianState.SILENT):
-            self._report(DeviceStatus(self.name, "online", f"{self._link.port}: the servos are there again"))
+            self._report(DeviceStatus(self.name, "online", f"{self._link.port}: the servos are online again"))
 
     def _apply_report(self, found: guardian_wire.GuardianReport, now: float, *, anew: bool) -> None:
         """Continue from the reported servo angles; move to the start pose the first time that they are known."""
@@ -252,10 +252,10 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._has_start = True
         self._record_pose(HeadPose(pan, tilt), now)
         if unknown:
-            message = "its servos have got no pulse yet, and nobody knows where they stand: the first movement may leap"
+            message = "its servo angles are unknown, since no pulse was sent yet: the first movement may leap"
             self._report(DeviceStatus(self.name, "fault", message, "keep clear of it at its first movement"))
         if anew:
-            self._report(DeviceStatus(self.name, "fault", "who holds its servos has begun anew", self._hint))
+            self._report(DeviceStatus(self.name, "fault", "the servo controller has restarted", self._hint))
 
     def _step(self) -> None:
         """Send the next setpoints while the last report is fresh. Raises NotConnected."""
@@ -320,4 +320,4 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         return self._link.online and self._has_report and now - self._reported_at <= OFFLINE_TIMEOUT
 
     def _offline_text(self) -> str:
-        return f"{self.name}: {self._link.port}: {self._get_offline_reason() or 'open, but nobody who holds its servos answers'}"
+        return f"{self.name}: {self._link.port}: {self._get_offline_reason() or 'open, but no reply from the servo controller'}"

@@ -132,7 +132,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         self._motion.check(target)
         if not self._is_online:
             health = self.health()
-            raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
+            raise NotConnected(health.detail or f"{self.name}: not online yet", hint=health.hint)
         self._joints.move({})  # raises if they are latched
         self._retry_blocked(target)
         return self._motion.look(target, self._clock.now())
@@ -174,7 +174,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         returned = health.reconnected_at
         silent = [axis.joint for axis in self._motion.axes if not states[axis.joint].good]
         if silent or not health.online:
-            what = f"nothing heard of joint {' and '.join(silent)}" if silent else "its joints are gone"
+            what = f"no reading of joint {' and '.join(silent)}" if silent else "its joints are offline"
             detail = f"{self.name}: {what}" + (f": {health.detail}" if health.detail else "")
             return Health(False, detail, _offline_hint(health), reconnected_at=returned)
         return Health(
@@ -225,7 +225,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             self._motion.set_position(here, now)
         self._sent, self._were_led = {}, (False, False)
         self._is_online = self._has_start = True
-        self._report(DeviceStatus(self.name, "online", "both joints are there"))
+        self._report(DeviceStatus(self.name, "online", "both joints are online"))
 
     def _release_limp_joints(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
         """Continue from the measured angle of a joint that no longer follows: relaxed, shut down, or blocked."""
@@ -268,7 +268,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             health = self.health()
             self._report(
                 DeviceStatus(
-                    self.name, "offline", health.detail or f"{self.name}: a joint is gone", _offline_hint(health)
+                    self.name, "offline", health.detail or f"{self.name}: a joint is offline", _offline_hint(health)
                 )
             )
 
@@ -309,7 +309,7 @@ def _with_joint_limits(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
     limits = joints.limits.get(axis.joint)
     if limits is None:
         names = ", ".join(joints.limits)
-        raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {names})", hint="look at the arm's joints")
+        raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {names})", hint="check the joints of the arm")
     return replace(axis, joint_min=limits.lower, joint_max=limits.upper)
 
 
@@ -323,4 +323,4 @@ def _angles(pose: HeadPose | None) -> tuple[float, float]:
 
 
 def _offline_hint(health: Health) -> str:
-    return health.hint or "look at the power and the cable of its servos"
+    return health.hint or "check the power and cable of its servos"

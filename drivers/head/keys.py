@@ -11,14 +11,14 @@ from drivers.api.sections import AxisKeys, HeadKeys
 class ServoKeys(AxisKeys):
     """Hobby servo of the head: it turns from 0 to 180 degrees, and 90 is straight ahead."""
 
-    servo: int = key(low=0, high=3, help="The output of the board that it is on.")
-    joint: str = key(default="", help="What the axis is called, as in the Rodney project.")
+    servo: int = key(low=0, high=3, help="Output of the board.")
+    joint: str = key(default="", help="Name of the axis, as in the Rodney project.")
     limits: tuple[float, float] = key(
-        "angle", default=(-pi / 2, pi / 2), help="How far the head turns by it: [lowest, highest]."
+        "angle", default=(-pi / 2, pi / 2), help="Range of the head on this axis: [lowest, highest]."
     )
-    flip: bool = key(default=False, help="Whether it is mounted the other way round.")
+    flip: bool = key(default=False, help="Whether it turns the other way.")
     start: int | None = key(
-        default=None, low=0, high=180, help="Where the sketch sends it at its start, in degrees as the sketch has them."
+        default=None, low=0, high=180, help="Angle to which the sketch moves it at boot, in degrees of the servo."
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
@@ -32,8 +32,8 @@ class ServoKeys(AxisKeys):
 class TwoServoKeys(HeadKeys):
     """Keys of two servos on such a board."""
 
-    pan: ServoKeys = key(help="The servo that turns the head left and right.")
-    tilt: ServoKeys = key(help="The servo that turns the head up and down.")
+    pan: ServoKeys = key(help="Servo that turns the head left and right.")
+    tilt: ServoKeys = key(help="Servo that turns the head up and down.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield an error if both axes are on one servo."""

@@ -201,9 +201,9 @@ class PanTiltMotion(Generic[A]):
         start: HeadPose = STRAIGHT_AHEAD,
     ) -> None:
         if not (speed > 0 and isfinite(speed)):
-            raise ValueError(f"{name}: a speed of {speed} rad/s gets it nowhere")
+            raise ValueError(f"{name}: a speed of {speed} rad/s is not positive")
         if not (acceleration > 0 and isfinite(acceleration)):
-            raise ValueError(f"{name}: an acceleration of {acceleration} rad/s^2 gets it nowhere")
+            raise ValueError(f"{name}: an acceleration of {acceleration} rad/s^2 is not positive")
         self._name = name
         self._axes = (pan, tilt)
         self._speed = self._max_speed = speed
@@ -239,7 +239,7 @@ class PanTiltMotion(Generic[A]):
         """Raise BadRequest for a pose that is not finite."""
         if not (isfinite(target.pan) and isfinite(target.tilt)):
             raise BadRequest(
-                f"{self._name}: look at {target}: not a finite number", hint="check what computed the goal"
+                f"{self._name}: look at {target}: not a finite number", hint="check the computation of the goal"
             )
 
     def look(self, target: HeadPose, now: float) -> HeadPose:
@@ -297,7 +297,7 @@ class PanTiltMotion(Generic[A]):
         Raises BadRequest unless it is positive.
         """
         if not speed > 0:
-            raise BadRequest(f"{self._name}: a speed of {speed} rad/s gets it nowhere")
+            raise BadRequest(f"{self._name}: a speed of {speed} rad/s is not positive")
         with self._lock:
             self._speed = min(speed, self._max_speed)
             for profile in self._profiles:
@@ -337,7 +337,7 @@ class PanTiltMotion(Generic[A]):
         try:
             return axis.with_trim(trim)
         except ValueError as error:
-            raise BadRequest(f"{self._name}: {error}", hint="mount the horn anew, nearer to the middle") from error
+            raise BadRequest(f"{self._name}: {error}", hint="mount the horn again, nearer to the middle") from error
 
 
 # Common part of all heads: commands and queries that need no hardware.

@@ -37,7 +37,7 @@ RETRY_AFTER = 2.0
 MAX_READING_GAP = 0.25
 """Maximum seconds between two readings that count: without readings, progress is unknown."""
 
-HINT = "free the joint; if nothing holds it, look at its cable and its sensor"
+HINT = "free the joint; if nothing holds it, check its cable and its sensor"
 
 
 class ProgressState(Enum):
@@ -180,7 +180,7 @@ class JointProgress:
             return self._give_up(here, f"turned the wrong way, from {self._front:.2f} to {here:.2f} rad", load)
         if self._stall_share >= 1.0:
             self._handle(ProgressEvent.BLOCK)
-            return self._give_up(here, f"stands at {here:.2f} rad since {self._stalled_for:.1f} s: blocked?", load)
+            return self._give_up(here, f"at {here:.2f} rad for {self._stalled_for:.1f} s: blocked?", load)
         return ""
 
     def _handle(self, event: ProgressEvent) -> None:

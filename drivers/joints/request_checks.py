@@ -28,7 +28,7 @@ def narrow_limits(
         lower, upper = max(joint_limits.lower, bounds.lower), min(joint_limits.upper, bounds.upper)
         narrowed[name] = JointLimits(lower, upper, min(joint_limits.speed, bounds.speed))
         if not (lower < upper and narrowed[name].speed > 0):
-            raise BadRequest(f"{part}: limits {joint_limits} of {name} leave nothing of {bounds}")
+            raise BadRequest(f"{part}: limits {joint_limits} of {name} are outside of {bounds}")
     return narrowed
 
 
@@ -60,7 +60,7 @@ def check_couplings(part: str, couplings: Sequence[Coupling], joints: Mapping[st
             errors.append(f"{pair}: scale {coupling.scale} and offset {coupling.offset} must be finite")
         followers.add(coupling.follower)
     if errors:
-        raise BadRequest(f"{part}: {'; '.join(errors)}", hint="a joint follows one other, which follows none")
+        raise BadRequest(f"{part}: {'; '.join(errors)}", hint="a joint follows one leader, which must not follow")
 
 
 def _unknown_joints(names: AbstractSet[str], joints: Mapping[str, object]) -> list[str]:

@@ -39,10 +39,10 @@ def check_reports(parts: list[KobukiSubpayload]) -> Iterator[Finding]:
     """Yield the findings from the reports of ``LISTEN_TIME`` seconds."""
     reports = [part for part in parts if isinstance(part, Core)]
     if not reports:
-        yield failure("reports", "it is silent", "switch it on; look at its battery, and at the USB cable")
+        yield failure("reports", "it is silent", "switch it on; check its battery, and the USB cable")
         return
     version = next((part for part in parts if isinstance(part, FirmwareVersion)), None)
-    yield Finding("firmware", "not told" if version is None else str(version))
+    yield Finding("firmware", "unknown" if version is None else str(version))
     last = reports[-1]
     span = (last.time_ms - reports[0].time_ms) % 0x10000 / 1000
     rate = (len(reports) - 1) / span if span else 0.0
@@ -66,7 +66,7 @@ def check_reports(parts: list[KobukiSubpayload]) -> Iterator[Finding]:
             "put it elsewhere; wipe its sensors",
         ),
         (last.bumper, "its bumper is pressed", "make room; look whether the bumper sticks"),
-        (last.overcurrent, "a motor takes too much current", "look what blocks the wheel"),
+        (last.overcurrent, "a motor takes too much current", "check for objects that block the wheel"),
     ):
         if felt:
             yield warning("senses", what, cure)

@@ -9,8 +9,8 @@ from drivers.api.sections import BaseKeys, SerialKeys
 class KobukiKeys(BaseKeys, SerialKeys):
     """Keys of the base of a Kobuki, with its limits."""
 
-    max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")
-    max_turn: float = key("turn rate", default=1.9, low=0.01, high=3.2, help="The highest turn rate.")
+    max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="Maximum speed.")
+    max_turn: float = key("turn rate", default=1.9, low=0.01, high=3.2, help="Maximum turn rate.")
 
     @property
     def capabilities(self) -> frozenset[str]:

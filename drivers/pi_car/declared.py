@@ -17,13 +17,13 @@ PIN_COUNT, CHANNEL_COUNT = 28, 16
 class CarMotorKeys:
     """Keys of a motor: the inputs of its driver chip for direction and power."""
 
-    forward: int = key(low=0, high=PIN_COUNT - 1, help="The GPIO number, or channel, that turns it forward.")
-    backward: int = key(low=0, high=PIN_COUNT - 1, help="The one that turns it back.")
+    forward: int = key(low=0, high=PIN_COUNT - 1, help="GPIO number, or channel, that turns it forward.")
+    backward: int = key(low=0, high=PIN_COUNT - 1, help="GPIO number, or channel, that turns it backward.")
     enable: int | None = key(
         default=None,
         low=0,
         high=PIN_COUNT - 1,
-        help="The one that takes how fast, where the chip has such an input (ENA, PWMA); else the other two do.",
+        help="GPIO number, or channel, for the power, if the chip has such an input (ENA, PWMA).",
     )
 
     @property
@@ -36,24 +36,26 @@ class CarMotorKeys:
 class I2CKeys:
     """Keys of a PCA9685: its I2C bus and address."""
 
-    bus: int = key(default=1, low=0, high=255, help="The I2C bus of the PCA9685: 1 is that on the pins of a Pi.")
-    address: int = key(default=0x40, low=0x03, high=0x77, help="Its address on that bus: 64, unless it was soldered.")
+    bus: int = key(default=1, low=0, high=255, help="I2C bus of the PCA9685: 1 is that on the pins of a Pi.")
+    address: int = key(
+        default=0x40, low=0x03, high=0x77, help="Address on that bus: 64, unless its solder bridges were changed."
+    )
 
 
 @keys
 class PiCarKeys(BaseKeys, I2CKeys):
     """Keys of the base of a car on a Raspberry Pi."""
 
-    max_speed: float = key("speed", default=0.3, low=0.01, high=5.0, help="The highest speed.")
+    max_speed: float = key("speed", default=0.3, low=0.01, high=5.0, help="Maximum speed.")
     motors: Literal["gpio", "pca9685"] = key(
-        default="gpio", help="What its motors' driver chip is on: the pins of the Pi, or the channels of a PCA9685."
+        default="gpio", help="Connection of the motors' driver chip: the pins of the Pi, or the channels of a PCA9685."
     )
-    left: CarMotorKeys = key(help="The motor, or motors, on the left.")
-    right: CarMotorKeys = key(help="Those on the right.")
+    left: CarMotorKeys = key(help="Motor, or motors, on the left.")
+    right: CarMotorKeys = key(help="Motor, or motors, on the right.")
     speed_at_full: float = key(
-        "speed", default=0.5, low=0.05, high=5.0, help="How fast it goes at full power: measure it, docs/rovers.md."
+        "speed", default=0.5, low=0.05, high=5.0, help="Speed at full power: measure it, docs/rovers.md."
     )
-    track: float = key("length", default=0.13, low=0.02, high=2.0, help="How far apart its wheels act.")
+    track: float = key("length", default=0.13, low=0.02, high=2.0, help="Effective distance of its wheels.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a maximum speed that the car cannot reach, and pins that are used twice or do not exist."""
@@ -64,10 +66,10 @@ class PiCarKeys(BaseKeys, I2CKeys):
         pins = (*self.left.pins, *self.right.pins)
         word = "GPIO" if self.motors == "gpio" else "channel"
         for pin in sorted({pin for pin in pins if pins.count(pin) > 1}):
-            yield KeyDiagnostic(f"{word} {pin} is taken twice", about=(("left",), ("right",)))
+            yield KeyDiagnostic(f"{word} {pin} is used twice", about=(("left",), ("right",)))
         if self.motors == "pca9685" and max(pins) >= CHANNEL_COUNT:
             yield KeyDiagnostic(
-                f"a PCA9685 has channels 0 to {CHANNEL_COUNT - 1}, and no {max(pins)}", about=(("left",), ("right",))
+                f"a PCA9685 has channels 0 to {CHANNEL_COUNT - 1}, not {max(pins)}", about=(("left",), ("right",))
             )
 
 
@@ -75,9 +77,9 @@ class PiCarKeys(BaseKeys, I2CKeys):
 class ChannelKeys(ServoKeys):
     """Hobby servo on a channel of a PCA9685; see ``ServoKeys``."""
 
-    servo: int = key(low=0, high=CHANNEL_COUNT - 1, help="The channel of the PCA9685 that it is on.")
+    servo: int = key(low=0, high=CHANNEL_COUNT - 1, help="Channel of the PCA9685.")
     start: int | None = key(
-        default=90, low=0, high=180, help="Where it is taken to stand while nobody knows, in degrees of the servo."
+        default=90, low=0, high=180, help="Assumed angle while it is unknown, in degrees of the servo."
     )
 
 
@@ -85,9 +87,9 @@ class ChannelKeys(ServoKeys):
 class PiHeadKeys(TwoServoKeys, I2CKeys):
     """Keys of a pan/tilt head on a PCA9685."""
 
-    pan: ChannelKeys = key(help="The servo that turns the head left and right.")
-    tilt: ChannelKeys = key(help="The servo that turns the head up and down.")
-    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="What it does when it is back after it was silent.")
+    pan: ChannelKeys = key(help="Servo that turns the head left and right.")
+    tilt: ChannelKeys = key(help="Servo that turns the head up and down.")
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was silent.")
 
 
 def check_channels(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
@@ -101,7 +103,7 @@ def check_channels(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[K
         return
     for word, servo in (("pan", head.pan.servo), ("tilt", head.tilt.servo)):
         if servo in (*base.left.pins, *base.right.pins):
-            yield KeyDiagnostic(f"'{word}': channel {servo} is that of a motor", (word, "servo"))
+            yield KeyDiagnostic(f"'{word}': channel {servo} is used by a motor", (word, "servo"))
 
 
 PI_CAR = Driver(

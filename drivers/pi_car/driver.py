@@ -72,6 +72,6 @@ class GuardianProtocol(DiffDriveProtocol):
     def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:
         del now, baud, silent
         return (
-            f"{where}: {self._get_offline_reason() or 'open, but the guardian of the motors does not answer'}",
+            f"{where}: {self._get_offline_reason() or 'open, but no reply from the guardian of the motors'}",
             self._hint,
         )

@@ -230,9 +230,7 @@ def main(config: str) -> int:
         serve_error = error
     rest_error = _rest_actuators(guardian, clock)
     if rest_error is not None:
-        return print_error(
-            RuntimeError(f"the actuators perhaps do not rest: {type(rest_error).__name__}: {rest_error}")
-        )
+        return print_error(RuntimeError(f"the actuators may not be at rest: {type(rest_error).__name__}: {rest_error}"))
     return 0 if serve_error is None else print_error(serve_error)
 
 

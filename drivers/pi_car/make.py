@@ -58,7 +58,9 @@ class GuardianLauncher:
         try:
             return GuardianProcess(self._command, self._on_message)
         except OSError as error:
-            raise NotConnected(f"{part}: {port}: {error}", hint="look at the memory and the processes") from error
+            raise NotConnected(
+                f"{part}: {port}: {error}", hint="check the free memory and the number of processes"
+            ) from error
 
     def _on_message(self, words: str) -> None:
         self.last_message = words
@@ -107,7 +109,7 @@ class GuardianProcess:
         except BrokenPipeError:
             return  # it has exited: its last error is read first
         if not whole:
-            raise PortLostError("the process that holds the pins reads nothing", offline_hint())
+            raise PortLostError("the process that holds the pins does not read", offline_hint())
 
     def set_dtr(self, *, on: bool) -> None:
         """Do nothing: a pipe has no DTR."""

@@ -24,7 +24,7 @@ def checkup(keys: RPLidarKeys, site: DriverContext) -> Iterator[Finding]:
     finally:
         port.close()
     if not info_data:
-        yield failure("device", "it does not answer", "look at its cable and power; another rate: mission ports")
+        yield failure("device", "no reply", "check its cable and power; another rate: mission ports")
         return
     info = wire.RPLidarInfo.unpack(info_data)
     about = f"series {info.series}, firmware {info.firmware_major}.{info.firmware_minor}"
@@ -40,7 +40,9 @@ def checkup(keys: RPLidarKeys, site: DriverContext) -> Iterator[Finding]:
             "health", f"it has a fault, code {condition.code}", "cut its power for a moment; clean its window"
         )
     elif condition.status != wire.RPLidarStatus.GOOD:
-        yield warning("health", f"it is not well, code {condition.code}", "clean its window, and look that it turns")
+        yield warning(
+            "health", f"it reports a warning, code {condition.code}", "clean its window, and check that it turns"
+        )
     else:
         yield Finding("health", "good")
 

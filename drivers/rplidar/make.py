@@ -152,7 +152,7 @@ class RPLidar:
         changed: Callable[[], None] = ignore,
     ) -> None:
         if model not in MODELS:
-            raise ValueError(f"{self.name}: no model '{model}': there are {', '.join(MODELS)}")
+            raise ValueError(f"{self.name}: unknown model '{model}' (known: {', '.join(MODELS)})")
         self._model = MODELS[model]
         self._mounting = Mounting(place, tuple(blind))
         self._link = link
@@ -213,7 +213,7 @@ class RPLidar:
         if trouble is not None:
             return Health(False, str(trouble), trouble.hint, counters)
         if self._scanned_at == -inf:
-            return Health(False, f"{self.name}: {self._link.port}: waiting for its first turn", "", counters)
+            return Health(False, f"{self.name}: {self._link.port}: waiting for the first complete turn", "", counters)
         return Health(True, counters=counters)
 
     # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
@@ -261,7 +261,7 @@ class RPLidar:
         self._scanned_at = now  # last: a thread that sees it fresh also sees the scan
         if self._trouble is not None:
             self._trouble = None
-            self._report(DeviceStatus(self.name, "online", f"{self._link.port}: whole turns come again"))
+            self._report(DeviceStatus(self.name, "online", f"{self._link.port}: complete turns arrive again"))
         self._changed()
 
     def _require_scans(self) -> None:
@@ -275,8 +275,8 @@ class RPLidar:
             self._session.avoids_express = True
             self._session.restart(0.0)
         elif elapsed > SCAN_TIMEOUT:
-            message = f"{self.name}: {self._link.port}: no whole turn for {SCAN_TIMEOUT:g} s"
-            raise NoReply(message, hint="does its head turn? look at its belt, and at the power of its USB port")
+            message = f"{self.name}: {self._link.port}: no complete turn for {SCAN_TIMEOUT:g} s"
+            raise NoReply(message, hint="does its head turn? check its belt, and the power of its USB port")
 
     def _fail(self, error: DriverError) -> None:
         """Report a new fault, and restart after a while."""

@@ -138,14 +138,14 @@ class RPLidarSession:
             if health.status < wire.RPLidarStatus.ERROR:
                 if health.status == wire.RPLidarStatus.WARNING:
                     self._report_once(
-                        f"it warns of trouble, code {health.code}", "clean its window, see that it turns freely"
+                        f"it reports a warning, code {health.code}", "clean its window, check that it turns freely"
                     )
                 return
             message = f"{self._prefix()}: it is out of order, code {health.code}"
             if self._was_reset:
-                raise DeviceFault(f"{message}, and a reset did not help", hint="take its power away for a moment")
+                raise DeviceFault(f"{message}, and a reset did not help", hint="cut its power for a moment")
             self._was_reset = True
-            self._report_once(f"it is out of order, code {health.code}: reset", "see that nothing blocks it")
+            self._report_once(f"it is out of order, code {health.code}: reset", "check that nothing blocks it")
             self._link.write(wire.request(wire.RPLidarCommand.RESET))
             yield from self._wait(BOOT_TIME)
             yield from self._quieten()
@@ -191,7 +191,7 @@ class RPLidarSession:
 
     def _no_reply_error(self, byte_count: int) -> NoReply:
         if byte_count:
-            noise = f"{byte_count} bytes heard at {self._link.baud} baud, none of them an answer of an RPLIDAR"
+            noise = f"{byte_count} bytes received at {self._link.baud} baud, none of them a reply of an RPLIDAR"
             return NoReply(
                 f"{self._prefix()}: {noise}", hint=f"is it the right port? only A1 and A2 run at {wire.BAUD} baud"
             )

@@ -72,7 +72,7 @@ class SerialTransport:
                 with suppress(BlockingIOError):
                     data = data[os.write(self._number, data) :]
                 if data and not select.select([], [self._number], [], _WRITE_TIMEOUT)[1]:
-                    raise OSError(errno.EIO, "it takes no more bytes")
+                    raise OSError(errno.EIO, "the port accepts no more bytes")
         except OSError as error:
             raise self._port_error(error) from error
 

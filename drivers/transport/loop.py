@@ -30,7 +30,9 @@ def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
                 failed = True
                 with suppress(Exception, SystemExit):  # the log may go to the same broken terminal
                     message = f"{type(error).__name__}: {error}"
-                    logging.getLogger(__name__).error("a listener failed and is not logged again: %s", message)
+                    logging.getLogger(__name__).error(
+                        "a callback failed, and its further errors are not logged: %s", message
+                    )
 
     return guard
 

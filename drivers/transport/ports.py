@@ -22,7 +22,7 @@ from drivers.transport.programs import Program, device_holders, end_command, exp
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-PORTS_HINT = "mission ports  (what is plugged in, and what answers there)"
+PORTS_HINT = "mission ports  (lists the connected devices)"
 """Hint for a wrong port."""
 
 _FILE_KINDS = {
@@ -59,7 +59,7 @@ def require_serial_ports(ports: Mapping[str, str]) -> None:
     """Raise NotConnected if ports of parts can never be serial ports; the message has all of them."""
     kinds = {part: what for part, port in ports.items() if (what := find_non_serial_kind(port)) is not None}
     if kinds:
-        messages = (f"{part}: {ports[part]}: no serial port, but {what}" for part, what in kinds.items())
+        messages = (f"{part}: {ports[part]}: not a serial port but {what}" for part, what in kinds.items())
         raise NotConnected("\n".join(messages), hint=PORTS_HINT)
 
 
@@ -115,7 +115,7 @@ class SerialPort(serial.Serial):
             return b""
         data = os.read(self.fileno(), READ_SIZE)
         if not data:
-            raise OSError(errno.EIO, "nothing left to read: the device has gone, or another program reads it too")
+            raise OSError(errno.EIO, "empty read: the device is gone, or another program reads it too")
         return data
 
     def write(self, data: "ReadableBuffer", /) -> int:
@@ -195,7 +195,7 @@ def make_port_error(part: str, port: str, error: BaseException) -> NotConnected:
 
 def _make_in_use_error(part: str, port: str, holders: Sequence[Program]) -> NotConnected:
     by = f" by {', '.join(map(str, holders))}" if holders else ""
-    hint = end_command(holders, f"fuser -v {port}  (who holds it)")
+    hint = end_command(holders, f"fuser -v {port}  (shows its holder)")
     return NotConnected(f"{part}: {port}: in use{by}", hint=hint)
 
 

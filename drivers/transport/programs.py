@@ -42,9 +42,7 @@ def _grant_command(path: str, group: str) -> str:
     """Return the command that gives the user this one device."""
     if group == "tty":  # a Raspberry Pi gives its serial port to the login console
         return "sudo raspi-config  (Interface Options, Serial Port: no login shell, but the port)"
-    return (
-        f"sudo setfacl -m u:$USER:rw {path}  (until it is plugged in anew; for good: a rule as in `mission robot udev`)"
-    )
+    return f"sudo setfacl -m u:$USER:rw {path}  (until it is plugged in again; permanently: a rule as in `mission robot udev`)"
 
 
 def _user_name(number: int) -> str:

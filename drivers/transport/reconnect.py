@@ -56,7 +56,7 @@ class ReconnectTracker:
     def require_unlatched(self, part: str) -> None:
         """Raise DeviceFault while latched; ``part`` is the name in the message."""
         if self.latched:
-            raise DeviceFault(f"{part}: stopped: {self.latched}", hint=f"look at it, then enable the {part}")
+            raise DeviceFault(f"{part}: stopped: {self.latched}", hint=f"check it, then enable the {part}")
 
     def latch(self, reason: str, *, replace: bool = False) -> None:
         """Latch the part with a reason; ``replace`` overwrites an earlier reason."""

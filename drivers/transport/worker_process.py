@@ -181,7 +181,9 @@ class WorkerProcess:
             while remaining:
                 if not poll.poll(timeout * 1000):
                     self.kill()
-                    raise NoReply(f"{self.name}: {self._program_name}: took nothing for {timeout:g} s", hint=self._hint)
+                    raise NoReply(
+                        f"{self.name}: {self._program_name}: accepted no data for {timeout:g} s", hint=self._hint
+                    )
                 remaining = remaining[os.write(pipe, remaining) :]
         except OSError as error:  # a broken pipe: the reading thread will report the exit
             if isinstance(error, NoReply):

@@ -13,6 +13,6 @@ def checkup(keys: SpeechKeys, site: DriverContext) -> Iterator[Finding]:
     """Search for a synthesiser."""
     if isinstance(auto(keys, site), PrintedVoice):
         fix = extra_hint("speak", "sudo apt install espeak-ng")
-        yield warning("synthesiser", "there is none: what the robot says is printed", fix)
+        yield warning("synthesiser", "not installed: speech is printed", fix)
     else:
-        yield Finding("synthesiser", "there is one")
+        yield Finding("synthesiser", "installed")

@@ -16,10 +16,10 @@ PLACEHOLDERS = ("voice", "language", "name", "speed", "volume")
 class SpeechKeys(VoiceKeys):
     """Keys of a voice that speaks."""
 
-    model: str = key(default="", help="The file of a voice of Piper, for `piper`.")
+    model: str = key(default="", help="File of a voice of Piper, for `piper`.")
     command: str = key(
         default="",
-        help="A command line that speaks its standard input, for `command`: "
+        help="Command line that speaks its standard input, for `command`: "
         "`{voice}`, `{language}`, `{name}`, `{speed}` and `{volume}` are filled in.",
     )
 
@@ -28,11 +28,11 @@ class SpeechKeys(VoiceKeys):
         try:
             shlex.split(self.command)
         except ValueError as error:
-            yield KeyDiagnostic(f"'command' cannot be taken apart as a shell would: {error}", ("command",))
-        hint = f"{', '.join(f'{{{each}}}' for each in PLACEHOLDERS)} are; the text comes on standard input"
+            yield KeyDiagnostic(f"'command' is not a valid shell command line: {error}", ("command",))
+        hint = f"{', '.join(f'{{{each}}}' for each in PLACEHOLDERS)} are known; the text comes on standard input"
         for word in re.findall(r"\{(\w+)\}", self.command):
             if word not in PLACEHOLDERS:
-                yield KeyDiagnostic(f"'command': {{{word}}} is not filled in", ("command",), hint=hint)
+                yield KeyDiagnostic(f"'command': {{{word}}} is not a placeholder", ("command",), hint=hint)
 
 
 @keys
@@ -60,7 +60,7 @@ class CommandKeys(SpeechKeys):
 AUTO = Driver(
     "auto",
     "voice",
-    "The first of espeak, program and print that there is.",
+    "The first available of espeak, program and print.",
     SpeechKeys,
     make="drivers.voice.speech:auto",
     checkup="drivers.voice.checkup:checkup",
@@ -101,7 +101,7 @@ COMMAND = Driver(
 PRINT = Driver(
     "print",
     "voice",
-    "Words on the terminal.",
+    "Text on the terminal.",
     SpeechKeys,
     make="drivers.voice.speech:printed",
 )

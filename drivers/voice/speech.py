@@ -106,7 +106,7 @@ class SpeechVoice:
                 return Health(False, f"{self.name}: not opened yet", counters=counters)
             broken = self._engine.failure_reason or self._player.failure_reason
             if broken:
-                return Health(False, broken, "until then it prints what it would say", counters)
+                return Health(False, broken, "until then speech is printed", counters)
             mute = self._player.mute_reason
             problem = (mute, self._player.hint) if mute else self._last_problem
             return Health(True, *problem, counters=counters)

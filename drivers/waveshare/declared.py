@@ -11,20 +11,20 @@ from drivers.api.sections import BaseKeys, SerialKeys
 class WaveshareKeys(BaseKeys, SerialKeys):
     """Keys of the base of a Waveshare rover."""
 
-    max_speed: float = key("speed", default=0.5, low=0.01, high=2.0, help="The highest speed.")
+    max_speed: float = key("speed", default=0.5, low=0.01, high=2.0, help="Maximum speed.")
     encoders: bool = key(
         default=True,
-        help="Whether its wheels are measured: UGV Rover, UGV Beast. Without (WAVE ROVER), its pose is dead reckoning.",
+        help="Whether it has encoders: UGV Rover, UGV Beast. Without (WAVE ROVER), its pose is dead reckoning.",
     )
     speed_at_full: float = key(
-        "speed", default=1.25, low=0.05, high=5.0, help="How fast it goes at full power; counts without encoders alone."
+        "speed", default=1.25, low=0.05, high=5.0, help="Speed at full power; used only without encoders."
     )
     track: float = key(
         "length",
         default=0.172,
         low=0.02,
         high=2.0,
-        help="How far apart its wheels act: more than measured where four wheels skid in turns.",
+        help="Effective distance of its wheels; larger than measured if four wheels skid in turns.",
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:

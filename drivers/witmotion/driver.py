@@ -51,8 +51,8 @@ class WitMotionImu:
         if not link.online:
             return Health(False, link.detail, link.hint, counters)
         if not self.attitude().good:
-            detail = f"{self.name}: {self._link.port}: no report of an IMU at {self._link.baud} baud"
-            return Health(False, detail, "set it to 115200 baud with WitMotion's program, or give 'baud'", counters)
+            detail = f"{self.name}: {self._link.port}: no report from an IMU at {self._link.baud} baud"
+            return Health(False, detail, "set it to 115200 baud with WitMotion's program, or set 'baud'", counters)
         return Health(True, counters=counters)
 
     # What follows is drivers.transport.link.LinkHandler, called from the link's thread.

@@ -159,7 +159,7 @@ def test_all_that_is_wrong_with_groups_is_said_at_its_word() -> None:
     faults = mistakes("    elbow: {id: 1}\n    wrist: {id: 2}\n", groups)
     assert [(fault.mark.line, fault.mark.column, fault.message, fault.suggestion) for fault in faults] == [
         (9, 5, "'elbow' is a joint already", ""),
-        (10, 9, "group 'b': there is no joint 'elbw'", "did you mean 'elbow'?"),
+        (10, 9, "group 'b': no joint 'elbw'", "did you mean 'elbow'?"),
         (10, 22, "group 'b' has 'wrist' already", ""),
         (11, 8, "group 'c' needs a list of joints", ""),
         (12, 8, "group 'd' needs a list of joints", ""),

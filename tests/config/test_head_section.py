@@ -79,7 +79,7 @@ def test_mistakes_in_the_head_of_servos_stand_at_their_places() -> None:
         "6: 'acceleration' needs a turn acceleration such as '200 deg/s^2', got a turn rate: '400 deg/s'",
         "7: 'servo' must be at most 3",
         "7: 'trim' must be at most 45 deg",
-        "8: 'limits': servo 1 reaches from -90 deg to 90 deg, which is none of them",
+        "8: 'limits': servo 1 reaches only -90 deg to 90 deg, outside of these limits",
         "8: 'joint' needs a text",
     ]
     assert faults_of("  driver: arduino\n  port: x\n  pan: {servo: 1}\n  tilt: {servo: 1}") == [
@@ -97,7 +97,7 @@ def test_mistakes_in_a_neck_stand_at_their_places() -> None:
     ]
     assert faults_of(
         "  driver: dynamixel\n  pan: {joint: neck_pan, limits: [70 deg, 80 deg]}\n  tilt: {joint: neck_tilt}", ARM
-    ) == ["4: 'limits': joint 'neck_pan' reaches from -60 deg to 60 deg, which is none of them"]
+    ) == ["4: 'limits': joint 'neck_pan' reaches only -60 deg to 60 deg, outside of these limits"]
     assert faults_of("  driver: dynamixel\n  pan: {joint: a}\n  tilt: {joint: b}") == [
         "4: a head of Dynamixel servos is two joints of the arm: this robot has no arm",
         "5: a head of Dynamixel servos is two joints of the arm: this robot has no arm",

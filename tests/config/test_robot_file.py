@@ -98,7 +98,7 @@ def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
         (3, 16, "'driver' cannot be 'kobuky'", "did you mean 'kobuki'?"),
         (3, 49, "'max_speed' must be at most 0.7 m/s", ""),
         (3, 62, "'baud' needs a whole number", ""),
-        (4, 7, "'head' needs 'port'", "The serial port that it is plugged into."),
+        (4, 7, "'head' needs 'port'", "Serial port of the device."),
         (4, 39, "'limits': the first value must be below the second", ""),
         (4, 74, "'limits' needs two values: [low, high]", ""),
         (4, 87, "'flip' needs true or false", ""),

@@ -65,12 +65,12 @@ def test_what_a_command_may_name_is_what_is_filled_in() -> None:
     [
         (("driver: piper",), "a voice with 'driver: piper' needs 'model' | model: en_US-amy-medium.onnx"),
         (("driver: command",), "a voice with 'driver: command' needs 'command'"),
-        (("driver: command", "command: my_tts 'a"), "'command' cannot be taken apart as a shell would"),
+        (("driver: command", "command: my_tts 'a"), "'command' is not a valid shell command line"),
         (
             ("driver: command", "command: my_tts {text} --as={voice} --pace={speed}"),
-            "'command': {text} is not filled in | {voice}, {language}, {name}, {speed}, {volume} are; the text",
+            "'command': {text} is not a placeholder | {voice}, {language}, {name}, {speed}, {volume} are known; the text",
         ),
-        (("driver: command", "command: my_tts --pace={pace}"), "{pace} is not filled in"),
+        (("driver: command", "command: my_tts --pace={pace}"), "{pace} is not a placeholder"),
         (("driver: espeek",), "'driver' cannot be 'espeek' | did you mean 'espeak'?"),
         (("speed: 20",), "'speed' must be at least 80"),
         (("speed: 150 wpm",), "'speed' needs a plain number"),

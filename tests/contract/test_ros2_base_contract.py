@@ -238,7 +238,7 @@ def test_hazards_of_all_types_are_in_its_state_and_those_that_hold_it_up_are_fau
     base.wait(0.1)
     assert base.state().hazards == {"stall left", "object near left", "hazard of type 9"}
     faults = [(notice.message, notice.hint) for notice in base.notices if notice.kind == "fault"]
-    assert ("stall left: a wheel is blocked", "look for what blocks the wheels") in faults
+    assert ("stall left: a wheel is blocked", "check for objects that block the wheels") in faults
     assert any("hazard of type 9" in fault and "mission ros2 echo" in hint for fault, hint in faults)
     assert not any("object near" in fault for fault, _ in faults)
     base.robot.hazards = []

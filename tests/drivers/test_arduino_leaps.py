@@ -229,7 +229,7 @@ def test_a_board_that_has_been_running_and_whose_servos_nobody_knows_stays_until
         scene.head = scene.program()
         scene.run(10.0)
     assert scene.board.commands == []
-    assert any("nobody knows where its servos stand" in notice.message for notice in scene.notices)
+    assert any("unknown servo angles" in notice.message for notice in scene.notices)
 
 
 def place_unknown(scene: Scene) -> None:
@@ -242,7 +242,7 @@ def place_unknown(scene: Scene) -> None:
 
 
 def warnings(scene: Scene) -> int:
-    return sum("nobody knows where its servos stand" in notice.message for notice in scene.notices)
+    return sum("unknown servo angles" in notice.message for notice in scene.notices)
 
 
 @pytest.mark.parametrize("killed", [False, True])

@@ -67,7 +67,7 @@ def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachin
     found = fit(desk.machine)
     slow, held = found["port /dev/ttyUSB0"], found["port /dev/ttyUSB1"]
     assert (slow.verdict, held.verdict) == ("warning", "wrong")
-    assert "for 16 ms" in slow.message
+    assert "by 16 ms" in slow.message
     assert slow.fix.startswith("echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer")
     assert "ModemManager (process 812)" in held.message
     assert found["camera /dev/video0"] == Finding("camera /dev/video0", "HD Webcam")
@@ -104,7 +104,7 @@ def test_load_heat_memory_and_a_weak_supply_are_told(desk: RecordedMachine) -> N
     found = fit(desk.machine)
     told = {about: found[about].message for about in ("load", "power", "heat", "memory")}
     assert {found[about].verdict for about in told} == {"warning"}
-    assert told["heat"] == "the processor has 84 degC, and slows down"
+    assert told["heat"] == "the processor is at 84 degC and slows down"
     assert told["memory"] == "123 MB are left"
 
 

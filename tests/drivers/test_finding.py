@@ -63,7 +63,7 @@ def test_of_two_adapters_alike_each_is_called_by_its_socket(desk: RecordedMachin
     assert [one.call, other.call] == [f"/dev/serial/by-path/pci0-usb-0:{number}:1.0-port0" for number in (1, 2)]
     for port, socket in ((one, "1-1"), (other, "1-2")):
         (trouble,) = port.troubles
-        assert f"only socket {socket} tells them apart" in trouble.message
+        assert f"only socket {socket} distinguishes them" in trouble.message
         assert "mission ports --find" in trouble.fix
 
 
@@ -156,7 +156,7 @@ def test_servos_without_power_are_silence_and_the_power_is_named_first() -> None
     heard, wire = asked(adapter("0403:6014"), VirtualServoBus([silent]))
     assert heard.device is None
     assert heard.trouble is not None
-    assert "nothing answers; asked were: arm.dynamixel" in heard.trouble.message
+    assert "no reply; probed: arm.dynamixel" in heard.trouble.message
     assert heard.trouble.fix.startswith("switch on the power")
     assert "mission servo scan --all-bauds --port /dev/ttyUSB0" in heard.trouble.fix
     assert sent_instructions(wire.sent) == {Protocol1Instruction.PING}
@@ -240,7 +240,7 @@ def test_a_board_that_starts_anew_when_it_is_opened_is_not_opened_without_consen
     port = adapter("1a86:7523")
     heard, wire = asked(port, nano)
     assert heard.skip_reason is not None
-    assert "starts an Arduino anew, which may move its servos" in heard.skip_reason.message
+    assert "restarts an Arduino, which may move its servos" in heard.skip_reason.message
     assert "mission ports --ask /dev/ttyUSB0" in heard.skip_reason.fix
     assert wire.sent == []
     heard, wire = asked(port, nano, consent=True)
@@ -354,7 +354,7 @@ def test_an_adapter_that_holds_bytes_back_is_told_with_its_cure(desk: RecordedMa
     desk.port("ttyUSB0", "0403:6014", serial="FT1", latency=16)
     (port,) = find_serial_ports(desk.machine)
     (trouble,) = port.troubles
-    assert "holds bytes back for 16 ms" in trouble.message
+    assert "delays bytes by 16 ms" in trouble.message
     assert "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer" in trouble.fix
 
 

@@ -124,7 +124,7 @@ def test_a_blocked_joint_is_held_where_it_stands_before_its_servo_shuts_down(rig
     said = drive(rig, 1.2)
     assert rig.now() - began < ENDS_WITHIN
     match = re.fullmatch(
-        r"joint a: commanded 1.20 rad, stands at 0\.\d\d rad since 0\.[89]\d? s: blocked\?(; load \d+ %)?", said
+        r"joint a: commanded 1.20 rad, at 0\.\d\d rad for 0\.[89]\d? s: blocked\?(; load \d+ %)?", said
     )
     assert match, said
     assert (match[1] is not None) or fault == "frozen"

@@ -369,11 +369,11 @@ def test_a_head_with_our_sketch_is_simulated_as_every_head(simulate: Literal["fa
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (ROBOT.replace("servo: 0", "servo: 2"), "'pan' is servo 0 of the sketch that speaks lines"),
-        (CAR.replace("backward: 27", "backward: 17"), "GPIO 17 is taken twice"),
-        (CAR.replace("motors: gpio", "motors: pca9685"), "a PCA9685 has channels 0 to 15, and no 27"),
+        (ROBOT.replace("servo: 0", "servo: 2"), "'pan' must be servo 0 with 'protocol: lines'"),
+        (CAR.replace("backward: 27", "backward: 17"), "GPIO 17 is used twice"),
+        (CAR.replace("motors: gpio", "motors: pca9685"), "a PCA9685 has channels 0 to 15, not 27"),
         (CAR.replace("max_speed: 0.3 m/s", "max_speed: 0.6 m/s"), "it cannot go that fast"),
-        (CAR.replace("motors: gpio", "motors: pca9685").replace("27", "7").replace("17", "1"), "channel 1 is that of"),
+        (CAR.replace("motors: gpio", "motors: pca9685").replace("27", "7").replace("17", "1"), "channel 1 is used by"),
         (CAR.replace("servo: 0", "servo: 1"), "'pan' and 'tilt' are both on servo 1"),
     ],
 )

@@ -183,7 +183,7 @@ def test_a_silent_port_says_what_to_try_once_and_is_tried_again() -> None:
     assert len(bench.asked()) < 30  # and not all the time
     bench.lidar.is_deaf = False
     bench.run(RETRY_INTERVAL + REPLY_TIMEOUT * MAX_TRIES + 2.0)
-    assert bench.told("online") == ["/dev/rplidar: whole turns come again"]
+    assert bench.told("online") == ["/dev/rplidar: complete turns arrive again"]
     assert bench.device.health().online
     assert bench.device.scan().good
 
@@ -192,7 +192,7 @@ def test_something_else_at_the_port_is_told_from_silence() -> None:
     bench = Bench()
     bench.link.distort = lambda data: b"hello" if data else b""
     bench.run(3.0)
-    assert "15 bytes heard at 115200 baud, none of them an answer of an RPLIDAR" in bench.told("offline")[0]
+    assert "15 bytes received at 115200 baud, none of them a reply of an RPLIDAR" in bench.told("offline")[0]
 
 
 def test_a_finder_that_is_out_of_order_is_reset_once_and_then_scans() -> None:
@@ -222,7 +222,7 @@ def test_a_warning_is_told_and_it_scans() -> None:
     bench = Bench()
     bench.lidar.condition = RPLidarHealth(RPLidarStatus.WARNING, 3)
     bench.run(1.0)
-    assert bench.told("fault") == ["range: /dev/rplidar: it warns of trouble, code 3"]
+    assert bench.told("fault") == ["range: /dev/rplidar: it reports a warning, code 3"]
     assert bench.device.scan().good
 
 
@@ -243,13 +243,13 @@ def test_a_stuck_motor_is_told_once_rests_between_the_tries_and_is_noticed_when_
     bench.run(STALE_AFTER)
     assert bench.device.scan().quality is Quality.STALE
     bench.run(15.0)
-    assert bench.told("offline") == [f"range: /dev/rplidar: no whole turn for {SCAN_TIMEOUT:g} s"]
+    assert bench.told("offline") == [f"range: /dev/rplidar: no complete turn for {SCAN_TIMEOUT:g} s"]
     assert not bench.device.health().online
     assert bench.link.dtr[:4] == [False, True, False, True]
     assert 3 <= bench.asked().count(SCAN) <= 6
     bench.lidar.is_stuck = False
     bench.run(SCAN_TIMEOUT + RETRY_INTERVAL + 2.0)
-    assert bench.told("online") == ["/dev/rplidar: whole turns come again"]
+    assert bench.told("online") == ["/dev/rplidar: complete turns arrive again"]
     assert bench.device.scan().good
 
 
@@ -294,11 +294,11 @@ def test_a_new_connection_has_no_fresh_scan_of_the_one_before() -> None:
     bench.run(1.0)
     bench.device.on_connected()
     assert bench.device.scan().quality is Quality.STALE
-    assert "waiting for its first turn" in bench.device.health().detail
+    assert "waiting for the first complete turn" in bench.device.health().detail
 
 
 def test_an_unknown_model_is_refused() -> None:
-    with pytest.raises(ValueError, match="no model 'a9': there are a1, a2"):
+    with pytest.raises(ValueError, match=r"unknown model 'a9' .known: a1, a2"):
         RPLidar(SerialLink("range", "/dev/rplidar", BAUD), ManualClock(), model="a9")
 
 

@@ -200,7 +200,7 @@ def test_a_reset_in_mid_move_is_noticed_and_it_stays_until_it_is_asked_anew(benc
     bench.passes(2.0)
     left = bench.board.sent[-1]
     assert left[0] < 155
-    assert any("begun anew" in fault for fault in bench.faults())
+    assert any("has restarted" in fault for fault in bench.faults())
     assert bench.head.health().reconnected_at is not None
     bench.looks(70)
     assert bench.board.sent[-1][0] == 160

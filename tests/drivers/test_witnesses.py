@@ -78,7 +78,7 @@ def test_a_base_that_moves_as_it_believes_is_left_alone(velocity: Velocity, shar
 @pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0)])
 @pytest.mark.parametrize("reckoned", [True, False])
 def test_a_scan_that_does_not_change_tells_of_a_base_that_stands(velocity: Velocity, reckoned: bool) -> None:
-    assert "range finder sees does not change" in drive(velocity, going(ZERO_VELOCITY), reckoned=reckoned)
+    assert "view of its range finder does not change" in drive(velocity, going(ZERO_VELOCITY), reckoned=reckoned)
 
 
 def test_a_scan_tells_of_a_base_that_drives_the_other_way() -> None:

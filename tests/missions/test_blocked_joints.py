@@ -78,7 +78,7 @@ def test_behaviours_of_an_arm_fail_with_the_joint_and_its_angles(tmp_path: Path,
         given.append("arm turned wrist_flex to 50 deg at 1.5 s")
     found = ran(tmp_path, BEHAVIOURS[name], *given)
     assert found.result == "failure", found.reason
-    assert re.search(r"joint elbow_flex: commanded .* rad, stands at .* rad since .* s: blocked\?", found.reason)
+    assert re.search(r"joint elbow_flex: commanded .* rad, at .* rad for .* s: blocked\?", found.reason)
     assert found.seconds < 1.5 + ENDS_WITHIN
 
 

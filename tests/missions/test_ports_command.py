@@ -49,7 +49,7 @@ def test_each_port_says_what_it_is_how_to_call_it_and_what_is_in_the_way(
     )
     assert wanted in told.out
     assert told.out.startswith("/dev/ttyACM0  an Arduino, 2341:0043\n")
-    assert "  not asked: opening it starts an Arduino anew, which may move its servos\n" in told.out
+    assert "  not probed: opening it restarts an Arduino, which may move its servos\n" in told.out
     assert "    try: mission ports --ask /dev/ttyACM0  (hands off the robot)\n" in told.out
 
 

@@ -166,7 +166,7 @@ def test_robot_mine_runs_on_it(mission: Mission) -> None:
     mission("robot", "use", "turtlebot2_arm")
     told = mission("run", "greet", "--robot", "mine", "--port", "base=/dev/null", "--no-record")
     assert told.code == 3
-    assert "base: /dev/null: no serial port" in told.err
+    assert "base: /dev/null: not a serial port" in told.err
 
 
 def test_what_is_simulated_without_a_name_is_this_computers_robot(mission: Mission) -> None:

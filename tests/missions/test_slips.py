@@ -87,9 +87,9 @@ def test_what_is_no_serial_port_is_refused_before_anything_is_waited_for(
     Path("go.yaml").write_text("mission: go\ntree:\n  drive: 1 m\n")
     outcome = mission("run", "go.yaml", "--robot", "turtlebot2", "--port", f"base={port}")
     assert outcome.code == 3
-    assert outcome.err == f"mission: base: {port}: no serial port, but {what}\n  try: {PORTS_HINT}\n"
+    assert outcome.err == f"mission: base: {port}: not a serial port but {what}\n  try: {PORTS_HINT}\n"
     assert "waiting" not in outcome.out
-    with pytest.raises(NotConnected, match="no serial port"):
+    with pytest.raises(NotConnected, match="not a serial port"):
         open_port("base", port, 115200)
 
 
