@@ -92,7 +92,7 @@ class Fail(Leaf):
 
     tag = "fail"
     example = "- fail: no way out"
-    because: str = argument("text", "reason of the failure", default="told to fail", principal=True)
+    because: str = argument("text", "reason of the failure", default="failed as requested", principal=True)
 
     def update(self) -> Status:
         return self.fail(self.because)
@@ -115,5 +115,5 @@ class Pretend(Leaf):
         outcome = self.outcomes[self._next % len(self.outcomes)]
         self._next += 1
         if outcome is FAILURE:
-            return self.fail("told to fail")
+            return self.fail("failed as requested")
         return outcome

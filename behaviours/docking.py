@@ -156,7 +156,7 @@ def _search(homing: Homing, state: BaseState, now: float) -> tuple[Homing, Veloc
         homing = replace(homing, first_heading=first, last_heading=heading, beams=homing.beams | beams)
     if homing.first_heading is None:
         if abs(heading - homing.origin.heading) >= MAX_SEARCH_ANGLE:
-            return replace(homing, failure="no dock is heard in a full turn"), ZERO_VELOCITY
+            return replace(homing, failure="no dock beam received in a full turn"), ZERO_VELOCITY
         return homing, Velocity(0.0, homing.side * SWEEP_RATE)
     if now - homing.centre_heard_at < BEAM_HOLD_TIME:
         return homing, Velocity(0.0, homing.side * MEASURE_RATE)
@@ -179,7 +179,7 @@ def _drive(homing: Homing, state: BaseState, now: float, speed: float) -> tuple[
     beams = state.dock.centre
     if state.bumper or (homing.near and now - homing.since > CONTACT_TIMEOUT):
         if homing.misses + 1 == MAX_TRIES:
-            return replace(homing, failure=f"has missed the contacts of the dock {MAX_TRIES} times"), ZERO_VELOCITY
+            return replace(homing, failure=f"missed the dock's contacts {MAX_TRIES} times"), ZERO_VELOCITY
         return replace(
             _enter_stage(homing, HomingEvent.CONTACTS_MISSED, state, now), misses=homing.misses + 1, near=False
         ), ZERO_VELOCITY
@@ -199,7 +199,7 @@ def _drive(homing: Homing, state: BaseState, now: float, speed: float) -> tuple[
 
 def _cross(homing: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
     if _distance_gone(homing, state) > MAX_CROSSING_DISTANCE:
-        return replace(homing, failure="does not get in front of the dock"), ZERO_VELOCITY
+        return replace(homing, failure="could not get in front of the dock"), ZERO_VELOCITY
     beams = state.dock.left | state.dock.centre | state.dock.right
     if (beams and _sector_side(beams) != homing.side) or now - max(homing.beam_heard_at, homing.since) > BEAM_TIMEOUT:
         return _restart_search(replace(homing, side=-homing.side), state, now)
@@ -288,7 +288,7 @@ class DockLeaf(DelegatedMotion):
 
     def update_progress(self, state: BaseState) -> str:
         self.result = state.battery_percent
-        return "it docks by itself"
+        return "docking by its own action"
 
     def stop_reason(self, state: BaseState, steering: Steering) -> str:
         stage = None if self._homing is None else self._homing.stage

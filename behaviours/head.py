@@ -141,7 +141,7 @@ class _HeadTurnLeaf(Leaf):
         clamped = pose_difference(goal, target) > ARRIVAL_TOLERANCE
         wanted = f"{pose_text(goal)}, the limit for {pose_text(target)}" if clamped else pose_text(goal)
         if self._arrival.stuck and reading.value is not None:
-            return self.fail(f"the head rests at {pose_text(reading.value)} and does not come to {wanted}")
+            return self.fail(f"the head rests at {pose_text(reading.value)} and does not reach {wanted}")
         if not there:
             here = "the head is on its way" if reading.value is None else f"the head is at {pose_text(reading.value)}"
             return self.wait(f"{here}, on its way to {wanted}")
@@ -193,7 +193,7 @@ class LookAt(_HeadTurnLeaf):
     def update(self) -> Status:
         target = pose_towards(self.robot.camera_position, (self.x, self.y, self.z))
         if target is None:
-            return self.fail(f"({self.x:g}, {self.y:g}, {self.z:g}) m is where the camera is")
+            return self.fail(f"({self.x:g}, {self.y:g}, {self.z:g}) m is too close to the camera")
         limits = self.robot.head.limits
         if pose_difference(limits.clamp(target), target) > ARRIVAL_TOLERANCE:
             return self.fail(

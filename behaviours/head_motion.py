@@ -86,7 +86,7 @@ class _HeadGesture(_HeadSwing):
     def update(self) -> Status:
         home = self.start_pose()
         if home is None:
-            return self.wait("where the head looks is not known yet")
+            return self.wait("the head has not reported its pose yet")
         middle, amplitude = self.swing_range(home, self.axis)
         # No head turns sooner than it can come from side to side.
         half = max(self.period / 2, self.robot.head.limits.time_for(2 * amplitude))
@@ -99,14 +99,12 @@ class _HeadGesture(_HeadSwing):
         if self._arrival(reading, goal, self.run.now()):
             if self.robot.head.limits.measured and self._swing_angle < amplitude / 2:
                 far = f"{math.degrees(self._swing_angle):.1f} of {math.degrees(amplitude):.1f} deg"
-                return self.fail(f"the head turned by {far} only: blocked?")
+                return self.fail(f"the head turned by {far} only; is it blocked?")
             if note := unmeasured_note(self.robot.head):
                 self.feedback_message = f"back at {pose_text(goal)}{note}"
             return SUCCESS
         if self._arrival.stuck and reading.value is not None:
-            return self.fail(
-                f"the head rests at {pose_text(reading.value)} and does not come back to {pose_text(goal)}"
-            )
+            return self.fail(f"the head rests at {pose_text(reading.value)} and does not return to {pose_text(goal)}")
         return self.wait(f"back to {pose_text(goal)}")
 
 
@@ -160,7 +158,7 @@ class SweepHead(_HeadSwing):
     def update(self) -> Status:
         home, axis = self.start_pose(), "tilt" if self.vertical else "pan"
         if home is None:
-            return self.wait("where the head looks is not known yet")
+            return self.wait("the head has not reported its pose yet")
         middle, amplitude = self.swing_range(home, axis)
         limits = self.robot.head.limits
         # The steepest and the sharpest point of a sine are amplitude * w and amplitude * w**2.

@@ -167,7 +167,7 @@ class ReportWait:
         if self._waited_seconds < REPORT_TIMEOUT:
             return ""
         hint = f"; try: {health.hint}" if health.hint else ""
-        return f"{', '.join(sorted(silent))} cannot be moved: {health.detail or 'nothing is heard of it'}{hint}"
+        return f"{', '.join(sorted(silent))} cannot be moved: {health.detail or 'it does not report'}{hint}"
 
 
 ARM_ARGUMENT: str = argument("arm", "which arm, of a robot that has several", default="arm")

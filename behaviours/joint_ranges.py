@@ -131,7 +131,7 @@ class JointRanges:
     def speed_violations(self, speeds: Mapping[str, float]) -> list[str]:
         """Return an error for each joint whose speed (rad/s) exceeds its limit."""
         return [
-            f"{joint} at {degrees_text(speed)}/s is faster than it goes ({degrees_text(self.joints[joint].speed)}/s)"
+            f"{joint} at {degrees_text(speed)}/s exceeds its maximum speed ({degrees_text(self.joints[joint].speed)}/s)"
             for joint, speed in speeds.items()
             if joint in self.joints and speed > self.joints[joint].speed + LIMIT_TOLERANCE
         ]

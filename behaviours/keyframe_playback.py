@@ -321,7 +321,7 @@ class RecordMove(Leaf):
 
     def initialise(self) -> None:
         if self.move.path.exists():
-            raise BadRequest(f"{self.move.path} is there already: remove it, or choose another name")
+            raise BadRequest(f"{self.move.path} already exists: remove it, or choose another name")
         self._recording = self.move.begin(self.robot.joint_ranges.resolve(self.joints))
 
     def update(self) -> Status:

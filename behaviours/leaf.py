@@ -307,7 +307,7 @@ class Leaf(HaltableNode):
     def _overrun_failure(self, seconds: float) -> Status:
         """Fail, and record the overrun, for a tick that the watchdog ended after so many seconds."""
         self.run.overrun_failure = self.key, round(seconds, 1)
-        return self.fail(f"{self.label}: held the tick for {seconds:.1f} s")
+        return self.fail(f"{self.label}: blocked the tick for {seconds:.1f} s")
 
     def _handle_exception(self, error: BaseException) -> Status:
         """Return the status that follows from an exception. Raises KeyboardInterrupt again if it came from the user."""

@@ -108,7 +108,7 @@ class WalkLeaf(WalkMotion):
         self._at = state.pose
         gone = self.result = self._distance_gone
         if self.distance is not None and self.velocity == 0.0:
-            return self.fail("with a velocity of 0 it gets nowhere")
+            return self.fail("the velocity is 0")
         if self.distance is None:
             return self.steer(Velocity(self.velocity, self.turn), f"{gone:.2f} m")
         way = math.copysign(1.0, self.distance)
@@ -165,10 +165,10 @@ class Fallen(BaseCondition):
 
     def judge(self, state: BaseState) -> Status:
         if state.lean is None and state.fallen:
-            self.feedback_message = "its legs bear nothing"
+            self.feedback_message = "its legs carry no load"
             return SUCCESS
         if state.lean is None:
-            return self.fail("nothing measures how it stands")
+            return self.fail("no sensor measures how it stands")
         self.feedback_message = f"it leans by {math.degrees(state.lean):.0f} deg"
         return SUCCESS if state.fallen else self.fail(self.feedback_message)
 
@@ -321,11 +321,11 @@ class GetUp(PlaybackLeaf):
             if not reading.value.fallen:
                 return self.fail("it has not fallen")
             if abs(attitude.value.pitch) < MAX_SIDE_PITCH:
-                return self.fail("it lies on its side: nothing is known for that")
+                return self.fail("it lies on its side: there is no movement for that")
             word, where = ("front", "face") if attitude.value.pitch > 0 else ("back", "back")
             self._chosen = self.front if word == "front" else self.back
             if self._chosen is None:
-                return self.fail(f"it lies on its {where}, and knows no movement from there: give `{word}`")
+                return self.fail(f"it lies on its {where}: give the movement `{word}`")
         return super().update()
 
     def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:

@@ -199,7 +199,7 @@ class Mirror(_LeaderFollowerLeaf):
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         if self.other_leader_arm is None and not (self.leader and self.follower):
-            return ["it needs a leader and a follower, or a leader_arm that is another arm than it moves"]
+            return ["needs leader and follower, or a leader_arm other than the arm that it moves"]
         leading = reach.of_arm(self.other_leader_arm)
         if unknown := [*leading.unknown_names(self.leader), *reach.unknown_names((*self.follower, *self.by_range))]:
             return unknown
@@ -209,7 +209,7 @@ class Mirror(_LeaderFollowerLeaf):
         both = followers if self.other_leader_arm is None else ()
         wrong = [f"'{joint}' cannot both lead and follow" for joint in leaders if joint in both]
         if not leaders:
-            wrong.append(f"the {leading.name} has no joint of the name of one that is to follow: name them")
+            wrong.append(f"the {leading.name} has no joint with the name of a follower: name the leaders")
         if len(leaders) != len(followers):
             wrong.append(f"{_count(leaders)} cannot lead {_count(followers)}")
         strange = dict.fromkeys(joint for joint in (*self.scales, *self.offsets) if joint not in followers)
@@ -254,7 +254,7 @@ class Mirror(_LeaderFollowerLeaf):
 
     def state_text(self) -> str:
         followers = ", ".join(each.follower for each in self._couplings)
-        return f"{followers} {'follow' if self._following else 'come to where they belong'}"
+        return f"{followers} {'follow' if self._following else 'approach their goals'}"
 
 
 class FollowJoint(_LeaderFollowerLeaf):

@@ -124,8 +124,8 @@ class NavigateThrough(Navigate):
 def find_place(places: Any, name: str) -> tuple[float, float, float, str]:
     """Return x, y, heading and frame of a place. Raises BadRequest that lists the known places."""
     if name not in places:
-        there = ", ".join(sorted(places)) or "none yet"
-        raise BadRequest(f"there is no place '{name}': there are {there}", hint=f"mission ros2 place add {name}")
+        there = ", ".join(sorted(places)) or "none"
+        raise BadRequest(f"unknown place '{name}'; places: {there}", hint=f"mission ros2 place add {name}")
     found: tuple[float, float, float, str] = places[name]
     return found
 
@@ -241,17 +241,17 @@ def field_value(value: Any, path: str) -> Any:
             try:
                 value = value[int(part[1:-1])]
             except (ValueError, TypeError, IndexError) as error:
-                raise LookupError(f"'{part}' is no place of a list of {_length(value)}") from error
+                raise LookupError(_index_error(part[1:-1], value)) from error
         elif not isinstance(value, dict) or part not in value:
-            there = ", ".join(value) if isinstance(value, dict) else "no fields"
-            raise LookupError(f"no '{part}' in it: there are {there}")
+            fields = ", ".join(value) if isinstance(value, dict) else "none"
+            raise LookupError(f"unknown field '{part}'; fields: {fields}")
         else:
             value = value[part]
     return value
 
 
-def _length(value: Any) -> int:
-    return len(value) if isinstance(value, list) else 0
+def _index_error(index: str, value: Any) -> str:
+    return f"index {index} out of range (length {len(value)})" if isinstance(value, list) else "not a list"
 
 
 def as_json(values: Any) -> str:

@@ -38,7 +38,7 @@ class Ros2RequestLeaf(Leaf):
 
     def update(self) -> Status:
         if self._request_number is None:
-            return self.fail("it was not begun")
+            return self.fail("the request was not sent")
         return self.follow(self._request_number)
 
     def follow(self, number: int) -> Status:

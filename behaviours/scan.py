@@ -65,15 +65,15 @@ class Scan(Leaf):
         reading = head.pose()
         aim = self._setpoint or reading.value
         if place is None:
-            return self.fail("nothing of the area is within the head's limits")
+            return self.fail("no part of the area is within the head's limits")
         if aim is None:
-            return self.wait("where the head looks is not known yet")
+            return self.wait("the head has not reported its pose yet")
         self._setpoint = head.look(step_towards(place, aim, self.speed * min(now - self._ticked_at, MAX_STEP_TIME)))
         self._ticked_at = now
         told = pose_difference(self._setpoint, place) <= ARRIVAL_TOLERANCE / 10
         there = self._arrival(reading, self._setpoint, now) and told
         if self._arrival.stuck and reading.value is not None:
-            return self.fail(f"the head rests at {pose_text(reading.value)} and does not come to {pose_text(place)}")
+            return self.fail(f"the head rests at {pose_text(reading.value)} and does not reach {pose_text(place)}")
         number, self.result = self._number, reading.value
         if self._has_passed(sent=told, arrived=there) if self.smooth else self._has_dwelt(there, now):
             self._advance()

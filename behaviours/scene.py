@@ -48,7 +48,7 @@ class SceneUniform(_PictureCondition):
         if scene.contrast <= self.contrast:
             self.feedback_message = f"the picture is uniform, with a brightness of {scene.brightness:.0f} of 255"
             return SUCCESS
-        return self.fail(f"the picture shows something: its contrast is {scene.contrast:.0f}")
+        return self.fail(f"the picture is not uniform: its contrast is {scene.contrast:.0f}")
 
 
 class Dark(_PictureCondition):
@@ -91,6 +91,6 @@ class MotionSeenLeaf(_PictureCondition):
 
     def judge(self, scene: Scene) -> Status:
         if scene.motion is None:
-            return self.fail("the eyes do not look for motion")
+            return self.fail("motion detection is off")
         self.feedback_message = f"{scene.motion:.1%} of the picture moves"
         return SUCCESS if scene.motion >= self.share else self.fail(self.feedback_message)

@@ -70,7 +70,7 @@ class SweepLeaf(JointMotion):
         strange = [joint for joint in self.phases if joint not in joints]
         return [
             *reach.limit_violations(dict.fromkeys(joints, end) for end in self.between),
-            *(f"there is a phase for '{joint}', which is not to move" for joint in strange),
+            *(f"there is a phase for '{joint}', which does not move" for joint in strange),
         ]
 
     def moved_joints(self) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ class SpeechLeaf(Leaf):
         if not said.cancelled:
             return SUCCESS
         if self._again:
-            return self.fail("broken off")
+            return self.fail("interrupted")
         self._begin()  # which raises NotConnected until the voice is back
         self._again = True
         return self.wait(self.activity)

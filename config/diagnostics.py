@@ -126,9 +126,9 @@ def _word_processor_hint(fault: Diagnostic) -> str:
     begin = fault.mark.column - 1
     marked = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
     if (quote := SMART_QUOTES.search(marked)) is not None:
-        return f"{quote[0]} is no quote here: write \" or '"
+        return f"{quote[0]} is not a quote here: write \" or '"
     if (blank := ODD_SPACES.search(marked)) is not None:
-        return f"there is a sign in it that looks like a blank, or like nothing (U+{ord(blank[0]):04X}): write it anew"
+        return f"it contains an unusual space or an invisible character (U+{ord(blank[0]):04X}): type it again"
     return ""
 
 

@@ -35,7 +35,7 @@ def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -
             yield there
         return
     if target.exists() and not os.access(target, os.W_OK):
-        raise PermissionError(errno.EACCES, "it is write-protected", str(path))
+        raise PermissionError(errno.EACCES, "write-protected", str(path))
     mode = mode if mode is not None else _mode_of(target)
     number, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")  # for its owner only
     try:
@@ -145,7 +145,7 @@ def _unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in found if names.count(name) > 1)
-        raise ValueError(f"'{twice[:60]}' is there twice")
+        raise ValueError(f"'{twice[:60]}' is a duplicate member")
     return found
 
 
@@ -177,4 +177,4 @@ def _regular(path: str, flags: int) -> int:
 
 def _check_regular(path: str, status: os.stat_result) -> None:
     if not S_ISREG(status.st_mode) and not S_ISDIR(status.st_mode):  # of a folder, the system says so itself
-        raise OSError(EINVAL, "it is a pipe or a device, and no file", path)
+        raise OSError(EINVAL, "not a regular file", path)

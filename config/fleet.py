@@ -58,10 +58,10 @@ def refusal_reason(endpoint: str, *, certified: bool) -> str:
     protocol, slash, place = endpoint.partition("/")
     host, colon, port = place.partition("#")[0].rpartition(":")
     if not (slash and colon and host and port.isdecimal()) or protocol not in ("tcp", *SECURE_PROTOCOLS):
-        return f"'{endpoint}' is no endpoint"
+        return f"'{endpoint}' is not an endpoint"
     if protocol in SECURE_PROTOCOLS:
         return "" if certified else f"'{endpoint}' needs the keys of the fleet"
-    return "" if _is_loopback(host) else f"'{endpoint}' would be open to the network, without keys"
+    return "" if _is_loopback(host) else f"'{endpoint}' would be open to the network without encryption"
 
 
 def _is_loopback(host: str) -> bool:

@@ -89,12 +89,12 @@ def _find_user_file(kind: str, name: str) -> Path | None:
     if kind == "robots" and name == OWN_ROBOT:
         mine = load_defaults().robot
         if not mine or mine == OWN_ROBOT:
-            raise UnknownNameError("no robot is this computer's own; `mission robot use NAME` makes one so")
+            raise UnknownNameError("this computer has no robot of its own: set one with `mission robot use NAME`")
         try:
             return find_file(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
         except UnknownNameError as error:
             where = f"{config_folder() / DEFAULTS_FILE}: 'robot': {error}"
-            cure = "`mission robot use NAME` names another, `mission robot use --none` forgets it"
+            cure = "set another with `mission robot use NAME`, or none with `mission robot use --none`"
             raise UnknownNameError(f"{where}; {cure}") from None
     return user_files(kind).get(name)
 
@@ -104,9 +104,7 @@ def _missing_folder_notes(kind: str) -> list[str]:
     from config.defaults import DEFAULTS_FILE, config_folder, missing_folders, unreadable_folders  # noqa: PLC0415 - rarely needed
 
     missing = missing_folders()
-    gone = (
-        [f"{config_folder() / DEFAULTS_FILE} names folders that are not there: {', '.join(missing)}"] if missing else []
-    )
+    gone = [f"{config_folder() / DEFAULTS_FILE} names missing folders: {', '.join(missing)}"] if missing else []
     return [*gone, *unreadable_folders(kind)]
 
 

@@ -100,7 +100,7 @@ def site_of(url: str) -> str:
         or parts.port == 0
         or "@" in parts.netloc
     ):
-        raise ValueError("no address of a web server")
+        raise ValueError("not the address of a web server")
     return f"{parts.scheme}://{parts.netloc}"
 
 
@@ -135,7 +135,7 @@ class MqttKeys:
             message = f"'topic' names one topic, without + and #: '{self.topic}'"
             yield KeyDiagnostic(message, ("topic",), hint="home/robot", about=(("topic",),))
         if self.password and not self.user:
-            yield KeyDiagnostic("'mqtt' has a password and no user", hint="user: robot")
+            yield KeyDiagnostic("'mqtt' has a password but no user", hint="user: robot")
 
 
 _COMMAND = ValueConstraints(
@@ -147,7 +147,7 @@ _COMMAND = ValueConstraints(
 class NoticeKeys:
     """Keys of one channel for notices."""
 
-    unknown = "a notice cannot go by '{}'"
+    unknown = "unknown channel of notices: '{}'"
 
     command: Annotated[tuple[str, ...], _COMMAND] | None = key(
         default=None, help="Program and its arguments; it gets notices as JSON on its standard input."
@@ -186,7 +186,7 @@ class NoticeKeys:
             yield KeyDiagnostic(message, ("webhook",), hint="https://...", about=(("webhook",),))
 
 
-NO_CHANNEL_ERROR = "a notice needs one way to go"
+NO_CHANNEL_ERROR = "a notice needs exactly one channel"
 CHANNELS_HINT = f"one of: {', '.join(NOTICE_KINDS)}"
 
 NoticeEntry = (

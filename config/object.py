@@ -77,7 +77,7 @@ def read_phrase(text: str) -> ObjectConfig:
     if words:
         known = [*SHAPES, *(FORMS if form == "thing" else ())]
         raise ValueError(
-            f"{quoted_value(text)}: '{words[0]}' is no shape here; {did_you_mean(words[0], known) or PHRASE_EXAMPLES}"
+            f"{quoted_value(text)}: '{words[0]}' is not a shape; {did_you_mean(words[0], known) or PHRASE_EXAMPLES}"
         )
     if "thing" not in (form, shape) and form != shape:
         raise ValueError(f"{quoted_value(text)}: is it a ball or a box?")
@@ -89,9 +89,9 @@ def _missing_colour_error(words: list[str], text: str) -> str:
     if not words:
         return f"{quoted_value(text)}: which colour? {PHRASE_EXAMPLES}"
     if words[0] in COLOURS:
-        return f"{quoted_value(text)}: {words[0]} things cannot be told from a room; colours are: {', '.join(HUES)}"
+        return f"{quoted_value(text)}: {words[0]} things cannot be distinguished from a room; colours are: {', '.join(HUES)}"
     hint = did_you_mean(words[0], [*HUES, *SIZES]) or f"colours are: {', '.join(HUES)}"
-    return f"{quoted_value(text)}: '{words[0]}' is no colour; {hint}"
+    return f"{quoted_value(text)}: '{words[0]}' is not a colour; {hint}"
 
 
 def _summary(colour: str, size: float | None) -> str:

@@ -186,7 +186,7 @@ def _named_parts(fields: Fields) -> dict[str, PartKind]:
             continue
         if re.fullmatch(PART_NAME, name.text) is None:
             hint = "write small letters, digits and '_', beginning with a letter"
-            fields.add_error(name.mark, f"a part cannot be called '{name.text}'", hint, sure=True)
+            fields.add_error(name.mark, f"invalid name of a part: '{name.text}'", hint, sure=True)
         named = kind.text if isinstance(kind, Scalar) else ""
         if named not in several:
             told = f"'kind' cannot be {quoted_value(value_of(kind))}: only of {' and '.join(several)} a robot may have several"
@@ -234,7 +234,7 @@ def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Se
             continue
         port = getattr(section.keys, "port", "")
         if port and (first := ports.setdefault(port, kind)) != kind:
-            add_mistakes(fields, [KeyDiagnostic(f"port {port} is that of '{first}'", ("port",))])
+            add_mistakes(fields, [KeyDiagnostic(f"port {port} is used by '{first}' already", ("port",))])
         if driver.check is not None:
             try:
                 mistakes = list(driver.check(section.keys, keys))

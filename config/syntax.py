@@ -16,13 +16,13 @@ _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U001
 _INDENT = "indent with spaces"
 _QUOTES = "put quotes around the text"
 _ERRORS_BY_CONTEXT = {
-    "while scanning a quoted scalar": ("a quote is opened here and not closed", ""),
+    "while scanning a quoted scalar": ("unclosed quote", ""),
     "while scanning an alias": ("'*' cannot begin a text", _QUOTES),
     "while scanning an anchor": ("'&' cannot begin a text", _QUOTES),
     "while parsing a flow sequence": ("'[' needs a ',' between its values and a ']' at its end", ""),
     "while parsing a flow mapping": ("'{' needs a ',' between its values and a '}' at its end", ""),
-    "while parsing a block mapping": ("this line does not fit in here", "indent it as its neighbours"),
-    "while parsing a block collection": ("this line does not fit in here", "indent it as its neighbours"),
+    "while parsing a block mapping": ("unexpected indentation", "indent it like the lines around it"),
+    "while parsing a block collection": ("unexpected indentation", "indent it like the lines around it"),
 }
 """Message and hint for the usual error in each parser context."""
 
@@ -148,7 +148,7 @@ def _under_dash(source: SourceText, number: int) -> Diagnostic | None:
 
 
 def _of_key(source: SourceText, mark: Mark, word: str, behind_dash: str) -> Diagnostic:
-    hint = f"indent it by two more blanks, under '{behind_dash}'"
+    hint = f"indent it by two more spaces, under '{behind_dash}'"
     above = (re.match(r"( *(?:- +)*)(\w+):", source.line(at)) for at in range(mark.line - 1, 0, -1))
     owner = next((found for found in above if found is not None and len(found[1]) < mark.column - 1), None)
     hint += f", or outdent it, to stand below '{owner[2]}'" if owner is not None else ""
@@ -258,8 +258,8 @@ def replace_odd_spaces(source: SourceText) -> tuple[str, list[Diagnostic]]:
             lines[at] = re.sub(f"[{ODD_SPACES}]", " ", found[0]) + line[found.end() :]
             odd = next(place for place, sign in enumerate(line) if sign in ODD_SPACES)
             mark = Mark(at + 1, odd + 1)
-            message = f"a blank that does not break (U+{ord(line[odd]):04X}), which YAML takes for a letter"
-            faults.append(Diagnostic(source, mark, message, "write a plain blank", frozenset({at + 1})))
+            message = f"a non-breaking space (U+{ord(line[odd]):04X}), which YAML treats as a letter"
+            faults.append(Diagnostic(source, mark, message, "write a normal space", frozenset({at + 1})))
     return "".join(lines), faults
 
 

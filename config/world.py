@@ -197,12 +197,12 @@ class WorldConfig:
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield items that do not fit, duplicate names and keys, and changes of light out of order."""
         if self.camera.noise is not None and self.grain is not None:
-            yield KeyDiagnostic("'noise' stands twice: here and at the top of the file", ("camera", "noise"))
+            yield KeyDiagnostic("'noise' is given twice: here and at the top of the file", ("camera", "noise"))
         before = 0.0
         for place, change in enumerate(self.light_changes):
             if change.at < before:
                 at = ("light", place, "at")
-                yield KeyDiagnostic("'at': changes of light stand in the order of time", at, about=(("light",),))
+                yield KeyDiagnostic("'at': changes of light must be in the order of time", at, about=(("light",),))
             before = change.at
         for word, names in (
             ("objects", [each.name for each in self.objects]),
@@ -212,7 +212,7 @@ class WorldConfig:
             for place, name in enumerate(names):
                 if name in names[:place]:
                     at = (word, place, "name")
-                    yield KeyDiagnostic(f"'{name}' is the name of another of the {word} already", at, about=(at,))
+                    yield KeyDiagnostic(f"'{name}' is a duplicate name in '{word}'", at, about=(at,))
         yield from FloorPlan(self).diagnostics()
 
 

@@ -264,11 +264,11 @@ class ActConfig:
             hint = "such as {at: 5 s, ...} or {hears: hello, ...}"
             yield KeyDiagnostic("an act needs either 'at' or 'hears'", hint=hint)
         elif self.at is not None and self.delay is not None:
-            yield KeyDiagnostic("'after' is for what somebody hears; 'at' says when already")
+            yield KeyDiagnostic("'after' needs 'hears': 'at' sets the time already")
         elif self.at is not None and self.often is not None:
-            yield KeyDiagnostic("'times' is for what somebody hears; what has a time is done once")
+            yield KeyDiagnostic("'times' needs 'hears': an act with 'at' is done once")
         if not (self.say or self.nod or self.leave or self.turn is not None):
-            yield KeyDiagnostic("nothing is done here", hint="an act needs one of: say, nod, turn, leave")
+            yield KeyDiagnostic("the act does nothing", hint="an act needs one of: say, nod, turn, leave")
 
 
 @keys

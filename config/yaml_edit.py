@@ -30,17 +30,17 @@ def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
     for key in keys[:-1]:
         found = node.get(key) if isinstance(node, Mapping) else None
         if not isinstance(found, Mapping):
-            raise NotEditableError(f"{source.name}: there is no '{key}' to write into")
+            raise NotEditableError(f"{source.name}: there is no section '{key}'")
         node = found
     if not isinstance(node, Mapping):
-        raise NotEditableError(f"{source.name}: it is no mapping")
+        raise NotEditableError(f"{source.name}: not a mapping")
     old = node.get(keys[-1])
     if isinstance(old, Scalar):
         return _replace_at(source.text, old.mark, value, length=old.mark.length)
     if isinstance(old, Listing) and (list_ := _FLOW.match(source.line(old.mark.line), old.mark.column - 1)):
         return _replace_at(source.text, old.mark, value, length=len(list_[0]))
     if old is not None:
-        raise NotEditableError(f"{source.name}: '{keys[-1]}' is neither one value nor a list on one line")
+        raise NotEditableError(f"{source.name}: '{keys[-1]}' is not a single value or a list on one line")
     return _add(source.text, node, f"{keys[-1]}: {value}")
 
 
@@ -56,7 +56,7 @@ def without_key(source: SourceText, key: str) -> str:
         line = source.line(name.mark.line)
         alone = name.mark.column == 1 and line.startswith((key, f'"{key}"', f"'{key}'"))
         if not (alone and isinstance(value, Scalar) and value.mark.line == name.mark.line and "\n" not in value.text):
-            raise NotEditableError(f"{source.name}: '{key}' is written in a way that cannot be removed: do it yourself")
+            raise NotEditableError(f"{source.name}: '{key}' cannot be removed automatically: remove it by hand")
         lines[name.mark.line - 1] = ""
     return "".join(lines)
 
@@ -80,7 +80,7 @@ def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> 
         right = False
     if not right:
         what = "; ".join(": ".join((*keys, value)) for keys, value in values.items())
-        raise NotEditableError(f"{source.name}: it is written in a way that cannot be changed here; write {what}")
+        raise NotEditableError(f"{source.name}: it cannot be edited automatically; write {what}")
     return text
 
 

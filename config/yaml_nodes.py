@@ -218,7 +218,7 @@ class _Composer:
     def _no_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
             hint = "put quotes around a text that begins with '!'"
-            add_diagnostic(self.faults, Diagnostic(self.source, mark, "a YAML tag, which means nothing here", hint))
+            add_diagnostic(self.faults, Diagnostic(self.source, mark, "YAML tags are not supported", hint))
 
     def _check_depth(self, mark: Mark, more: int) -> None:
         if len(self._open) + more > MAX_DEPTH:
@@ -239,7 +239,7 @@ class _Composer:
         if found is None:
             self._fatal(mark, f"unknown alias '*{name}'", "put quotes around a text that begins with '*'")
         if any(found.node is outer.node for outer in self._open):
-            self._fatal(mark, f"alias '*{name}' stands inside what it names")
+            self._fatal(mark, f"alias '*{name}' refers to itself")
         # An alias costs what it expands to: this is what makes a "YAML bomb" harmless.
         self._check_depth(mark, found.height)
         self._count += found.size - 1
@@ -248,7 +248,7 @@ class _Composer:
     def _add(self, node: Node, mark: Mark, *, height: int = 0) -> None:
         self._count += 1
         if self._count > MAX_NODES:
-            self._fatal(mark, f"more than {MAX_NODES:,} nodes, aliases counted")
+            self._fatal(mark, f"more than {MAX_NODES:,} nodes, including aliases")
         if not self._open:
             self.root = node
             return
@@ -265,7 +265,7 @@ class _Composer:
 
     def _check_twice(self, parent: _OpenCollection, key: Scalar) -> None:
         if key.text in parent.keys:
-            message = f"'{key.text}' stands here again (first at line {parent.keys[key.text]})"
+            message = f"'{key.text}' is a duplicate key (first at line {parent.keys[key.text]})"
             add_diagnostic(self.faults, Diagnostic(self.source, key.mark, message))
         parent.keys.setdefault(key.text, key.mark.line)
 

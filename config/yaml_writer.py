@@ -51,7 +51,7 @@ def write_new(path: Path, text: str) -> None:
                 path.unlink(missing_ok=True)
                 raise
     except FileExistsError as error:
-        raise FileExistsError(f"{path} is there already, and is not written over: give another name") from error
+        raise FileExistsError(f"{path} already exists: choose another name") from error
     sync_folder(path.parent)
 
 

@@ -117,7 +117,7 @@ def _main() -> None:
     if problems:
         told = [f"  {name}: {found}" for name, found in problems.items()]
         tried = [f"  {'then' if place else 'try'}: {cure}" for place, cure in enumerate(shadowing_fixes(problems))]
-        sys.exit("\n".join(["mission: another module hides a part of MissionTree:", *told, *tried]))
+        sys.exit("\n".join(["mission: another module shadows a package of MissionTree:", *told, *tried]))
     import_module("missions.cli.root").main()
 
 

@@ -84,7 +84,7 @@ class DelegatedMotion(BaseMotion):
         """Start the action again. Fails if it is no longer offered, rather than driving without it."""
         goal = self.delegate(self.robot.ros2)
         if goal is None and not self.is_finished(self.state()):
-            return self.fail("the action is not offered any more: what drove the base has gone")
+            return self.fail("the action is no longer offered: its server has disconnected")
         self._goal, self._seen_at, self._cancelled_at = goal, None, None
         self._clock.restart()
         return self.wait("begun again")
@@ -217,7 +217,7 @@ class GoTo(DelegatedMotion, Spin):
         if self._tries == MAX_TRIES:
             missed = self.result if isinstance(self.result, float) else 0.0
             return self.fail(f"missed the place by {length_text(missed)}")
-        return self.wait("missed the place: once more")
+        return self.wait("missed the place, trying again")
 
     def _turn_to_heading(self, state: BaseState) -> Status:
         if self.heading is None:

@@ -336,9 +336,9 @@ def obstacle_reason(state: BaseState, direction: MotionDirection, steering: Stee
 def override_reason(steering: Steering) -> str:
     """Return who has control of the base instead of the mission, or an empty text."""
     if steering.source is Source.TELEOP:
-        return "teleoperation has the wheels"
+        return "teleoperation has control"
     if steering.source is Source.SAFETY:
-        return steering.reason or "a reflex has the wheels"
+        return steering.reason or "a reflex has control"
     return ""
 
 

@@ -132,7 +132,7 @@ class AssembledRobot:
         if self.simulation is not None:
             steps.append(("simulation", self.simulation.close))
         if self.lags is not None:
-            steps.append(("what was learnt of the delays", self.lags.save))
+            steps.append(("learnt delays", self.lags.save))
         for name, step in steps:
             try:
                 step()

@@ -67,7 +67,7 @@ class OnDemandSight:
 
     def _fresh_sight(self) -> Sight:
         if not self._asks():
-            raise NotConnected("camera: its pictures were not searched for a while; the next ones are")
+            raise NotConnected("camera: detection was paused and has restarted")
         return self._sight
 
 

@@ -157,15 +157,15 @@ def gallery(camera: CameraKeys, report: StatusCallback) -> FaceRecogniser:
     try:
         if people.restrict_access():
             report(
-                DeviceStatus("camera", "fault", f"others could read the pictures of people in {people.folder}; not now")
+                DeviceStatus("camera", "fault", f"pictures of people in {people.folder} were readable by others: fixed")
             )
         portraits = people.portraits(told)
     except PeopleError as error:
-        report(DeviceStatus("camera", "fault", f"nobody can be recognised: {error}", error.hint))
+        report(DeviceStatus("camera", "fault", f"people cannot be recognised: {error}", error.hint))
         return NullRecogniser()
     if not portraits:
         report(
-            DeviceStatus("camera", "fault", "it knows nobody yet, so that all are unknown", "mission person add NAME")
+            DeviceStatus("camera", "fault", "no people are known yet, so all are unknown", "mission person add NAME")
         )
         return NullRecogniser()
     if camera.identity.method == "sface":

@@ -38,7 +38,7 @@ class MicrophoneEars:
             listener,
             worker,
             on_trouble=lambda error: report(
-                DeviceStatus(microphone.name, "fault", f"what was said could not be searched: {error}")
+                DeviceStatus(microphone.name, "fault", f"speech could not be processed: {error}")
             ),
         )
 

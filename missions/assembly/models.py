@@ -73,7 +73,7 @@ def fetch(
     """Download a model into the folder ``where`` and return its path; ``on_progress`` gets the number of bytes."""
     source = url or model.url
     if not source.startswith(("https://", "http://")):
-        raise FetchError(f"{model.name}: '{source}' is no address of a web server", hint="https://...")
+        raise FetchError(f"{model.name}: '{source}' is not the address of a web server", hint="https://...")
     target = where / model.file
     try:
         where.mkdir(parents=True, exist_ok=True)
@@ -115,7 +115,7 @@ def _download(model: ModelFile, source: str, file: BinaryIO, on_progress: Callab
     except URLError as error:
         raise FetchError(f"{who}: cannot be reached: {error.reason}", hint=elsewhere) from error
     except (HTTPException, TimeoutError, ConnectionError) as error:
-        raise FetchError(f"{who}: broke off after {size} bytes: {error}", hint="type the same again") from error
+        raise FetchError(f"{who}: interrupted after {size} bytes: {error}", hint="type the same again") from error
     if sum256.hexdigest() != model.sha256:
         raise FetchError(
             f"{who}: is not the file that was published: {size} bytes with SHA-256 {sum256.hexdigest()}, "

@@ -133,7 +133,7 @@ def make_simulated_ears(
             changed=changed,
         )
     )
-    why = "people's words come as text: nothing speaks and understands them"
+    why = "people's speech arrives as text: no synthesis or recognition is installed"
     report(DeviceStatus("microphone", "fault", why, extra_hint("speak", extra_hint("listen"))))
     return text, text.hear
 

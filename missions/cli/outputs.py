@@ -62,7 +62,7 @@ def check_writable(path: Path, option: str) -> None:
         if target.is_symlink() or (target.exists() and not target.is_file()):
             raise OSError(EEXIST, "it is not a regular file")
         if target.exists() and not os.access(target, os.W_OK):
-            raise PermissionError("it is write-protected")
+            raise PermissionError("write-protected")
         if not target.parent.is_dir():
             raise NotADirectoryError(ENOTDIR if target.parent.exists() else ENOENT, "no such folder")
         with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name[:100]}.") as probe:

@@ -194,7 +194,7 @@ class Watchdog:
             self._handle(LoopEvent.REPEAT)
             self._stop_actuators()
         if silence > self.limits.lost:
-            self._give_up("failure", f"{self._culprit(leaf)}: held the tick for over {self.limits.lost:g} s")
+            self._give_up("failure", f"{self._culprit(leaf)}: blocked the tick for over {self.limits.lost:g} s")
 
     def _handle(self, event: LoopEvent) -> None:
         self._loop = TRANSITIONS.get((self._loop, event), LoopState.STALLED)

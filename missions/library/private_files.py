@@ -44,7 +44,7 @@ class EarlierFile:
         if not path.is_file() or path.is_symlink():
             return
         if not os.access(path, os.W_OK):
-            raise PermissionError(errno.EACCES, "it is write-protected", str(path))
+            raise PermissionError(errno.EACCES, "write-protected", str(path))
         number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.")
         os.close(number)
         self._backup = path.replace(name)

@@ -43,10 +43,10 @@ class NodeState:
     since: float = 0.0
 
 
-Key = Annotated[str, "Its place in the tree: the root is 1, the root's second child 1.2. Modifiers have a place, too."]
-Line = Annotated[int, "The line of the file on which it stands.", Bound(low=1)]
-StatusNow = Annotated[Status, "What it does at that moment; idle where the tree does not run."]
-Reason = Annotated[str, "Why it failed, or what it waits for; empty where there is nothing to say."]
+Key = Annotated[str, "Key of the node: the root is 1, the root's second child 1.2. Modifiers have keys, too."]
+Line = Annotated[int, "Line of the file.", Bound(low=1)]
+StatusNow = Annotated[Status, "Status at that time; idle if the tree does not run."]
+Reason = Annotated[str, "Reason of a failure or a wait; empty otherwise."]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ class Badge:
     """Modifier, drawn on the node that it modifies."""
 
     key: Key
-    kind: Annotated[str, "The word of the modifier, such as timeout."]
-    text: Annotated[str, "Its value, as the file has it."]
+    kind: Annotated[str, "Tag of the modifier, such as timeout."]
+    text: Annotated[str, "Value as in the file."]
     line: Line
     status: StatusNow = "idle"
     reason: Reason = ""
@@ -65,29 +65,27 @@ class Badge:
 class TreeBox:
     """Node that is not a modifier."""
 
-    derived: ClassVar[Mapping[str, str]] = {"title": "What a person reads first."}
+    derived: ClassVar[Mapping[str, str]] = {"title": "Title for people."}
 
     key: Key
-    kind: Annotated[str, "The word of the behaviour, such as sequence or drive."]
-    name: Annotated[str, "The name that events have; its kind, where the file gives it none."]
-    symbol: Annotated[str, "The sign of its kind."]
-    file: Annotated[str, "The file in which it stands."]
+    kind: Annotated[str, "Tag of the behaviour, such as sequence or drive."]
+    name: Annotated[str, "Name in events; by default the tag."]
+    symbol: Annotated[str, "Symbol of the kind."]
+    file: Annotated[str, "File of the step."]
     line: Line
-    said: Annotated[str, "What stands behind the word, where that is one value: then it is the one argument, too."] = ""
-    arguments: Annotated[
-        Mapping[str, str], "What the file says of its arguments, in the order of the file; defaults are left out."
-    ] = field(default_factory=dict)
-    badges: Annotated[tuple[Badge, ...], JsonName("modifiers"), "The modifiers beside it, the outermost first."] = ()
-    keep_as: Annotated[str, JsonName("as"), "The variable that keeps its result, if any."] = ""
-    case: Annotated[
-        str, "The case for which a switch chooses it, `else` for the default; empty where its parent is no switch."
-    ] = ""
-    mission: Annotated[str, "The mission that it runs; empty where it is no sub-mission."] = ""
+    said: Annotated[str, "Value after the tag, if it is a single value; it is the only argument, too."] = ""
+    arguments: Annotated[Mapping[str, str], "Arguments in the order of the file, without defaults."] = field(
+        default_factory=dict
+    )
+    badges: Annotated[tuple[Badge, ...], JsonName("modifiers"), "Modifiers, the outermost first."] = ()
+    keep_as: Annotated[str, JsonName("as"), "Output variable, if any."] = ""
+    case: Annotated[str, "Case of the parent switch, `else` for the default; empty without a switch."] = ""
+    mission: Annotated[str, "Mission that the node runs; empty if it is not a sub-mission."] = ""
     status: StatusNow = "idle"
     reason: Reason = ""
-    since: Annotated[float | None, "Since when it has had its status: seconds from the start of the run."] = None
-    children: Annotated[tuple["TreeBox", ...], "The nodes below it, in the order of the file."] = ()
-    folded: Annotated[int, "How many nodes below it are left out.", Bound(low=0)] = 0
+    since: Annotated[float | None, "Time of the last change of status: seconds from the start of the run."] = None
+    children: Annotated[tuple["TreeBox", ...], "Child nodes in the order of the file."] = ()
+    folded: Annotated[int, "Number of nodes below that are left out.", Bound(low=0)] = 0
 
     def walk(self) -> Iterator["TreeBox"]:
         """Yield this box and all boxes below it, in the order of the file."""
@@ -126,11 +124,11 @@ class TreeBox:
 class TreeDrawing:
     """Drawing of a whole tree."""
 
-    mission: Annotated[str, "The name of the mission."]
-    summary: Annotated[str, "What the mission does, in a line."]
-    file: Annotated[str, "Its file; that of a shipped mission as it lies in the package."]
-    root: Annotated[TreeBox, JsonName("tree"), "The root."]
-    time: Annotated[float | None, "The moment of a run that the statuses are of: seconds from its start."] = None
+    mission: Annotated[str, "Name of the mission."]
+    summary: Annotated[str, "Description in a line."]
+    file: Annotated[str, "File of the mission; for a shipped mission, its path in the package."]
+    root: Annotated[TreeBox, JsonName("tree"), "Root of the tree."]
+    time: Annotated[float | None, "Time of the statuses: seconds from the start of the run."] = None
 
 
 # What the pictures that are text say of a node: a few short texts, on one line or below each other.
@@ -224,7 +222,7 @@ def from_json(data: Mapping[str, object]) -> TreeDrawing:
     """Return the drawing that ``to_json`` wrote. Raises ValueError for other data."""
     found = data.get("format")
     if found != FORMAT:
-        raise ValueError(f"no tree dump that can be read here: its format is {found!r}, not {FORMAT!r}")
+        raise ValueError(f"not a readable tree dump: its format is {found!r}, not {FORMAT!r}")
     try:
         return decode(TreeDrawing, {name: value for name, value in data.items() if name != "format"}, RULES)
     except CodecError as error:
@@ -233,10 +231,10 @@ def from_json(data: Mapping[str, object]) -> TreeDrawing:
 
 def schema() -> dict[str, Any]:
     """Return the JSON Schema of tree dumps, with the meaning of each member."""
-    form = {"const": FORMAT, "description": "The format of this file."}
+    form = {"const": FORMAT, "description": "Format of this file."}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "The tree of a MissionTree mission, as pictures show it",
+        "title": "Tree of a MissionTree mission",
         **object_schema(TreeDrawing, RULES, format=form),
         "$defs": definitions(TreeDrawing, RULES),
     }

@@ -26,7 +26,7 @@ def legend() -> tuple[tuple[str, str, str], ...]:
     """Return each symbol with its kind of node and a description."""
     return (
         *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
-        (CONDITION_SYMBOL, "condition", "asks a part of the robot, and answers at once"),
+        (CONDITION_SYMBOL, "condition", "checks a part of the robot within one tick"),
         (ACTION_SYMBOL, "action", "does something"),
     )
 

@@ -85,7 +85,7 @@ def test_fail_fails_for_the_reason_given() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Fail("fail"))
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "told to fail"
+    assert leaf.reason == "failed as requested"
     bench.put(leaf, because="it is raining")
     bench.tick(leaf)
     assert leaf.reason == "it is raining"
@@ -104,4 +104,4 @@ def test_a_halt_does_not_rewind_pretend() -> None:
     bench.tick(leaf)
     assert bench.halt(leaf)
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "told to fail"
+    assert leaf.reason == "failed as requested"

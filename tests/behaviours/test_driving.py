@@ -51,7 +51,7 @@ def test_it_waits_while_a_person_has_the_wheels_and_says_nothing_to_the_base(num
     bench.base.commands.clear()
     bench.base.steers = BY_HAND
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "teleoperation has the wheels"
+    assert leaf.reason == "teleoperation has control"
     assert bench.base.commands == []
     bench.base.steers = Steering(None, STILL, STILL)
     assert bench.tick(leaf) is RUNNING

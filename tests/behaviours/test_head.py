@@ -159,7 +159,7 @@ def test_a_head_that_is_held_fast_is_a_failure_that_says_where() -> None:
     bench.head.reading = good(HeadPose(0.5, 0.0))
     while bench.tick(leaf) is RUNNING:
         assert leaf.elapsed < SETTLE_TIME + 0.2
-    assert leaf.reason == "the head rests at +29, +0 deg and does not come to +57, -11 deg"
+    assert leaf.reason == "the head rests at +29, +0 deg and does not reach +57, -11 deg"
     assert bench.head.commands[-1] == STOP
 
 
@@ -227,5 +227,5 @@ def test_a_point_out_of_reach_is_a_failure_and_moves_nothing() -> None:
     )
     leaf = pointing(bench, 0.0, 0.0, 1.0)
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "(0, 0, 1) m is where the camera is"
+    assert leaf.reason == "(0, 0, 1) m is too close to the camera"
     assert bench.head.commands == [STOP, STOP]

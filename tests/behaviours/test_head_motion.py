@@ -144,7 +144,7 @@ def test_a_scan_is_repeated_as_often_as_asked_or_for_ever() -> None:
 def test_a_scan_of_nothing_within_the_limits_fails_before_anything_moves() -> None:
     stage = Stage(Scan("scan"), pan=(radians(85), radians(90)), tilt=(-0.1, 0.1))
     assert stage.run() is FAILURE
-    assert stage.leaf.reason == "nothing of the area is within the head's limits"
+    assert stage.leaf.reason == "no part of the area is within the head's limits"
     assert stage.seen[-1][1:] == pytest.approx((0, 0), abs=0.1)
 
 
@@ -211,7 +211,7 @@ def test_a_head_that_is_not_there_is_waited_for(leaf: Leaf) -> None:
     bench.put(leaf)
     bench.head.reading = none()
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "where the head looks is not known yet"
+    assert leaf.reason == "the head has not reported its pose yet"
     bench.head.reading, bench.head.trouble = good(HeadPose(0.0, 0.0)), OFFLINE_ERROR
     assert bench.tick(leaf) is RUNNING
     assert leaf.reason == "waiting: the cable is out"
@@ -233,7 +233,7 @@ def test_a_head_that_is_held_fast_is_told(leaf: Leaf) -> None:
         if bench.tick(leaf) is not RUNNING:
             break
     assert leaf.status is FAILURE
-    assert "the head rests at +0, +0 deg and does not come" in leaf.reason
+    assert "the head rests at +0, +0 deg and does not re" in leaf.reason
 
 
 def test_towards_goes_straight_and_not_past_the_goal() -> None:

@@ -133,7 +133,7 @@ def test_from_beside_the_middle_it_crosses_into_it_and_looks_again(beams: DockBe
 def test_with_no_dock_to_be_heard_it_turns_once_round_and_gives_up() -> None:
     path = Path(begin(), beams=DockBeam(0))
     path.go()
-    assert path.memory.failure == "no dock is heard in a full turn"
+    assert path.memory.failure == "no dock beam received in a full turn"
     assert MAX_SEARCH_ANGLE <= path.heading < MAX_SEARCH_ANGLE + 0.2
     assert path.now < MAX_SEARCH_ANGLE / SWEEP_RATE + 1.0
     assert path.velocity == STILL
@@ -190,7 +190,7 @@ def test_one_that_touches_the_dock_beside_its_contacts_backs_off_and_gives_up_in
         assert came - path.x == pytest.approx(BACK_OFF_DISTANCE, abs=0.02)
         path.memory = replace(path.memory, stage=HomingStage.DRIVE)
     path.go(seconds=TICK, bumper=Sides(centre=True))
-    assert path.memory.failure == "has missed the contacts of the dock 3 times"
+    assert path.memory.failure == "missed the dock's contacts 3 times"
 
 
 # --- the leaf --------------------------------------------------------------------------------------------------------
@@ -295,7 +295,7 @@ def test_a_failure_on_the_way_is_its_reason() -> None:
     bench.tick(leaf)
     bench.base.reading = good(at(heading=MAX_SEARCH_ANGLE + 1.0))
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "no dock is heard in a full turn"
+    assert leaf.reason == "no dock beam received in a full turn"
 
 
 def test_after_a_person_has_had_the_wheels_it_looks_for_the_dock_anew() -> None:
@@ -305,7 +305,7 @@ def test_after_a_person_has_had_the_wheels_it_looks_for_the_dock_anew() -> None:
     assert bench.tick(leaf) is RUNNING
     bench.base.steers = Steering(Source.TELEOP, STILL, STILL)
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "teleoperation has the wheels"
+    assert leaf.reason == "teleoperation has control"
     bench.base.steers, bench.base.reading = Steering(None, STILL, STILL), good(at(heading=5.0))
     assert bench.tick(leaf, after=1.0) is RUNNING
     assert leaf.reason == HomingStage.SEARCH

@@ -53,7 +53,7 @@ def test_an_angle_that_is_not_a_number_is_outside() -> None:
 
 def test_speeds_beyond_the_limit_are_told() -> None:
     assert REACH.speed_violations({"neck": 2.0, "left_wrist": 3.0}) == [
-        "left_wrist at 171.9 deg/s is faster than it goes (114.6 deg/s)"
+        "left_wrist at 171.9 deg/s exceeds its maximum speed (114.6 deg/s)"
     ]
 
 

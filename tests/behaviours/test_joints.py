@@ -47,7 +47,7 @@ def test_every_goal_beyond_a_limit_and_every_speed_is_told_before_anything_moves
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (
         "the arm has no joint 'hand'; elbow at -28.6 deg is outside its limits (0 deg to 126.1 deg); "
-        "shoulder at 143.2 deg/s is faster than it goes (114.6 deg/s)"
+        "shoulder at 143.2 deg/s exceeds its maximum speed (114.6 deg/s)"
     )
     assert bench.arm.commands == []
 

@@ -101,7 +101,7 @@ def test_it_gets_up_from_its_face_and_may_be_commanded_again(tmp_path: Path) -> 
     ("found", "given", "why"),
     [
         (UPRIGHT, "front", "it has not fallen"),
-        (ON_ITS_FACE, "back", "it lies on its face, and knows no movement from there"),
+        (ON_ITS_FACE, "back", "it lies on its face: give the movement `front`"),
         (ON_ITS_SIDE, "front", "it lies on its side"),
     ],
 )

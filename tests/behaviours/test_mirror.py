@@ -56,7 +56,7 @@ def test_followers_that_are_far_off_come_slowly_before_they_are_led() -> None:
     arm.turn_by_hand("left_elbow", 1.2)
     leaf = mirroring(bench)
     tick(bench, leaf, 0.5)
-    assert leaf.reason == "right_shoulder, right_elbow come to where they belong"
+    assert leaf.reason == "right_shoulder, right_elbow approach their goals"
     assert arm.speeds[-1] == dict.fromkeys(RIGHT, RUN_IN_SPEED)
     tick(bench, leaf, 2.0)
     assert arm.commands[-1] == couplings()
@@ -333,7 +333,7 @@ def test_a_gripper_goes_as_far_through_its_range_as_the_leaders() -> None:
         ({"leader": ("all",)}, "the arm has no joint or group 'all'"),
         ({"leader": ("elbow",), "follower": ("all",)}, "1 joint cannot lead 2 joints"),
         ({"follower": ("elbow",), "by_range": ("hand",)}, "'hand' goes by its range, and does not follow"),
-        ({"leader_arm": None}, "it needs a leader and a follower, or a leader_arm that is another arm than it moves"),
+        ({"leader_arm": None}, "needs leader and follower, or a leader_arm other than the arm that it moves"),
     ],
 )
 def test_two_arms_that_do_not_go_together_fail_it(arguments: dict[str, object], reason: str) -> None:

@@ -137,7 +137,7 @@ def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     (tmp_path / "lift.yaml").write_text("mine", encoding="utf-8")
     leaf = recording(bench, tmp_path / "lift")
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == f"{tmp_path / 'lift.yaml'} is there already: remove it, or choose another name"
+    assert leaf.reason == f"{tmp_path / 'lift.yaml'} already exists: remove it, or choose another name"
     assert (tmp_path / "lift.yaml").read_text(encoding="utf-8") == "mine"
 
 

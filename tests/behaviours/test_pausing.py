@@ -206,7 +206,7 @@ def test_go_to_does_not_drive_by_itself_where_nav2_has_gone(bench: LeafTestBench
     bench.ros2.goal_progress, bench.ros2.nav2 = CANCELLED, False
     bench.base.commands.clear()
     assert bench.tick(it) is FAILURE
-    assert "has gone" in it.feedback_message
+    assert "has disconnected" in it.feedback_message
     assert not any(isinstance(command, Velocity) and command != Velocity(0.0, 0.0) for command in bench.base.commands)
 
 

@@ -73,7 +73,7 @@ def test_a_place_that_is_not_known_fails_with_those_that_are() -> None:
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="cellar")
     assert bench.tick(leaf) is FAILURE
-    assert leaf.feedback_message == "there is no place 'cellar': there are hall, kitchen, ramp"
+    assert leaf.feedback_message == "unknown place 'cellar'; places: hall, kitchen, ramp"
 
 
 def test_without_nav2_it_waits_for_it() -> None:

@@ -35,7 +35,7 @@ def test_eyes_that_do_not_look_for_motion_say_so() -> None:
     leaf = bench.put(MotionSeenLeaf("motion_seen"))
     show(bench, motion=None)
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "the eyes do not look for motion"
+    assert leaf.reason == "motion detection is off"
 
 
 @pytest.mark.parametrize("leaf", [Dark("dark"), MotionSeenLeaf("motion_seen")])

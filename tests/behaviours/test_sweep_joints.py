@@ -83,7 +83,7 @@ def test_what_cannot_be_is_told_before_anything_moves() -> None:
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (
         "elbow at -57.3 deg is outside its limits (0 deg to 126.1 deg); "
-        "there is a phase for 'hand', which is not to move"
+        "there is a phase for 'hand', which does not move"
     )
     assert bench.tick(sweeping(bench, ("hand",))) is FAILURE
     assert bench.arm.commands == []

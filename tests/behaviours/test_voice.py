@@ -43,7 +43,7 @@ def test_words_that_are_broken_off_are_said_once_more_and_then_fail() -> None:
         said = bench.voice.said[number]
         said.ended = said.cancelled = True  # as by the plug, or somebody who lays it to rest
         assert bench.tick(leaf) is (FAILURE if number else RUNNING)
-    assert leaf.reason == "broken off"
+    assert leaf.reason == "interrupted"
     assert bench.tick(leaf) is RUNNING
     bench.halt(leaf)
     assert bench.voice.said[2].cancelled

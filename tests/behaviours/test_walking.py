@@ -22,4 +22,4 @@ def test_a_walk_in_a_curve_ends_when_its_steps_have_covered_the_way(tmp_path: Pa
 def test_a_walk_with_no_velocity_fails_and_says_so(tmp_path: Path) -> None:
     result, reason = walked(tmp_path, "walk: {distance: 1 m, velocity: 0 m/s}")
     assert result == "failure"
-    assert "a velocity of 0" in reason
+    assert "the velocity is 0" in reason

@@ -119,7 +119,7 @@ def test_an_alias_is_the_node_that_it_names() -> None:
 
 def test_a_key_that_stands_twice_is_told_with_its_first_line() -> None:
     fault = the_mistake("a: 1\nb: 2\na: 3\n")
-    assert (fault.mark, fault.message) == (Mark(3, 1, 1), "'a' stands here again (first at line 1)")
+    assert (fault.mark, fault.message) == (Mark(3, 1, 1), "'a' is a duplicate key (first at line 1)")
 
 
 def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
@@ -141,24 +141,24 @@ def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
         ("a:\n  - b: c\n  -d\n  - e\n", Mark(3, 3), "a dash without a space after it", "write '- d'"),
         ("a:\n  -b: c\n  - d\n", Mark(2, 3), "a dash without a space after it", "write '- b: c'"),
         ("a:\n  - b: c\n  -d: e\n", Mark(3, 3), "a dash without a space after it", "write '- d: e'"),
-        ("a:\n  b: -c\n  - d\n", Mark(3, 3), "does not fit in here", "indent it as its neighbours"),
+        ("a:\n  b: -c\n  - d\n", Mark(3, 3), "unexpected indentation", "indent it like the lines around it"),
         ("a b\nc: d\n", Mark(1, 1, 1), "'a' lacks a colon", "write 'a: b'"),
         ("a b\n c: d\n", Mark(2, 3), "a colon is not expected here", "the line above lacks a colon"),
-        ('a: "b\nc: d\n', Mark(1, 4), "a quote is opened here and not closed", ""),
+        ('a: "b\nc: d\n', Mark(1, 4), "unclosed quote", ""),
         ("a: [b, c\nd: e\n", Mark(1, 4), "'[' needs a ','", ""),
         ("a: {b: c\nd: e\n", Mark(1, 4), "'{' needs a ','", ""),
-        ("a:\n    b: 1\n   c: 2\n", Mark(3, 4), "does not fit in here", "indent it as its neighbours"),
+        ("a:\n    b: 1\n   c: 2\n", Mark(3, 4), "unexpected indentation", "indent it like the lines around it"),
         (
             "tree:\n  - find_face:\n  as: person\n  - say: hi\n",
             Mark(3, 3, 2),
             "'as' stands under the dash",
-            "indent it by two more blanks, under 'find_face'",
+            "indent it by two more spaces, under 'find_face'",
         ),
         (
             "tree:\n  sequence:\n  - find_face: {new: true}\n  # who\n  as: person\n  retry: 2\n\n  - say: hi\n",
             Mark(5, 3, 2),
             "'as' stands under the dash",
-            "indent it by two more blanks, under 'find_face'",
+            "indent it by two more spaces, under 'find_face'",
         ),
         (
             "s:\n  - selector:\n      - a\n      - b: 1\n  name: x\n",
@@ -166,12 +166,12 @@ def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
             "'name' stands under the dash",
             "under 'selector'",
         ),
-        ("s:\n  - a: 1\n - b: 2\n", Mark(3, 2), "does not fit in here", "indent it as its neighbours"),
+        ("s:\n  - a: 1\n - b: 2\n", Mark(3, 2), "unexpected indentation", "indent it like the lines around it"),
         ("a: @b\n", Mark(1, 4), "'@' cannot begin a text", "put quotes around"),
         ("a: *b*\n", Mark(1, 4), "'*' cannot begin a text", "put quotes around"),
         ("a: *b\n", Mark(1, 4, 2), "unknown alias '*b'", "put quotes around"),
-        ("a: &b [*b]\n", Mark(1, 8, 2), "stands inside what it names", ""),
-        ("a: !b c\n", Mark(1, 4, 4), "a YAML tag, which means nothing here", "put quotes around"),
+        ("a: &b [*b]\n", Mark(1, 8, 2), "refers to itself", ""),
+        ("a: !b c\n", Mark(1, 4, 4), "YAML tags are not supported", "put quotes around"),
         ("? [a]\n: b\n", Mark(1, 3), "a key must be a plain word", "in quotes"),
         ("a: 1\n---\nb: 2\n", Mark(2, 1, 3), "a second document begins here", "a file of its own"),
         ("", Mark(), "the file is empty", ""),

@@ -49,11 +49,11 @@ def test_a_robot_that_says_nothing_has_none() -> None:
 @pytest.mark.parametrize(
     ("text", "fault", "hint"),
     [
-        ("  - pigeon: {}", "a notice cannot go by 'pigeon'", "known are: command, mqtt, webhook"),
-        ("  - webhok: x", "a notice cannot go by 'webhok'", "did you mean 'webhook'?"),
-        ("  - webhook", "a notice needs one way to go", "one of: terminal"),
-        ("  - {webhook: 'https://x', command: [x]}", "a notice needs one way to go", ""),
-        ("  - {terminal: , command: [x]}", "a notice cannot go by 'terminal'", ""),
+        ("  - pigeon: {}", "unknown channel of notices: 'pigeon'", "known are: command, mqtt, webhook"),
+        ("  - webhok: x", "unknown channel of notices: 'webhok'", "did you mean 'webhook'?"),
+        ("  - webhook", "a notice needs exactly one channel", "one of: terminal"),
+        ("  - {webhook: 'https://x', command: [x]}", "a notice needs exactly one channel", ""),
+        ("  - {terminal: , command: [x]}", "unknown channel of notices: 'terminal'", ""),
         ("  - command: notify-send Robot", "'command' needs a list", "command: [notify-send, Robot]"),
         ("  - command: []", "'command' needs a list", ""),
         ("  - command: [['a']]", "'command' needs a list", ""),
@@ -67,7 +67,7 @@ def test_a_robot_that_says_nothing_has_none() -> None:
         ("  - webhook: {url: 'https://x', header: {}}", "'webhook' has no key 'header'", "did you mean 'headers'?"),
         ("  - mqtt: {topic: home/#}", "'topic' names one topic", ""),
         ("  - mqtt: {port: 70000}", "'port' must be at most 65535", ""),
-        ("  - mqtt: {password: X}", "'mqtt' has a password and no user", ""),
+        ("  - mqtt: {password: X}", "'mqtt' has a password but no user", ""),
         ("  terminal", "'notices' needs a list", ""),
     ],
 )

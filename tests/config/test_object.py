@@ -36,13 +36,13 @@ def test_a_phrase_says_size_colour_and_shape(phrase: str, colour: str, shape: st
     [
         ("", "which colour? such as 'red ball'"),
         ("big", "which colour?"),
-        ("rad ball", "'rad' is no colour; did you mean 'red'?"),
-        ("bigg red ball", "'bigg' is no colour; did you mean 'big'?"),
-        ("red bal", "'bal' is no shape here; did you mean 'ball'?"),
-        ("red ball big", "'big' is no shape here"),
+        ("rad ball", "'rad' is not a colour; did you mean 'red'?"),
+        ("bigg red ball", "'bigg' is not a colour; did you mean 'big'?"),
+        ("red bal", "'bal' is not a shape; did you mean 'ball'?"),
+        ("red ball big", "'big' is not a shape"),
         ("red round box", "is it a ball or a box?"),
-        ("grey box", "grey things cannot be told from a room; colours are: red, orange"),
-        ("mauve box", "'mauve' is no colour"),
+        ("grey box", "grey things cannot be distinguished from a room; colours are: red, orange"),
+        ("mauve box", "'mauve' is not a colour"),
     ],
 )
 def test_a_phrase_that_is_wrong_is_refused_with_what_to_write(phrase: str, said: str) -> None:

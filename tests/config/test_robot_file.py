@@ -122,7 +122,7 @@ def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
         ("robot: r2\nrate: {}\n", "'rate' needs a frequency such as '20 Hz', got a mapping"),
         ("robot: r2\nvoice: {driver: }\n", "'driver' cannot be nothing"),
         ("robot: r2\nvoice: {driver: [auto]}\n", "'driver' cannot be a list"),
-        ("robot: r2\nrobot: r3\n", "'robot' stands here again (first at line 1)"),
+        ("robot: r2\nrobot: r3\n", "'robot' is a duplicate key (first at line 1)"),
     ],
 )
 def test_a_mistake_says_what_is_needed(file: Path, text: str, message: str) -> None:

@@ -114,9 +114,9 @@ WRONG = [
     ("objects: [{name: b, shape: ball, colour: rad, at: [2 m, 0 m], size: 1 m}]", "rad", "did you mean 'red'?"),
     ("robots: [{name: R2, marker: 50, at: [2 m, 0 m]}]", "50", "'marker' must be at most 49"),
     ("robots: [{name: R2, marker: 5, at: [2 m, 0 m], size: [0.1 m, 1 m, 1 m]}]", "[0.1", "room for its marker"),
-    ("light: [{at: 5 s, light: 50 %}, {at: 1 s, light: 1 %}]", "1 s", "stand in the order of time"),
+    ("light: [{at: 5 s, light: 50 %}, {at: 1 s, light: 1 %}]", "1 s", "must be in the order of time"),
     ("light: 300 %", "300", "'light' must be at most 200 %"),
-    ("noise: 3\ncamera: {noise: 4}", "4}", "'noise' stands twice"),
+    ("noise: 3\ncamera: {noise: 4}", "4}", "'noise' is given twice"),
     ("camera: {noise: 4, dropout: 5 %}", "dropout", "did you mean 'dropouts'?"),
     ("physics: {slip: 3}", "3}", "'slip' needs a share such as '20 %'"),
     ("room: {height: 1 m}", "1 m", "'height' must be at least 2.2 m"),
@@ -137,9 +137,9 @@ def test_what_is_wrong_is_told_at_its_word(tmp_path: Path, text: str, word: str,
         ("{turn: away}", "an act needs either 'at' or 'hears'"),
         ("{at: 1 s, hears: hello, nod: true}", "an act needs either 'at' or 'hears'"),
         ("{hear: hello, nod: true}", "an act has no key 'hear'"),
-        ("{at: 1 s}", "nothing is done here"),
-        ("{at: 1 s, after: 2 s, nod: true}", "'after' is for what somebody hears"),
-        ("{at: 1 s, times: 2, nod: true}", "'times' is for what somebody hears"),
+        ("{at: 1 s}", "the act does nothing"),
+        ("{at: 1 s, after: 2 s, nod: true}", "'after' needs 'hears'"),
+        ("{at: 1 s, times: 2, nod: true}", "'times' needs 'hears'"),
         ("{hears: hello, times: 0, nod: true}", "'times' must be at least 1"),
         ("{at: 1 s, nods: true, nod: true}", "an act has no key 'nods'"),
         ("{hears: [], nod: true}", "'hears' needs a text"),
@@ -170,7 +170,7 @@ def test_two_of_one_name_are_told_at_the_second(tmp_path: Path) -> None:
     people = "people:\n  - {name: Eve, at: [2 m, 0 m]}\n  - {name: Eve, at: [3 m, 0 m]}\n"
     fault = mistake(tmp_path, people)
     assert (fault.mark.line, fault.mark.column) == (4, 12)
-    assert fault.message == "'Eve' is the name of another of the people already"
+    assert fault.message == "'Eve' is a duplicate name in 'people'"
 
 
 def test_a_wrong_room_does_not_make_everything_in_it_wrong(tmp_path: Path) -> None:

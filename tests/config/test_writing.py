@@ -82,7 +82,7 @@ def test_a_new_file_is_written_and_an_old_one_left_alone(tmp_path: Path) -> None
     file = tmp_path / "nod.yaml"
     write_new(file, gesture_text(NOD))
     assert load_gesture(file) == NOD
-    with pytest.raises(FileExistsError, match=r"nod\.yaml is there already, and is not written over"):
+    with pytest.raises(FileExistsError, match=r"nod\.yaml already exists"):
         write_new(file, "nothing")
     assert load_gesture(file) == NOD
 

@@ -51,7 +51,7 @@ class Probe(Leaf):
     starting: Any = argument("value", "well, or an error, in turn", default="well")
     stopping: Any = argument("value", "well, or an error, in turn", default="well")
     halts_in: int = argument("count", "how many more ticks a halt takes", default=0)
-    because: str = argument("text", "the reason for a failure", default="told to fail")
+    because: str = argument("text", "the reason for a failure", default="failed as requested")
     finds: Any = argument("value", "what it keeps when it succeeds", default=None)
 
     run: Bench

@@ -71,7 +71,7 @@ TOGETHER = [
     ),
     several(
         '- say: "Hello\n- say: ${nobody}',
-        "a quote is opened here and not closed",
+        "unclosed quote",
         "'say': unknown name 'nobody'",
     ),
     # What hangs on a mistake is none itself

@@ -232,7 +232,7 @@ UNITS = "(units: deg, rad)"
             "a second behaviour, 'drive', beside 'say'",
             "begin it with '- ' in a sequence, or indent it",
         ),
-        (["- say: Hi", "  say: Ho"], "say", "'say' stands here again (first at line 5)", ""),
+        (["- say: Hi", "  say: Ho"], "say", "'say' is a duplicate key (first at line 5)", ""),
         (
             ["- sequence: []"],
             "sequence",
@@ -304,7 +304,7 @@ UNITS = "(units: deg, rad)"
         (
             ["- face:"],
             "face",
-            "'face' needs 'mood': which, one of neutral, happy, sad, surprised, asleep, listening, speaking",
+            "'face' needs 'mood': mood of the face, one of neutral, happy, sad, surprised, asleep, listening, speaking",
             "",
         ),
         (["- dance"], "dance", "unknown behaviour 'dance'", LIST_HINT),
@@ -329,7 +329,7 @@ UNITS = "(units: deg, rad)"
         (["- find_face:", "  as: [a]"], "[", "'as' needs a word", ""),
         (["- wait: 1 s", "  name:"], "", "'name' needs a text", ""),
         # arguments
-        (["- drive"], "drive", "'drive' needs 'distance': how far; negative is backwards", ""),
+        (["- drive"], "drive", "'drive' needs 'distance': distance; negative is backwards", ""),
         (["- drive: {distance: 1 m, sped: 1 m/s}"], "sped", "'drive' has no argument 'sped'", "did you mean 'speed'?"),
         (["- drive: [1 m]"], "[", "'drive' needs one value, not a list", ""),
         (["- drive: {distance: {a: b}}"], "{", "'drive': 'distance' needs one value, not a mapping", ""),

@@ -344,7 +344,7 @@ def test_a_leaf_that_was_failed_for_holding_the_tick_fails_over_again() -> None:
     scene.run.overrun = leaf, 2, 97.04
     scene.tick()
     reason = scene.changes[-1][2]
-    assert reason == "dawdle (line 3): held the tick for 3.1 s"
+    assert reason == "dawdle (line 3): blocked the tick for 3.1 s"
     quick = Dawdle("dawdle")
     quick.takes = 0.0
     assert_alike(scene, repeated(scene, quick))

@@ -58,7 +58,7 @@ def test_all_that_a_mission_looks_for_is_known_before_it_starts(tmp_path: Path) 
 def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(MISSION.replace("yellow", "yelow"))
-    with pytest.raises(InvalidFileError, match="'yelow' is no colour; did you mean 'yellow'"):
+    with pytest.raises(InvalidFileError, match="'yelow' is not a colour; did you mean 'yellow'"):
         load_mission(str(path))
 
 

@@ -158,7 +158,7 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     notices = list[DeviceStatus]()
     assert isinstance(gallery(own, notices.append), NullRecogniser)
     assert [(notice.message, notice.hint) for notice in notices] == [
-        ("it knows nobody yet, so that all are unknown", "mission person add NAME")
+        ("no people are known yet, so all are unknown", "mission person add NAME")
     ]
     notices.clear()
     people = People(tmp_path / "people")
@@ -181,7 +181,7 @@ def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path:
     notices = list[DeviceStatus]()
     named = replace(camera, identity=replace(camera.identity, people=str(tmp_path)))
     assert isinstance(gallery(named, notices.append), NullRecogniser)
-    assert [notice.message for notice in notices] == ["it knows nobody yet, so that all are unknown"]
+    assert [notice.message for notice in notices] == ["no people are known yet, so all are unknown"]
     assert tool.stat().st_mode & 0o777 == 0o755
 
 

@@ -171,7 +171,7 @@ def test_mistakes_in_the_file_and_in_the_callers_values_come_together() -> None:
         ("{a: {type: person, default: ' '}}", "param 'a' needs the name of a person"),
         ("{a: {type: length, default: [1 m]}}", "param 'a' needs one value"),
         ("{a: '${b}'}", "the default of param 'a' cannot be calculated"),
-        ("{a: 1, a: 2}", "'a' stands here again (first at line 2)"),
+        ("{a: 1, a: 2}", "'a' is a duplicate key (first at line 2)"),
     ],
 )
 def test_what_is_no_param_says_why(params: str, message: str) -> None:

@@ -239,7 +239,7 @@ def test_a_wrong_default_is_told_with_its_file_and_so_are_folders_that_are_gone(
     assert (wrong.code, wrong.err.startswith(f"mission: {file}: 'robot': unknown robot 'nobody'")) == (2, True)
     assert "`mission robot use NAME` names another" in wrong.err
     unknown = mission("robot", "show", "somebody")
-    assert f"{file} names folders that are not there: {tmp_path}/gone\n" in unknown.err
+    assert f"{file} names missing folders: {tmp_path}/gone\n" in unknown.err
 
 
 def test_the_axes_of_each_head_are_shown_with_their_trims(mission: Mission, tmp_path: Path) -> None:

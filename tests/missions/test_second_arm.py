@@ -107,7 +107,10 @@ def test_each_is_plugged_in_where_the_command_says_by_its_name(
     assert list(contradictions(order, lambda name, _="": name, parts_with_ports)) == []
     told = command(capsys, "run", mission, "--robot", robot, "--port", "rigth_arm=/dev/three")
     assert told.code == 2
-    assert "'rigth_arm' is no part with a port; these are: base, head, arm, imu, range, ros2, right_arm" in told.err
+    assert (
+        "'rigth_arm' is not a part with a port; parts with ports: base, head, arm, imu, range, ros2, right_arm"
+        in told.err
+    )
 
 
 def test_a_record_of_both_decides_the_same_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,7 +198,7 @@ def test_what_is_right_for_the_arm_that_is_named_is_right(tmp_path: Path, capsys
 
 
 def test_two_arms_do_not_share_a_port() -> None:
-    with pytest.raises(InvalidFileError, match="port /dev/one is that of 'arm'"):
+    with pytest.raises(InvalidFileError, match="port /dev/one is used by 'arm' already"):
         pair(RIGHT.replace("/dev/two", "/dev/one"))
 
 

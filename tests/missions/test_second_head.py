@@ -85,9 +85,9 @@ def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
         (MAST + MAST.replace("lidar_mast", "other"), "servo 2 is the pan of 'lidar_mast'"),
         (
             MAST.replace("arduino_second", "arduino").replace("  speed", "  port: /dev/nano\n  speed"),
-            "port /dev/nano is that of 'head'",
+            "port /dev/nano is used by 'head' already",
         ),
-        (MAST.replace("lidar_mast", "Lidar-Mast"), "a part cannot be called 'Lidar-Mast'"),
+        (MAST.replace("lidar_mast", "Lidar-Mast"), "invalid name of a part: 'Lidar-Mast'"),
         (MAST.replace("  kind: head\n", ""), "a robot file has no key 'lidar_mast'"),
     ],
 )

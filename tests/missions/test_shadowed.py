@@ -26,7 +26,7 @@ def test_a_distribution_that_hides_a_package_is_to_be_uninstalled(tmp_path: Path
     (site / "config-0.5.1.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: config\nVersion: 0.5.1\n")
     (site / "config-0.5.1.dist-info" / "RECORD").write_text("config/__init__.py,,\n")
     assert said(home, path=site) == [
-        "mission: another module hides a part of MissionTree:",
+        "mission: another module shadows a package of MissionTree:",
         f"  config: found {site / 'config' / '__init__.py'}",
         f"  try: {sys.executable} -m pip uninstall config",
     ]

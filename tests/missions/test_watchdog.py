@@ -176,13 +176,13 @@ def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) 
 
 def test_a_leaf_that_holds_a_tick_for_seconds_has_failed_whatever_it_returns(kennel: Kennel) -> None:
     assert kennel.hold(3.0, then=SUCCESS) is Status.FAILURE
-    assert kennel.leaf.reason.startswith("dawdle (line 4): held the tick for 2.9")
+    assert kennel.leaf.reason.startswith("dawdle (line 4): blocked the tick for 2.9")
     assert kennel.hold(0.1, then=SUCCESS) is SUCCESS
 
 
 def test_a_loop_that_never_comes_back_is_given_up(kennel: Kennel) -> None:
     kennel.hold(16.0)
-    assert kennel.given_up[0] == ("failure", "dawdle (line 4): held the tick for over 15 s")
+    assert kennel.given_up[0] == ("failure", "dawdle (line 4): blocked the tick for over 15 s")
 
 
 def test_a_signal_that_the_loop_reacts_to_ends_nothing(kennel: Kennel) -> None:
@@ -415,7 +415,7 @@ def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_pa
         wait_until(lambda: held.speed == 0.0)
         assert held.process.end() == 1
         result, reason = held.summary
-        assert (result, reason.startswith("sleepy (line 3): held the tick for ")) == ("failure", True), reason
+        assert (result, reason.startswith("sleepy (line 3): blocked the tick for ")) == ("failure", True), reason
         assert held.speed == 0.0
     finally:
         held.close()

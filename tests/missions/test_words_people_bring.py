@@ -120,7 +120,7 @@ MISTAKES = [
     ),
     a(
         "- selector:\n    - fail\n    timeout: 5 s",
-        "'timeout' stands under the dash > indent it by two more blanks, under 'fail', or outdent it, to stand below "
+        "'timeout' stands under the dash > indent it by two more spaces, under 'fail', or outdent it, to stand below "
         "'selector'",
     ),
     # Shares, and what was pasted
@@ -128,21 +128,21 @@ MISTAKES = [
         "- stop:\n  if: battery.percent < 20%",
         "'if': cannot compare a percent and a share > a percent value is a number from 0 to 100: write 20 for 20 %",
     ),
-    a("- say:\u00a0Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
-    a("-\u00a0say: Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
+    a("- say:\u00a0Hello", "a non-breaking space (U+00A0), which YAML treats as a letter > write a normal space"),
+    a("-\u00a0say: Hello", "a non-breaking space (U+00A0), which YAML treats as a letter > write a normal space"),
     a(
         "- go_to: {x:\u00a01 m, y: 0 m}",
-        "'go_to' has no argument 'x:\u00a01 m' > there is a sign in it that looks like",
+        "'go_to' has no argument 'x:\u00a01 m' > it contains an unusual space",
     ),
     a(
         "- wait: \u201c2 s\u201d",
-        "'wait' needs a duration such as '2 s', got '\u201c2 s\u201d' > \u201c is no quote here",
+        "'wait' needs a duration such as '2 s', got '\u201c2 s\u201d' > \u201c is not a quote here",
     ),
     a(
         "- stop:\n  if: face.name == \u201cAnna\u201d",
         "'if': 'face.name == \u201cAnna\u201d' is not an expression > \u201c is",
     ),
-    a("- say: {text: \u201cHi, Anna\u201d}", "'say' has no argument 'Anna\u201d' > \u201d is no quote here: write"),
+    a("- say: {text: \u201cHi, Anna\u201d}", "'say' has no argument 'Anna\u201d' > \u201d is not a quote here: write"),
     a("- say: 'Bonjour\u00a0: \u201cAnna\u201d'", ""),
     a("- say: \u201cHi: you\u201d", "a second ': ' in one value > put quotes (\" or ', no others) around a text"),
     # Conditions
@@ -170,7 +170,7 @@ MISTAKES = [
     ),
     a(
         '- say: "Hello\n- sleep: 1 s\n- say: {text: ${n}}',
-        "a quote is opened here and not closed",
+        "unclosed quote",
         "unknown behaviour 'sleep' > write 'wait'",
     ),
     a(

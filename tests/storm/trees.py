@@ -130,7 +130,7 @@ LEAVES: Mapping[str, tuple[Collection[str], Draw]] = {
     "log": ([], lambda _: "still here"),
     "notify": ([], lambda _: "look here"),
     "succeed": ([], lambda _: {}),
-    "fail": ([], lambda _: "told to fail"),
+    "fail": ([], lambda _: "failed as requested"),
 }  # fmt: skip
 """Leaves: the parts that each needs, and what it is given."""
 

@@ -72,7 +72,7 @@ def write_lens(path: Path, entries: dict[str, str]) -> None:
             text = with_value(SourceText(source.name, text), ("camera", key), value)
     if not _changes_only_lens(old, SourceText(source.name, text), entries):
         what = "; ".join(f"{key}: {value}" for key, value in entries.items())
-        raise NotEditableError(f"{path}: it is written in a way that cannot be changed here; write {what}")
+        raise NotEditableError(f"{path}: it cannot be edited automatically; write {what}")
     rewrite(path, text)
 
 

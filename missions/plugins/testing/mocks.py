@@ -21,7 +21,7 @@ from perception.api import Box, Face
 # A script is a list of turns. One is taken each time that a mock starts, whether it comes to its end or is halted
 # before; the last turn is taken again and again.
 
-DEFAULT_REASON = "told to fail"
+DEFAULT_REASON = "failed as requested"
 """Default failure reason of a mock."""
 
 VERBS = ("succeeds", "fails", "runs")

@@ -96,7 +96,7 @@ def test_a_server_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 def test_only_web_servers_are_asked(tmp_path: Path) -> None:
-    with pytest.raises(FetchError, match="no address of a web server"):
+    with pytest.raises(FetchError, match="not the address of a web server"):
         fetch(MODEL, tmp_path, url="file:///etc/passwd")
 
 

@@ -66,9 +66,7 @@ def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm"
         joints[name] = new
     wanted = old.with_keys(part, replace(arm, joints=joints))
     if not _means(SourceText(source.name, text), wanted, part):
-        raise NotEditableError(
-            f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
-        )
+        raise NotEditableError(f"{path}: it cannot be edited automatically; write the figures yourself")
     kept = free_backup_path(path)
     save_file(kept, path.read_bytes(), path.stat().st_mode)
     rewrite(path, text)
