@@ -79,7 +79,7 @@ def test_what_has_no_place_in_a_robot_file_is_said() -> None:
         (
             f"{PLAIN}arm:\n  controller: {{type: TrajectoryActionController}}\n  joint_trajectory_action_node: {{}}\n",
             5,
-            "controller 'arm' is left out: a 'TrajectoryActionController' leads other controllers, and is no joint",
+            "controller 'arm' is left out: a 'TrajectoryActionController' leads other controllers, and is not a joint",
         ),
     ],
 )
@@ -158,7 +158,7 @@ def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
         (f"{PLAIN}  joint_torque_limit: 1.5\n", 4, "'joint_torque_limit' must be at most 1.0"),
         ("x:\n  joint_name: a\n", 2, "controller 'x' needs 'motor'"),
         ("namespace: arm\n", 1, "controller 'namespace' must be a mapping of keys to values, such as 'name: value'"),
-        ("{}\n", 1, "there is no controller of a joint in it"),
+        ("{}\n", 1, "no joint controllers found"),
         (PLAIN + PLAIN.replace("_controller", ""), 5, "joint 'elbow' belongs to controller 'elbow_controller' already"),
         (
             PLAIN + PLAIN.replace("elbow", "wrist"),

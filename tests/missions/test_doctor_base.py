@@ -187,7 +187,7 @@ def test_motors_that_are_swapped_or_turn_the_wrong_way_are_named(rig: BaseRig, m
     fault(rig, motors=MOTORS[motors])
     trial, found = tried(rig)
     verdict, what = found["motors"]
-    assert (verdict, what.startswith(motors or "turn as they should")) == ("wrong" if motors else "ok", True), what
+    assert (verdict, what.startswith(motors or "turn as commanded")) == ("wrong" if motors else "ok", True), what
     assert trial.reach < DRIVE_DISTANCE + 0.06
     assert trial.turned < TURN_ANGLE + radians(30)
 
@@ -201,7 +201,7 @@ def test_encoders_are_named_apart_from_motors(rig: BaseRig, motors: str, encoder
     _, found = tried(rig)
     verdict, what = found["encoders"]
     assert (verdict, what.startswith(encoders or "count as")) == ("wrong" if encoders else "ok", True), what
-    assert found["motors"][1].startswith(motors or "turn as they should")
+    assert found["motors"][1].startswith(motors or "turn as commanded")
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.6, -2.0, 8.0])
@@ -236,7 +236,7 @@ def test_a_base_that_measures_nothing_is_judged_by_the_person_alone() -> None:
     _, found = tried(rig)
     rig.close()
     assert found["motors"][0] == "wrong"
-    assert found["odometry"] == ("ok", "nothing measures how it moves: its pose is dead reckoning")
+    assert found["odometry"] == ("ok", "no odometry: its pose is dead reckoning")
 
 
 def test_healthy_bases_raise_no_false_alarm() -> None:

@@ -101,7 +101,7 @@ def test_a_computer_without_a_robot_is_looked_at_alone(mission: Mission, desk: R
     told = mission("--root", str(desk.root))
     assert told.code == 0
     assert told.out.startswith("computer\n  ok      program: MissionTree ")
-    assert "robot: this computer has none of its own\n            try: mission robot use NAME\n" in told.out
+    assert "robot: this computer has no robot of its own\n            try: mission robot use NAME\n" in told.out
     assert re.search(r"^0 wrong, \d+ warnings, \d+ ok$", told.out.splitlines()[-1])
 
 
@@ -118,13 +118,13 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     assert nano["verdict"] == "ok"
     assert "left alone" in nano["message"]
     assert json.loads(told.out)["ok"] is True
-    assert found["voice", "driver"]["message"] == "print: not looked at, for it has no check-up"
+    assert found["voice", "driver"]["message"] == "print: not checked, because its driver has no check-up"
     assert found["base", "delay"]["message"] == "not learnt yet"
     kit = LearntDelays(load_robot(Path("kit.yaml")), simulated=False)
     kit.lag.seconds, kit.lag.spread, kit.lag.reports = 0.19, 0.003, MIN_SAMPLES
     kit.save()
     again = findings(mission("--robot", "kit.yaml", "--root", str(desk.root), "--json"))
-    assert again["base", "delay"]["message"] == "190 ms, as earlier runs have learnt"
+    assert again["base", "delay"]["message"] == "190 ms, learnt in earlier runs"
 
 
 @pytest.mark.usefixtures("plugged")
@@ -251,7 +251,7 @@ def test_the_report_tells_all_but_whose_computer_it_is(
     desk.write("etc/os-release", 'PRETTY_NAME="Raspberry Pi OS"')
     desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B")
     told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--report", "help.txt")
-    assert told.out.splitlines()[-1] == "wrote help.txt; look through it before you send it"
+    assert told.out.splitlines()[-1] == "wrote help.txt; read it before you send it"
     text = (tmp_path / "help.txt").read_text()
     assert "Raspberry Pi 5 Model B" in text
     assert "Raspberry Pi OS" in text
@@ -368,7 +368,7 @@ def test_the_cure_of_a_second_arm_names_it(
 
 def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mission, desk: RecordedMachine) -> None:
     at = ("--root", str(desk.root))
-    assert "robot: this computer has none of its own" in mission(*at).out
+    assert "robot: this computer has no robot of its own" in mission(*at).out
     file = config_folder() / "defaults.yaml"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("robot: nobody\n")

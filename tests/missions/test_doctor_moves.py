@@ -110,13 +110,13 @@ def _tried(
 def test_each_joint_is_asked_for_moved_and_asked_about(plugged: PseudoTerminal) -> None:
     found, asked = _tried(plugged, True, True, True, False)
     assert [(each.finding.about, each.finding.verdict, each.finding.message) for each in found] == [
-        ("shoulder", "ok", "done, and seen"),
-        ("elbow", "wrong", "it has done something else than it was told"),
+        ("shoulder", "ok", "done, and confirmed"),
+        ("elbow", "wrong", "the motion did not match the command"),
     ]
     assert asked == [
-        "arm: shoulder goes 4 degrees to one side, and back; the arm becomes stiff. May it?",
+        "arm: shoulder goes 4 degrees to one side, and back; the arm is switched on. May it?",
         "Did shoulder move, and nothing else?",
-        "arm: elbow goes 4 degrees to one side, and back; the arm becomes stiff. May it?",
+        "arm: elbow goes 4 degrees to one side, and back; the arm is switched on. May it?",
         "Did elbow move, and nothing else?",
     ]
     assert found[1].finding.fix.startswith("mission servo scan --robot kit.yaml")
@@ -145,6 +145,6 @@ def test_where_nobody_answers_nothing_moves_and_all_else_is_told(
     port.write_text("a file, and no port")
     monkeypatch.setattr("sys.stdin", StringIO())
     told = command(capsys, "doctor", "--move", "--robot", str(file), "--port", f"arm={port}")
-    assert "no: nobody answers\n" in told.err
+    assert "no answer: nothing moves\n" in told.err
     assert told.out.count(f"{port}: ") == 1
     assert re.search(r"\n\d+ wrong, (1 warning|(0|[2-9]) warnings), \d+ ok\n$", told.out)

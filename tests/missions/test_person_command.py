@@ -111,7 +111,7 @@ def test_pictures_that_are_there_already_are_told_of(bench: Bench) -> None:
     assert outcome.code == 0
     assert outcome.out.startswith("Anna: 1 pictures kept in ")
     assert outcome.out.endswith(", 3 before\n")
-    assert outcome.err.startswith("3 pictures were there already, or given twice\n")
+    assert outcome.err.startswith("3 duplicate pictures skipped\n")
 
 
 def test_a_picture_of_somebody_else_is_refused(bench: Bench) -> None:
@@ -141,7 +141,7 @@ def test_what_is_left_in_a_folder_is_told_of(bench: Bench) -> None:
     letter.touch()
     outcome = bench.run("remove", "Anna", "--yes")
     assert outcome.out == "Anna: 4 pictures deleted\n"
-    assert outcome.err == f"{letter.parent} stays: there is something else in it\n"
+    assert outcome.err == f"{letter.parent} is kept: it has other files\n"
     assert letter.exists()
 
 

@@ -89,7 +89,7 @@ def test_what_is_unplugged_and_plugged_in_again_is_found(
     steps = iter((lambda: desk.unplug("ttyUSB1"), lambda: None, lambda: desk.port("ttyUSB1", "1a86:55d3")))
     assert identify_device(desk.machine, partial(_step, steps)) == 0
     told = capsys.readouterr()
-    assert "2 devices; now unplug the one that you look for" in told.err
+    assert "2 devices; now unplug the one that you want to identify" in told.err
     assert "it was /dev/ttyUSB1; now plug it in again" in told.err
     assert "in a robot file:  port: /dev/serial/by-path/pci0-usb-0:3:1.0-port0" in told.out
 

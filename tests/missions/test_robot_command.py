@@ -207,7 +207,7 @@ def test_each_part_is_compared_with_what_answers(mission: Mission, desk: Recorde
     assert "ok       arm waist_turn (servo 1): AX-12A, firmware 24, 12.0 V, 35 degC" in lines
     assert "wrong    arm wrist_roll (servo 9): does not answer" in lines
     assert "wrong    head port: nothing is plugged in at /dev/nano" in lines
-    assert "         try: mission ports  (what is, and how to call it)" in lines
+    assert "         try: mission ports  (lists the ports and their names)" in lines
 
 
 def test_the_command_says_what_is_wrong_and_ends_with_1(mission: Mission, desk: RecordedMachine) -> None:

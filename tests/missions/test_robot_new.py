@@ -152,7 +152,7 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     bench.session(person)
     told = capsys.readouterr().out
     assert len(person.asked) < MOST
-    assert "which of these is it like? its names, limits and figures are taken over (turtlebot2_arm)" in person.asked
+    assert "which of these robots is similar? its names, limits and values are used (turtlebot2_arm)" in person.asked
     config = load_robot(find_file("robots", "rosie"))
     assert config.parts == {"base", "head", "arm", "camera", "microphone", "voice", "screen"}
     assert load_defaults().robot == "rosie"
@@ -216,7 +216,7 @@ def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
     (file.parent / "other.json").write_text(json.dumps({"pan": {**MINE["pan"], "homing_offset": 7}}))
     person = Person({**ADA, r"like\?": like})
     bench.session(person)
-    assert any(f"({file}): shall its calibration be used?" in asked for asked in person.asked)
+    assert any(f"({file}): use this calibration?" in asked for asked in person.asked)
     assert not any("find the limits" in asked for asked in person.asked)
     arm = load_robot(find_file("robots", "ada")).keys(FeetechKeys)
     assert arm is not None
@@ -308,13 +308,13 @@ def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) 
 
 def test_where_two_robots_fit_the_user_says_which(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     plug_so101(bench)
-    question = "which of these is it like? its names, limits and figures are taken over"
+    question = "which of these robots is similar? its names, limits and values are used"
     person = Person({**ADA, r"like\?": "so101_leader"})
     bench.session(person)
     assert question in person.asked, "nothing is proposed"
     told = capsys.readouterr().out
     assert "so101: SO-101 follower arm, six Feetech STS3215; the computer's voice. (its arm holds its position)" in told
-    assert "(its arm goes limp at the end)" in told
+    assert "(the torque of its arm goes off at the end)" in told
     arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
     assert arm.at_end == "relax"
@@ -345,8 +345,8 @@ def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
     person = Person({**ADA, r"like\?": "so101_leader"})
     bench.session(person)
     assert [asked for asked in person.asked if "called" in asked or "like?" in asked] == [
-        "what is the robot called? (my_robot)",
-        "which of these is it like? its names, limits and figures are taken over",
+        "what is the name of the robot? (my_robot)",
+        "which of these robots is similar? its names, limits and values are used",
     ]
     arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
@@ -485,7 +485,7 @@ def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytes
 
     bench.session(Slow())
     out = capsys.readouterr().out
-    assert "turtlebot2 ships with MissionTree: give yours another name" in out
+    assert "turtlebot2 ships with MissionTree: choose another name" in out
     assert "'two words' is no name" in out
     assert find_file("robots", "kit").is_file()
 
@@ -501,7 +501,7 @@ def test_the_command_keeps_the_answers_when_it_is_left(
     monkeypatch.setattr(click, "prompt", Person())
     done = command(capsys, "robot", "new", "--root", root)
     assert done.code == 0
-    assert "what is the robot called?: kit  (answered before)" in done.out
+    assert "what is the name of the robot?: kit  (answered before)" in done.out
     assert find_file("robots", "kit").is_file()
 
 

@@ -59,7 +59,7 @@ def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(
     # Zero is at 10 deg of the servo, and the joint is reversed: -60..50 deg is -40..70 deg; 2 deg less at either end.
     assert limits(robot.path, "elbow") == pytest.approx((-38.0, 68.0), abs=2 * TICK)
     assert limits(robot.path, "waist") == (-90.0, 90.0)
-    assert "hardly turned: left as it is" in outcome.out
+    assert "hardly moved: unchanged" in outcome.out
     after = robot.path.read_text().splitlines()
     changed = [line for line, was in zip(after, before.splitlines(), strict=True) if line != was]
     assert [line.split(":")[0].strip() for line in changed] == ["elbow"]
@@ -174,7 +174,7 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("arm.yaml -o three.yaml", "three.yaml is there already"),
+        ("arm.yaml -o three.yaml", "three.yaml already exists"),
         ("arm.yaml -o new.yaml --into three.yaml", "give one of them"),
         ("arm.yaml --model AX-12B", "did you mean 'AX-12"),
         (f"arm.yaml --into {find_file('robots', 'turtlebot2_arm')}", "ships with MissionTree"),

@@ -119,7 +119,7 @@ def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_
     assert "has position offset 0, its calibration says 1" in outcome.err
     assert mission("servo home --restore --robot two.yaml --yes").code == 0
     assert mission("servo torque on --robot two.yaml").code == 0
-    assert "the servos are set so already" in mission("servo home --restore --robot two.yaml --yes").out
+    assert "the servos have these values already" in mission("servo home --restore --robot two.yaml --yes").out
     assert "calibrate with the program that wrote it" in mission("servo calibrate --robot two.yaml --seconds 1").err
 
 
@@ -265,7 +265,7 @@ def test_an_older_file_in_the_robot_file_gives_way_to_the_one_that_fits(
     before = [bytes(servo.table[:40]) for servo in servos.servos]
     outcome = mission("servo home --restore --robot two.yaml --yes")
     assert outcome.code != 0
-    assert f"{lerobot} will not fit them any more" in outcome.err
+    assert f"{lerobot} will no longer match them" in outcome.err
     assert [bytes(servo.table[:40]) for servo in servos.servos] == before
     lerobot.unlink()
     told = mission("servo torque on --robot two.yaml").err

@@ -280,7 +280,7 @@ def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_sa
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
     outcome = servo("torque", "recover")
-    said = "stiff again: wrist\nlimp again, as the robot file asks (at_end: relax)\n"
+    said = "stiff again: wrist\ntorque is off again, as the robot file says (at_end: relax)\n"
     assert (outcome.code, outcome.out) == (0, said), outcome.err
     assert robot.wrist.limp
 
@@ -289,7 +289,7 @@ def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.plugins.setup.servo.torque.RECOVERY_TIMEOUT", 0.0
+        "missions.plugins.setup.servo.joint_commands.RECOVERY_TIMEOUT", 0.0
     )  # it takes longer than that to start
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
@@ -308,7 +308,7 @@ def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: 
     assert (outcome.code, outcome.out) == (1, "waist (servo 1) is stiff\n")
     for title in ("elbow (servo 2)", "wrist (servo 3)"):
         assert (
-            f"{title}: has shut down, and was left as it is\n  try: free the joint, then `mission servo torque recover"
+            f"{title}: has shut down; its torque stays off\n  try: free the joint, then `mission servo torque recover"
             in (outcome.err)
         )
     assert robot.elbow.get("torque_limit") == 0
@@ -326,7 +326,7 @@ def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     servo: Servo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.plugins.setup.servo.torque.restore_settings", lambda *_, **__: None
+        "missions.plugins.setup.servo.joint_commands.restore_settings", lambda *_, **__: None
     )  # as if it took the order and dropped it
     outcome = servo("torque", "on", "elbow")
     assert (outcome.code, outcome.out) == (1, "")
@@ -352,14 +352,14 @@ def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixtur
 def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", "info", "elbow", "gripper")
     assert [line.split()[0] for line in outcome.out.splitlines()] == ["joint", "elbow", "gripper"]
-    assert outcome.err == "simulated servos; name --robot or --port for real ones\n"
+    assert outcome.err == "simulated servos; add --robot or --port for real ones\n"
 
 
 @pytest.mark.parametrize("line", ["torque recover", "move elbow 5 deg", "info elbow", "set all return_delay 250"])
 def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", *line.split())
     assert outcome.code == 0, outcome.err
-    assert "simulated servos; name --robot or --port for real ones\n" in outcome.err
+    assert "simulated servos; add --robot or --port for real ones\n" in outcome.err
 
 
 def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:

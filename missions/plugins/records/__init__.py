@@ -1,1 +1,1 @@
-"""What has happened: how runs are recorded, replayed, reported and counted."""
+"""Recording, replay, reports and statistics of runs."""

@@ -1,4 +1,4 @@
-"""Options of `mission run` for its record."""
+"""Record options of `mission run`."""
 
 import os
 from importlib.util import find_spec
@@ -12,12 +12,12 @@ from missions.request import RunOptions, RunRequest
 GROUP = "The record"
 
 RECORD_ENVIRONMENT_VARIABLE = "MISSION_RECORD"
-"""A variable of the environment, before the user's default: ``no``, ``yes``, or ``all``, simulated runs too."""
+"""Environment variable that overrides the user's default: ``no``, ``yes``, or ``all`` to include simulated runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordOptions(RunOptions):
-    """Whether and where a run is recorded, and how large its record may grow."""
+    """Whether and where a run is recorded, and the maximum size of its record."""
 
     record: Path | None = option(
         "Record the run into FILE.mcap, for `mission record`; in a folder, under the mission's name and the time. "
@@ -51,10 +51,10 @@ class RecordOptions(RunOptions):
         return super().is_wanted(request) or is_recorded_by_default(simulated=request.simulation is not None)
 
     def check(self, request: RunRequest) -> None:
-        """Raise ValueError for options that could only be ignored."""
+        """Raise ValueError for contradictory options."""
         del request
         if self.no_record and self.record is not None:
-            raise ValueError("--record keeps it, --no-record does not: one of them")
+            raise ValueError("--record and --no-record exclude each other")
 
 
 def is_recorded_by_default(*, simulated: bool = False) -> bool:

@@ -1,4 +1,4 @@
-"""The records that are kept by default: a folder of the user's, in which the oldest make room for the newest."""
+"""Retention of records that are made by default: the oldest are removed."""
 
 import fcntl
 import os
@@ -10,35 +10,35 @@ from config.file_io import open_regular, read_regular, regular_opener, save_file
 from missions.library.folders import state_folder
 
 MAX_AGE_DAYS = 30
-"""So old a record may grow."""
+"""Maximum age of a record in days."""
 
 MAX_TOTAL_BYTES = 2_000_000_000
-"""Bytes that all records may take together."""
+"""Maximum size of all records together."""
 
 SECONDS_PER_DAY = 24 * 3600.0
 
 ORDER_FILE = ".order"
-"""The file with the names of the records in the order in which they were made, each ended by a zero byte."""
+"""File with the names of the records in creation order, each ended by a zero byte."""
 
 MAX_ORDER_BYTES = 1 << 20
 
 
 def records_folder() -> Path:
-    """Return the folder, which need not be there."""
+    """Return the folder of records made by default; it may not exist."""
     return state_folder() / "records"
 
 
 STUDIO_RECORDS_VARIABLE = "MISSION_STUDIO_RECORDS"
-"""By which a studio tells the processes that read for it of another folder, whose records it shows."""
+"""Environment variable with another folder whose records the studio shows."""
 
 
 def studio_records_folder() -> Path:
-    """Return the folder whose records the studio shows: that of those kept by default, if no other is named."""
+    """Return the folder whose records the studio shows."""
     return Path(os.environ.get(STUDIO_RECORDS_VARIABLE) or records_folder())
 
 
 def list_records(folder: Path) -> list[Path]:
-    """Return the records in a folder, the newest first; none where there is no folder. Raises OSError."""
+    """Return the records in a folder, newest first; empty if there is no folder. Raises OSError."""
     found = list[tuple[float, Path]]()
     try:
         for path in folder.iterdir():
@@ -51,10 +51,9 @@ def list_records(folder: Path) -> list[Path]:
 
 
 def remove_old_records(folder: Path, now: float) -> list[str]:
-    """Make the folder, for its owner alone, and remove records that are too old, or too much.
+    """Create the private folder, and remove records that are too old or exceed the total size.
 
-    ``now`` is Unix time. Return what was removed, in words for people. The newest record may be written now, and stays,
-    as does each that another process writes.
+    ``now`` is Unix time. Returns the removed records with reasons. The newest record and those being written are kept.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     records = _sort_by_age(folder, list_records(folder))
@@ -76,10 +75,10 @@ def remove_old_records(folder: Path, now: float) -> list[str]:
 
 
 def _sort_by_age(folder: Path, records: Sequence[Path]) -> list[Path]:
-    """Return records in the order in which they were made, the newest first, whatever the clock was then.
+    """Return records in creation order, newest first, whatever the clock showed.
 
-    A computer without a battery for its clock may make the newest record in 1970. So the order is kept in a file, to
-    which each record is added when it is first seen; those that are new to it are in the order of their stamps.
+    A computer without a real-time clock may create the newest record in 1970. So a file keeps the order in which
+    records were first seen; new ones are sorted by modification time.
     """
     there = {path.name: path for path in reversed(records)}  # the oldest first
     with suppress(OSError):
@@ -92,11 +91,10 @@ def _sort_by_age(folder: Path, records: Sequence[Path]) -> list[Path]:
 
 
 def _expired_records(records: Iterable[Path], now: float) -> set[Path]:
-    """Return the records that are too old, as far as their stamps and the clock can be trusted.
+    """Return the records older than ``MAX_AGE_DAYS``, as far as the clock can be trusted.
 
-    A clock that is wrong by years would make all of them so. It is not believed across a gap in which no record was
-    made for as long as a record may be kept; nor are stamps from the future. What is behind such a gap is not removed
-    for its age.
+    A clock that is years ahead would expire all records. So an age is not trusted across a gap of ``MAX_AGE_DAYS``
+    without a record, nor are times in the future. Records before such a gap are kept.
     """
     stamps = dict[Path, float]()
     for path in records:
@@ -115,7 +113,7 @@ def _expired_records(records: Iterable[Path], now: float) -> set[Path]:
 
 
 def _remove_unless_written(path: Path) -> bool:
-    """Remove a record that no process writes; return whether it is gone. Raises OSError."""
+    """Remove a record that no process writes; return whether it was removed. Raises OSError."""
     with open_regular(path) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

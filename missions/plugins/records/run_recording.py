@@ -1,4 +1,4 @@
-"""``mission run --record``: a run kept in a file, from before its beginning to its end."""
+"""``mission run --record``: recording of a run, from before its start to its end."""
 
 import sys
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -20,45 +20,43 @@ from missions.plugins.records.recording.budget import DEFAULT_FRAME_RATE, DEFAUL
 from missions.request import RunRequest
 
 RECORD_SUFFIX = ".mcap"
-"""What the name of a record ends in."""
+"""File name ending of a record."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordSettings:
-    """What a user asks of a record: where (a file or a folder), how large at most (bytes), and pictures a second."""
+    """Settings of a record: path (a file or a folder), maximum size (bytes), pictures per second."""
 
     path: Path
     limit: float = DEFAULT_MAX_BYTES
     frames: float = DEFAULT_FRAME_RATE
     overwrite: bool = False
     requested: bool = True
-    """False for a record that is kept by default: where it cannot be, the run goes on without."""
+    """False for a record made by default: if it fails, the run goes on without it."""
 
 
 def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettings | None:
-    """Return what the options ask for; by default a record in the user's own folder, of a run on a robot.
+    """Return the settings from the options; by default a record in the user's folder, of a run on a robot.
 
-    Raises click.UsageError for options that could only be ignored.
+    Raises click.UsageError for options without effect.
     """
     record, asked = options.record, options.record is not None
     if record is None and not options.no_record and is_recorded_by_default(simulated=request.simulation is not None):
         record = _default_folder()
     if record is None:
         if options.record_limit is not None or options.record_frames is not None or options.overwrite:
-            raise click.UsageError(
-                f"--record-limit, --record-frames and --overwrite go with --record FILE{RECORD_SUFFIX}"
-            )
+            raise click.UsageError(f"--record-limit, --record-frames and --overwrite need --record FILE{RECORD_SUFFIX}")
         return None
     if record.is_dir():
         record = _new_path(record, f"{Path(request.mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}")
     elif record.suffix != RECORD_SUFFIX:
-        raise click.BadParameter(f"{record}: a record's name ends in {RECORD_SUFFIX}", param_hint="--record")
+        raise click.BadParameter(f"{record}: the name of a record must end in {RECORD_SUFFIX}", param_hint="--record")
     frames = DEFAULT_FRAME_RATE if options.record_frames is None else options.record_frames
     return RecordSettings(record, options.record_limit or DEFAULT_MAX_BYTES, frames, options.overwrite, asked)
 
 
 def _default_folder() -> Path | None:
-    """Return the folder of records that are kept by default, with room for one more; None if it cannot be made."""
+    """Return the folder of records made by default, with room for one more; None if it cannot be created."""
     folder = retention.records_folder()
     try:
         removed = retention.remove_old_records(folder, time_of_day().timestamp())
@@ -71,16 +69,16 @@ def _default_folder() -> Path | None:
 
 
 def _new_path(folder: Path, name: str) -> Path:
-    """Return a file in ``folder`` that is not there yet: two runs may begin in one second."""
+    """Return an unused file name in ``folder``: two runs may start in the same second."""
     numbered = (folder / f"{name}{more}{RECORD_SUFFIX}" for more in ("", *(f"-{number}" for number in range(2, 100))))
     return next((path for path in numbered if not path.exists()), folder / f"{name}{RECORD_SUFFIX}")
 
 
 class RunRecording:
-    """Records the run of a ``session``: a context around the run.
+    """Context manager that records the run of a ``session``.
 
-    What is missing from the record in the end is said on stderr. ``__enter__``, which begins the record before anything
-    has moved, raises click.BadParameter where that cannot be.
+    Prints losses to stderr at the end. ``__enter__`` starts the record before anything moves, and raises
+    click.BadParameter if it cannot.
     """
 
     def __init__(self, settings: RecordSettings, session: RunSession) -> None:
@@ -106,7 +104,7 @@ class RunRecording:
 
         wish, session, runner = self._settings, self._session, self._session.runner
         if wish.path.resolve() in session.files:
-            raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")
+            raise click.BadParameter(f"{wish.path} is an input file of this run", param_hint="--record")
         started = time_of_day() - timedelta(seconds=runner.clock.now())
         lag = runner.assembled_robot.robot.lag
         contents = contents_of(
@@ -139,7 +137,7 @@ class RunRecording:
 
     @property
     def path(self) -> Path:
-        """Where the record is; renamed where it is incomplete and an earlier one has its name."""
+        """Path of the record; another one if it is incomplete and an earlier record keeps its name."""
         return self._recorder.path
 
     def _report(self, notice: DeviceStatus) -> None:
@@ -148,6 +146,6 @@ class RunRecording:
 
 
 def record_run(options: RecordOptions, session: RunSession) -> AbstractContextManager[object]:
-    """Record a run, as the options ask. Raises click.UsageError."""
+    """Return a context that records a run as the options say. Raises click.UsageError."""
     wish = record_settings(options, session.request)
     return nullcontext() if wish is None else RunRecording(wish, session)

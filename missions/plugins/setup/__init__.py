@@ -1,1 +1,1 @@
-"""Set up a robot: look for its devices, make its file, calibrate it, know people."""
+"""Setup commands: find devices, write robot files, calibrate, enrol people."""

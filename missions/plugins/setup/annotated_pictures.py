@@ -1,4 +1,4 @@
-"""Writing pictures in which something was drawn, never over what was looked at."""
+"""Writer of annotated pictures that never overwrites its inputs."""
 
 import itertools
 from pathlib import Path
@@ -13,7 +13,7 @@ from missions.cli.outputs import report_write_errors
 
 
 class AnnotatedPictures:
-    """Pictures with what was seen drawn in, in a folder; never over what was looked at, nor one over another."""
+    """Annotated pictures in a folder; never overwrites an input or another picture of this run."""
 
     def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
         try:
@@ -32,7 +32,7 @@ class AnnotatedPictures:
         )
         looked_at = (path, *self._inputs)
         if target.exists() and any(target.samefile(each) for each in looked_at if each.exists()):
-            raise click.UsageError(f"--annotate: {target} is one of the pictures themselves; choose another folder")
+            raise click.UsageError(f"--annotate: {target} is an input; choose another folder")
         done, packed = cv2.imencode(".png", image)
         if not done:
             raise click.ClickException(f"{target}: cannot be written")
@@ -40,7 +40,7 @@ class AnnotatedPictures:
             save_file(target, packed.tobytes(), PRIVATE_MODE)
 
     def _stem(self, path: Path) -> str:
-        """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""
+        """Return a unique name for each input file: "astro", then "astro-2"."""
         if path not in self._names:
             taken = set(self._names.values())
             tries = (path.stem if n == 1 else f"{path.stem}-{n}" for n in itertools.count(1))

@@ -1,4 +1,4 @@
-"""``mission robot camera``: which cameras are plugged in, and what their lenses are like."""
+"""``mission robot camera``: list cameras, and calibrate their lenses."""
 
 import re
 from collections.abc import Sequence
@@ -27,13 +27,13 @@ from perception.calibration import BoardViews, Chessboard, LensCalibration, cali
 # What calibration has found of a camera's lens, as the camera section of a robot file says it, and kept there.
 
 COEFFICIENTS = tuple(field.name for field in fields(DistortionKeys))
-"""The coefficients by which a lens bends a picture, in the order that OpenCV has."""
+"""Lens distortion coefficients, in OpenCV's order."""
 
 RETRY_COMMAND = "mission robot camera calibrate SOURCE --board 9x6 --square '25 mm' --keep FILE"
 
 
 def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: Sequence[float]) -> dict[str, str]:
-    """Return the keys of the camera section with their values, as they are written."""
+    """Return the keys of the camera section and their values as text."""
     bent = ", ".join(f"{name}: {value:.5f}" for name, value in zip(COEFFICIENTS, distortion, strict=True))
     return {
         "field_of_view": quantity_text(field_of_view, "angle"),
@@ -44,10 +44,10 @@ def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: 
 
 
 def picture_size(path: Path) -> tuple[int, int]:
-    """Return the width and height of the pictures for which a robot file is to keep a lens.
+    """Return the picture width and height of a robot file whose lens is to be written.
 
-    Raises NotEditableError for a file in which no lens will be kept: better before the board is held up.
-    Raises InvalidFileError for what is no robot file.
+    Call it before the calibration. Raises NotEditableError for a file that cannot be written, InvalidFileError for an
+    invalid robot file.
     """
     require_own(path, RETRY_COMMAND)
     camera = _camera(parse_robot(read_source(path)))
@@ -57,7 +57,7 @@ def picture_size(path: Path) -> tuple[int, int]:
 def write_lens(path: Path, entries: dict[str, str]) -> None:
     """Write ``lens_entries`` into a robot file, and nothing else.
 
-    Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
+    Raises NotEditableError if that is not possible, InvalidFileError for an invalid robot file, OSError.
     """
     picture_size(path)
     source = read_source(path)
@@ -72,7 +72,7 @@ def write_lens(path: Path, entries: dict[str, str]) -> None:
             text = with_value(SourceText(source.name, text), ("camera", key), value)
     if not _changes_only_lens(old, SourceText(source.name, text), entries):
         what = "; ".join(f"{key}: {value}" for key, value in entries.items())
-        raise NotEditableError(f"{path}: it cannot be edited automatically; write {what}")
+        raise NotEditableError(f"{path}: cannot be edited automatically; write {what}")
     rewrite(path, text)
 
 
@@ -83,7 +83,7 @@ def _camera(robot: RobotConfig) -> CameraKeys:
 
 
 def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, str]) -> bool:
-    """Say whether the new text means the same robot with the lens of ``entries``: an anchor may stand for more."""
+    """Return whether the new text differs from the old robot by the lens only: an anchor may be used elsewhere too."""
     try:
         new = parse_robot(source)
     except InvalidFileError:  # the anchor was lost
@@ -103,35 +103,35 @@ def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, 
 
 
 MAX_VIEWS = 20
-"""Different views of the board after which a live camera has seen enough."""
+"""Number of different views of the board after which a live calibration ends."""
 
 MAX_PIXEL_ERROR = 1.0
-"""Pixels by which a board may miss a good lens."""
+"""Maximum reprojection error of a good lens, in pixels."""
 
 
 @click.group(epilog="Example: mission robot camera list")
 def camera() -> None:
-    """List cameras, and calibrate them."""
+    """List cameras, and calibrate their lenses."""
 
 
 @camera.command(name="list", epilog="Example: mission robot camera list")
 def list_command() -> int:
-    """List the cameras that are plugged in, with the sizes of their pictures."""
+    """List the connected cameras with their picture sizes."""
     devices = list_devices()
     for device in devices:
-        sizes = " ".join(f"{width}x{height}" for width, height in device.sizes) or device.trouble or "no sizes told"
+        sizes = " ".join(f"{width}x{height}" for width, height in device.sizes) or device.trouble or "sizes unknown"
         click.echo(f"{device.path}  {device.name}  {sizes}")
     denied = [device.path for device in devices if "permission" in device.trouble]
     if denied:
         click.echo(f"  try: {explain_denied(denied[0])[1]}", err=True)
     elif readable := [device for device in devices if not device.csi]:
         number = readable[0].path.name.removeprefix("video")
-        click.echo(f"\nTo look through {readable[0].path}: mission run greet --camera {number}")
+        click.echo(f"\nTo use {readable[0].path}: mission run greet --camera {number}")
     elif devices:
         click.echo(f"  try: {CSI_HINT}", err=True)
     else:
-        click.echo("no camera is plugged in, as far as this system tells", err=True)
-        click.echo("  try: lsusb  (is it there at all?), or a film instead: mission see FILE", err=True)
+        click.echo("no camera found", err=True)
+        click.echo("  try: lsusb  (is it listed?), or a video instead: mission see FILE", err=True)
     return SUCCESS if devices else FAILURE
 
 
@@ -152,20 +152,24 @@ def _parse_length(ctx: click.Context, option: click.Parameter, value: str) -> fl
 @camera.command(name="calibrate", epilog="Example: mission robot camera calibrate 0 --board 9x6 --square '25 mm'")
 @click.argument("source", metavar="SOURCE")
 @click.option(
-    "--board", required=True, metavar="9x6", callback=_parse_board, help="Its inner corners, where squares meet."
+    "--board",
+    required=True,
+    metavar="9x6",
+    callback=_parse_board,
+    help="Inner corners of the board, where squares meet.",
 )
-@click.option("--square", required=True, metavar='"25 mm"', callback=_parse_length, help="The side of a square.")
-@click.option("--keep", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE", help="Write it "
-              "into your robot file.")  # fmt: skip
+@click.option("--square", required=True, metavar='"25 mm"', callback=_parse_length, help="Side length of a square.")
+@click.option("--keep", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE", help="Robot file "
+              "of yours to write the lens to.")  # fmt: skip
 @click.option(
     "--seconds",
     type=QuantityInUnit("s", 0.1),
     default=120.0,
     show_default=True,
-    help="How long to look through a live camera at most.",
+    help="Maximum time for a live camera.",
 )
 def calibrate_command(source: str, board: tuple[int, int], square: float, keep: Path | None, seconds: float) -> int:
-    """Find out what a lens is like: angle of view, centre, distortion.
+    """Measure the field of view, centre and distortion of a lens.
 
     SOURCE is a camera's number or device, a video, or a folder of pictures. Hold a printed chessboard before the
     camera: near and far, in all corners, and tilted to every side.
@@ -191,7 +195,7 @@ def calibrate_command(source: str, board: tuple[int, int], square: float, keep: 
 
 
 def _collect_views(views: BoardViews, source: str, seconds: float, size: tuple[int, int] | None) -> None:
-    """Show the source's pictures to ``views``, and say how many taught something; a device's in that ``size``."""
+    """Add the pictures of a source to ``views``, and print the number of useful ones; ``size`` is for cameras only."""
     live = source_kind(source) in {SourceKind.DEVICE, SourceKind.URL}
     seen = (
         (image for _, image in camera_frames(source, seconds, size))
@@ -206,25 +210,29 @@ def _collect_views(views: BoardViews, source: str, seconds: float, size: tuple[i
 
 
 def _report_calibration(calibration: LensCalibration, views: BoardViews, keep: Path | None) -> int:
-    """Print the lens as a robot file has it, and keep it where that was asked."""
+    """Print the lens as in a robot file, and write it to ``keep`` if given; return the exit code."""
     width, height = views.size
     click.echo(
-        f"# {calibration.views} views of {width}x{height} pixels, {calibration.nearest:.2f} to {calibration.farthest:.2f} m away; "
-        f"the corners miss by {calibration.error:.2f} px"
+        f"# {calibration.views} views of {width}x{height} pixels, "
+        f"{calibration.nearest:.2f} to {calibration.farthest:.2f} m away; "
+        f"reprojection error {calibration.error:.2f} px"
     )
     entries = lens_entries(calibration.field_of_view, calibration.centre, calibration.distortion)
     click.echo("camera:")
     for key, value in entries.items():
         click.echo(f"  {key}: {value}")
     if calibration.error > MAX_PIXEL_ERROR:
-        click.echo(f"{calibration.error:.1f} px is much\n  try: a flat board, held still, in good light", err=True)
+        click.echo(
+            f"{calibration.error:.1f} px is too large an error\n  try: a flat board, held still, in good light",
+            err=True,
+        )
         return FAILURE
     if keep is None:
-        click.echo("\nTo keep it: --keep FILE, your robot file", err=True)
+        click.echo("\nTo write it to your robot file: --keep FILE", err=True)
         return SUCCESS
     try:
         write_lens(keep, entries)
     except NotEditableError as error:
         raise click.UsageError(f"{error}") from error
-    click.echo(f"kept in {keep}", err=True)
+    click.echo(f"written to {keep}", err=True)
     return SUCCESS

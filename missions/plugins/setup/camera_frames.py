@@ -1,4 +1,4 @@
-"""Looking through a camera that is plugged in, picture by picture, for commands of a terminal."""
+"""Pictures of a connected camera, for terminal commands."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -19,21 +19,21 @@ from missions.assembly.assemble import RealPartFactory
 from missions.assembly.part_factory import Hooks, Overrides, order_parts
 
 PICTURE_TIMEOUT = 8.0
-"""Seconds in which a camera must show something: one in the network says why not within 5 s."""
+"""Maximum seconds until the first picture; a network camera reports its error within 5 s."""
 
 FAILURE_TIMEOUT = 2.0
-"""Seconds after which a camera that has said why it shows nothing is not waited for."""
+"""Maximum seconds until the first picture after the camera has reported an error."""
 
 RETURN_TIMEOUT = 30.0
-"""Seconds without a picture after which a camera that has shown something is not waited for any more."""
+"""Maximum seconds without a picture after the first one."""
 
 
 def camera_frames(
     source: str, seconds: float, size: tuple[int, int] | None = None, turn: ImageOrientation = UPRIGHT
 ) -> Iterator[tuple[float, Image]]:
-    """Yield what a camera sees, with the time since it was opened, for so long, or until its film is over.
+    """Yield time since opening (s) and picture of a camera, for ``seconds`` or until a film ends.
 
-    A live one that falls silent is waited for. Raises NotConnected when there is nothing to see in time.
+    Interruptions of a live source are waited for. Raises NotConnected if there is no picture in time.
     """
     clock = SystemClock()
     with closing(open_source(source, clock, size=size, loop=False, report=print_camera_status, turn=turn)) as camera:
@@ -41,7 +41,7 @@ def camera_frames(
 
 
 def robot_camera_frames(config: RobotConfig, seconds: float) -> Iterator[tuple[float, Image]]:
-    """Do the same with the camera of a robot, by its driver, and with what that is made of; no other part is opened."""
+    """Yield frames as ``camera_frames`` does, from a robot's camera by its driver; opens only needed parts."""
     clock = SystemClock()
     place = RealPartFactory(config, clock, Overrides(), Hooks(print_camera_status, ignore, click.echo, ignore, ignore))
     parts = frozenset({"camera", *config.sections["camera"].driver.needs})
@@ -55,7 +55,7 @@ def robot_camera_frames(config: RobotConfig, seconds: float) -> Iterator[tuple[f
 
 
 def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -> Iterator[tuple[float, Image]]:
-    """Yield pictures for so long after the first one."""
+    """Yield frames for ``seconds`` after the first one."""
     begin = clock.now()
     camera.open()
     end = inf
@@ -78,6 +78,6 @@ def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -
 
 
 def print_camera_status(notice: DeviceStatus) -> None:
-    """Print what a camera says of itself, but for that it is there at first."""
+    """Print a notice of a camera, except its first connection."""
     if notice.kind != "online" or notice.message.endswith(AGAIN_SUFFIX):
         click.echo(notice.message + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

@@ -1,4 +1,4 @@
-"""The check-up of a robot at rest: each part of its file is looked at by what its driver declares for that."""
+"""Check of the installation, and of each part of a robot at rest, by the check-up that its driver declares."""
 
 import os
 import platform
@@ -28,41 +28,41 @@ from missions.library.folders import data_folder, state_folder
 
 
 def check_folders() -> Iterator[Finding]:
-    """Say which of the user's folders cannot be written: records, answers and defaults are kept there."""
+    """Yield findings on user folders that cannot be written: those of records, answers and defaults."""
     for what, folder in (("configuration", config_folder()), ("state", state_folder()), ("data", data_folder())):
         there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
         if not there.is_dir():
-            yield failure("folders", f"{folder}, of the {what}: {there} is not a folder", f"ls -ld {there}")
+            yield failure("folders", f"{what} folder {folder}: {there} is not a folder", f"ls -ld {there}")
         elif not os.access(there, os.W_OK | os.X_OK):
             yield failure(
-                "folders", f"{folder}, of the {what}: {there} cannot be written", f"ls -ld {there}; df -h {there}"
+                "folders", f"{what} folder {folder}: {there} is not writable", f"ls -ld {there}; df -h {there}"
             )
 
 
 def check_installation() -> Iterator[Finding]:
-    """Say what is installed, and what is broken in it."""
+    """Yield findings on the installed packages and extras."""
     wanted = extras()
     yield Finding("program", f"MissionTree {version(DISTRIBUTION)}, Python {platform.python_version()}")
     if missing := missing_distributions(wanted.pop("", ())):
         cure = f"pip install {' '.join(missing)}"
-        yield failure("packages", f"{', '.join(missing)}: asked for by MissionTree, and not installed", cure)
+        yield failure("packages", f"{', '.join(missing)}: required by MissionTree, but not installed", cure)
     there = {extra: not missing_distributions(names) for extra, names in wanted.items()}
     have = ", ".join(extra for extra, whole in there.items() if whole) or "none"
     rest = ", ".join(extra for extra, whole in there.items() if not whole)
-    cure = f"pip install 'missiontree[{rest.split(', ')[0]}]'  (and so on, where you need it)" if rest else ""
+    cure = f"pip install 'missiontree[{rest.split(', ')[0]}]'  (and others that you need)" if rest else ""
     yield Finding("extras", f"{have}" + (f"; not installed: {rest}" if rest else ""), fix=cure)
 
 
 PROBE_EXTRA_TIMEOUT = 0.02
-"""Seconds beyond what a question waits: here a busy machine is not to be taken for a silent device."""
+"""Extra seconds to wait for a reply, so that a device is not taken for silent on a busy computer."""
 
 VIRTUAL_PORT_PREFIX = "/dev/pts/"
-"""Where virtual devices are, which answer late."""
+"""Path prefix of virtual devices, which reply late."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartFinding:
-    """A part of the robot, and what was found of it."""
+    """A finding about a part of the robot."""
 
     part: str
     finding: Finding
@@ -77,10 +77,10 @@ def check_robot(
     ports: Mapping[str, str],
     resets: bool = False,
 ) -> Iterator[PartFinding]:
-    """Yield what is found of each part of the robot that is ``called`` so, in the order of the file. Nothing moves.
+    """Yield the findings on each part of a robot, in the order of the file. Nothing moves.
 
-    ``ports`` are instead of those that the file says. A board that starts anew when its port is opened is asked only
-    with ``resets``.
+    ``robot_name`` is the name for hints, ``ports`` override those of the file. A board that resets when its port is
+    opened is probed only with ``resets``.
     """
     there = {name: port for port in find_serial_ports(machine) for name in (port.path, *port.names)}
     named = {
@@ -95,7 +95,7 @@ def check_robot(
         section, port = config.sections[part], named[part]
         with wires[port] if port else nullcontext():
             found = [*_check_extra(section), *_check_device(section, port, there, machine, clock, resets=resets)]
-        late = f"{delays[part] * 1000:.0f} ms, as earlier runs have learnt" if part in delays else "not learnt yet"
+        late = f"{delays[part] * 1000:.0f} ms, learnt in earlier runs" if part in delays else "not learnt yet"
         return found + [Finding("delay", late)] * (part in (CAMERA, BASE))
 
     with ThreadPoolExecutor(max(1, len(named))) as pool:  # most of the time each waits for its device
@@ -108,16 +108,16 @@ def check_robot(
 
 
 def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator[Finding]:
-    """Yield what is found of one part that is plugged into nothing, such as the nodes of ROS 2."""
+    """Yield the findings on a part without a port, such as the nodes of ROS 2."""
     yield from _check_extra(section)
     yield from _check_device(section, "", {}, machine, clock, resets=False)
 
 
 def _check_extra(section: Section) -> Iterator[Finding]:
-    """Look whether what a driver wants besides is installed; a voice does without."""
+    """Yield a finding if packages of the driver are missing; a voice works without."""
     wanted = section.driver.extra
     if wanted and section.driver.kind != "voice" and (missing := missing_distributions(extras().get(wanted, ()))):
-        what = f"{', '.join(missing)}: not installed, and its driver needs it"
+        what = f"{', '.join(missing)}: not installed, but its driver needs it"
         yield failure("packages", what, f"pip install 'missiontree[{wanted}]'")
 
 
@@ -130,7 +130,7 @@ def _check_device(
     *,
     resets: bool,
 ) -> Iterator[Finding]:
-    """Look at a part where it is plugged in, if it is one that is, and if nobody else has it."""
+    """Yield the findings on a part: its port, then its check-up or probe."""
     wired, keys = isinstance(section.keys, SerialKeys), section.keys
     port = (
         known_ports.get(port_name)
@@ -138,14 +138,14 @@ def _check_device(
         or SerialPortInfo(port_name, port_name)
     )
     if wired and machine.can_open(port.path) is None:
-        yield failure("port", f"nothing is plugged in at {port_name}", "mission ports  (what is, and how to call it)")
+        yield failure("port", f"no device at {port_name}", "mission ports  (lists the ports and their names)")
     elif wired and port.shut is not None:
         yield failure("port", f"{port_name}: {port.shut.message}", port.shut.fix)
     elif wired and leads_to_debug_connector(port_name, machine.root):
         yield failure("port", f"{port_name}: {DEBUG_CONNECTOR_PROBLEM}", PINS_HINT)
     elif wired and _may_reset(section, port) and not resets:
         cure = "mission doctor --move --robot ROBOT  (hands off the robot)"
-        yield Finding("port", f"{port.title}: left alone, for it starts anew when it is asked, and may move", fix=cure)
+        yield Finding("port", f"{port.title}: not probed, because that resets it, and it may move", fix=cure)
     elif section.driver.checkup:
         where = str(machine.local_path(port.path)) if wired else ""
         virtual = str(Path(where).resolve()).startswith(VIRTUAL_PORT_PREFIX)
@@ -154,18 +154,18 @@ def _check_device(
     elif wired and section.driver.probe:
         yield _probe_port(section, port, machine, clock)
     elif not section.driver.needs:  # what is made of another part is looked at with that
-        yield Finding("driver", f"{section.driver.name}: not looked at, for it has no check-up")
+        yield Finding("driver", f"{section.driver.name}: not checked, because its driver has no check-up")
 
 
 def _may_reset(section: Section, port: SerialPortInfo) -> bool:
-    """Say whether opening a port may start a board anew; behind an adapter that nobody knows a head may be one."""
+    """Return whether opening a port may reset a board; a head may be behind an unknown adapter."""
     if port.usb is None:
         return False
     return port.usb.resets_on_open or (section.driver.kind == "head" and port.usb.ids not in ADAPTERS)
 
 
 def _run_checkup(section: Section, keys: object, site: DriverContext) -> Iterator[Finding]:
-    """Have a driver look at its device; what is wrong with the driver itself is told, too."""
+    """Yield the findings of a driver's check-up, and a finding for an exception in it."""
     found: Iterable[Finding] = ()
     try:
         found = resolve_name(section.driver.checkup)(keys, site)
@@ -180,7 +180,7 @@ def _run_checkup(section: Section, keys: object, site: DriverContext) -> Iterato
 
 
 def _probe_port(section: Section, port: SerialPortInfo, machine: HostMachine, clock: Clock) -> Finding:
-    """Ask a port by the probe of the part's driver."""
+    """Probe a port with the part's driver."""
     path = str(machine.local_path(port.path))
     heard = probe_port(port, [section.driver], clock, consent=True, extra_timeout=PROBE_EXTRA_TIMEOUT, path=path)
     trouble = heard.trouble or heard.skip_reason

@@ -1,4 +1,4 @@
-"""``mission head``: the pan/tilt head by hand: where it is, look there, look ahead, and put it straight."""
+"""``mission head``: show, move, trim and calibrate a pan/tilt head."""
 
 import json
 import sys
@@ -39,9 +39,12 @@ from perception.delay import MAX_STEADY_JITTER
 # Putting the head straight by hand: arrow keys turn it, and what was turned is its trim.
 
 TRIM_STEPS = (0.5, 1.0, 2.0, 5.0)
-"""Degrees by which an arrow turns the head; the sketch takes whole ones."""
+"""Degrees per key press; the sketch accepts whole degrees."""
 
-TRIM_HELP = "The arrows turn the head, + and - change the step, 0 is no trim.\nEnter keeps the trims, q puts them back."
+TRIM_HELP = (
+    "Arrow keys turn the head, + and - change the step, 0 removes the trims.\n"
+    "Enter keeps the trims, q restores the old ones."
+)
 
 _ARROW_DIRECTIONS = {"left": (1, 0), "right": (-1, 0), "up": (0, -1), "down": (0, 1)}
 
@@ -53,10 +56,10 @@ def trim_by_hand(
     show: Callable[[str], None],
     problem: Callable[[], str],
 ) -> bool:
-    """Let a person trim the head until they are content; return False, with the trims as before, if they are not.
+    """Let the user trim the head with keys; return whether they accepted, otherwise the trims are restored.
 
-    ``signs`` are -1 for an axis whose motor turns the other way than the head. ``show`` is given the line to be seen,
-    ``trouble`` says why the head does not move at present. Whatever ends it but the enter key puts the trims back.
+    ``signs`` are -1 for an axis whose motor turns opposite to the head. ``show`` prints the status line, ``problem``
+    returns the reason why the head does not move. Only the enter key accepts.
     """
     before, step, content = head.trim(), 1, False
     try:
@@ -85,7 +88,7 @@ def trim_by_hand(
 
 
 def _turn(head: Trimmable, turn: tuple[int, int], signs: tuple[int, int], step: float) -> None:
-    """Turn the head itself, whichever way its motors have to turn for that; not beyond what a trim may be."""
+    """Turn the head in the direction of the key, up to the limit of a trim."""
     pan, tilt = (trim + way * sign * step for trim, way, sign in zip(head.trim(), turn, signs, strict=True))
     try:
         head.trim(pan=pan, tilt=tilt)
@@ -95,34 +98,35 @@ def _turn(head: Trimmable, turn: tuple[int, int], signs: tuple[int, int], step: 
 
 BOOT_NOTICES: Mapping[BootState, str] = MappingProxyType(
     {
-        BootState.RESET: "opening its port has started its board anew: that is where its sketch puts the head",
-        BootState.UNKNOWN: "its board does not tell: that is where it was left, or else where its sketch puts the head",
+        BootState.RESET: "opening its port has reset its board: the head is at the pose in its sketch",
+        BootState.UNKNOWN: "its board does not report its pose: it is the last one, or the pose in its sketch",
     }
 )
-"""How a Rodney head knows where it looks; a board in step with a program before us is as one that has forgotten it."""
+"""Notices about the pose of a Rodney head, by boot state; it may not know its pose."""
 
 KEEP_COMMAND = "mission head trim --robot FILE --keep"
-"""What to type with a copy of a robot file that is not to be written."""
+"""Command for a hint, with a copy of a robot file that cannot be written."""
 
 SWING_ANGLE, SWING_RATE = radians(15), 2.5
-"""How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
+"""Phase rate in rad/s of the swing by ``SWING_ANGLE`` (rad) to both sides: at most 38 degrees a second."""
 
 
 @click.group("head", cls=LazyGroup, epilog="Example: mission head where --robot turtlebot2_arm")
 def command() -> None:
-    """The head by hand. Opening the port resets most boards: a Rodney head then stands where its sketch puts it.
+    """Show, move, trim and calibrate the head.
 
-    Simulated unless a robot is named, as with `mission run`.
+    Opening the port resets most boards: a Rodney head then moves to the pose in its sketch. Simulated unless you name a
+    robot, as with `mission run`.
     """
 
 
 @command.command(epilog="Example: mission head look --pan 30 --tilt -10")
 @robot_options
 @head_option
-@click.option("--pan", type=QuantityInUnit("deg"), default=0.0, metavar="DEG", help="Positive is to the left.")
-@click.option("--tilt", type=QuantityInUnit("deg"), default=0.0, metavar="DEG", help="Positive is down.")
+@click.option("--pan", type=QuantityInUnit("deg"), default=0.0, metavar="DEG", help="Pan angle; positive is left.")
+@click.option("--tilt", type=QuantityInUnit("deg"), default=0.0, metavar="DEG", help="Tilt angle; positive is down.")
 def look(robot: str | None, simulate: bool, port: str | None, head: str, pan: float, tilt: float) -> int:
-    """Look somewhere, and wait until the head does."""
+    """Look in a direction, and wait until the head is there."""
     with open_robot_head(robot, simulate=simulate, port=port, head=head) as bench:
         return bench.look(HeadPose(radians(pan), radians(tilt)))
 
@@ -131,7 +135,7 @@ def look(robot: str | None, simulate: bool, port: str | None, head: str, pan: fl
 @robot_options
 @head_option
 def center(robot: str | None, simulate: bool, port: str | None, head: str) -> int:
-    """Look straight ahead: the time to see whether the head is mounted askew."""
+    """Look straight ahead, so that you can see whether the head is mounted askew."""
     with open_robot_head(robot, simulate=simulate, port=port, head=head) as bench:
         return bench.look(STRAIGHT_AHEAD)
 
@@ -139,9 +143,9 @@ def center(robot: str | None, simulate: bool, port: str | None, head: str) -> in
 @command.command(epilog="Example: mission head where --json")
 @robot_options
 @head_option
-@click.option("--json", "as_json", is_flag=True, help="As one line of JSON; angles in degrees, wheels in rad/s.")
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON; angles in degrees, wheels in rad/s.")
 def where(robot: str | None, simulate: bool, port: str | None, head: str, as_json: bool) -> int:
-    """Say where the head looks, how far it turns, and how it is trimmed. Turns nothing."""
+    """Show the angle, limits and trim of each axis. Turns nothing."""
     with open_robot_head(robot, simulate=simulate, port=port, head=head, stay=True) as bench:
         if isinstance(bench.head, ArduinoHead) and (
             began := BOOT_NOTICES.get(bench.head.board.first_boot_state or BootState.UNKNOWN)
@@ -164,17 +168,15 @@ def where(robot: str | None, simulate: bool, port: str | None, head: str, as_jso
 @command.command(epilog="Example: mission head trim --robot my_robot.yaml --pan 4 --tilt -2 --keep")
 @robot_options
 @head_option
-@click.option(
-    "--pan", type=QuantityInUnit("deg"), metavar="DEG", help="The trim of the pan servo, in its own direction."
-)
-@click.option("--tilt", type=QuantityInUnit("deg"), metavar="DEG", help="The trim of the tilt servo.")
-@click.option("--keep", is_flag=True, help="Write the trims into the robot file; nothing else in it is changed.")
+@click.option("--pan", type=QuantityInUnit("deg"), metavar="DEG", help="Trim of the pan servo, in its own direction.")
+@click.option("--tilt", type=QuantityInUnit("deg"), metavar="DEG", help="Trim of the tilt servo, in its own direction.")
+@click.option("--keep", is_flag=True, help="Write the trims to the robot file; nothing else in it changes.")
 def trim(
     robot: str | None, simulate: bool, port: str | None, head: str, pan: float | None, tilt: float | None, keep: bool
 ) -> int:
-    """Put the head straight: with the arrow keys while it looks ahead, or by --pan and --tilt.
+    """Trim the head: with the arrow keys while it looks ahead, or by --pan and --tilt.
 
-    Enter ends it, q puts everything back.
+    Enter accepts, q restores the old trims.
     """
     by_hand = pan is None and tilt is None
     if by_hand and not sys.stdin.isatty():
@@ -194,7 +196,7 @@ def trim(
         changes = keep_values(path, values, again) if keep else []
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
-    kept = f"; written into {path}" if changes else "; the file has them already" if keep else "; --keep writes them"
+    kept = f"; written to {path}" if changes else "; the file has them already" if keep else "; --keep writes them"
     click.echo(f"trimmed: {words}{kept}")
     return SUCCESS
 
@@ -202,42 +204,39 @@ def trim(
 @command.command(epilog="Example: mission head calibrate --robot turtlebot2_arm")
 @robot_options
 @click.option(
-    "--seconds", type=QuantityInUnit("s", 2, 60), default=6.0, show_default=True, help="How long it looks about."
+    "--seconds", type=QuantityInUnit("s", 2, 60), default=6.0, show_default=True, help="Duration of the swing."
 )
 def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: float) -> int:
-    """Find how late the camera stamps its pictures: the head looks to and fro, and the background tells.
+    """Measure the delay of the camera's time stamps, from the background while the head looks back and forth.
 
-    Runs learn it by themselves while the head turns, and keep it; this does it at once, before the first of them.
+    Runs learn this delay themselves while the head turns, and store it. This command measures it before the first run.
     """
     with open_robot_head(robot, simulate=simulate, port=port, camera=True) as bench:
         if bench.lags is None:
-            raise click.UsageError("this robot has no camera on its head, so there is nothing to find out")
+            raise click.UsageError("this robot has no camera on its head, so there is nothing to calibrate")
         _swing_head(bench, seconds)
         delay, lag = bench.lags.delay, bench.lags.lag
     if delay.informative_pairs < MIN_SAMPLES:
-        click.echo(
-            f"only {delay.informative_pairs} pairs of pictures told something; {MIN_SAMPLES} are needed", err=True
-        )
+        click.echo(f"only {delay.informative_pairs} usable pairs of pictures; {MIN_SAMPLES} are needed", err=True)
         click.echo("  try: more light, a view with edges in it, --seconds 20", err=True)
         return FAILURE
     late, spread = 1000 * delay.seconds, 1000 * delay.spread
     click.echo(
-        f"pictures are stamped {late:.0f} ms after their exposure (one sigma {spread:.0f} ms, {delay.informative_pairs} pairs)"
+        f"pictures are stamped {late:.0f} ms after their exposure "
+        f"(one sigma {spread:.0f} ms, {delay.informative_pairs} pairs)"
     )
     if delay.jitter > MAX_STEADY_JITTER:
         click.echo(f"their stamps jitter by {1000 * delay.jitter:.0f} ms (one sigma)")
     if not delay.is_known:
-        click.echo("that is not known well enough to be stored", err=True)
+        click.echo("the result is too uncertain to be stored", err=True)
         click.echo("  try: --seconds 20, with fewer other programs on this computer", err=True)
     if lag.learnt:
-        click.echo(
-            f"the base begins {1000 * lag.seconds:.0f} ms after it was told to turn, as earlier runs have learnt"
-        )
+        click.echo(f"the base starts {1000 * lag.seconds:.0f} ms after a command to turn, as learnt in earlier runs")
     return SUCCESS
 
 
 def _swing_head(bench: OpenHead, seconds: float) -> None:
-    """Let the head look to and fro for some seconds, and then ahead."""
+    """Swing the head back and forth for some seconds, then look ahead."""
     limits, start = bench.head.limits, bench.clock.now()
     click.echo(f"the head looks to both sides for {seconds:g} s")
     while (since := bench.clock.now() - start) < seconds:
@@ -247,14 +246,14 @@ def _swing_head(bench: OpenHead, seconds: float) -> None:
 
 
 def _set_trims(bench: OpenHead, pan: float | None, tilt: float | None) -> tuple[float, float]:
-    """Set the trims (degrees), and wait until the head is straight by them."""
+    """Set the trims (degrees), and wait until the head looks ahead with them."""
     trims = bench.trimmer.trim(pan=None if pan is None else radians(pan), tilt=None if tilt is None else radians(tilt))
     bench.look(STRAIGHT_AHEAD)
     return trims
 
 
 def _trim_with_keys(bench: OpenHead) -> tuple[float, float] | None:
-    """Let a person set the trims; None if they thought better of it."""
+    """Let the user set the trims; return None if they cancelled."""
     signs = _axis_sign(bench.config.pan), _axis_sign(bench.config.tilt)
     click.echo(TRIM_HELP)
     with KeyReader(sys.stdin.fileno()) as keys:
@@ -266,5 +265,5 @@ def _trim_with_keys(bench: OpenHead) -> tuple[float, float] | None:
 
 
 def _axis_sign(axis: ServoKeys | NeckJointKeys) -> int:
-    """Return -1 for a servo that turns the other way than the head."""
+    """Return -1 for a servo that turns opposite to the head."""
     return -1 if isinstance(axis, ServoKeys) and axis.flip else 1

@@ -1,4 +1,4 @@
-"""A head that is open for a command at the terminal, and what all these commands do with it."""
+"""Connection to a head for terminal commands, with their common options."""
 
 import threading
 from collections.abc import Iterator, Mapping
@@ -35,37 +35,37 @@ from missions.library.drivers import load_robot
 from missions.library.interests import Interests
 
 DEFAULT_HEAD = "head"
-"""The name of a head that has none of its own: the one that carries the camera."""
+"""Part name of the head that carries the camera."""
 
 POLL_INTERVAL = 0.02
-"""Seconds between two looks at the head."""
+"""Seconds between two checks of the head."""
 
 ARRIVAL_TOLERANCE = radians(0.51)
-"""As near as a servo of whole degrees comes to any goal."""
+"""Arrival tolerance in radians of a servo with whole degrees."""
 
 TURN_TIMEOUT = 15.0
-"""Seconds for any turn of a head."""
+"""Maximum seconds of a turn."""
 
 
 def robot_options(command: Any) -> Any:
     """Add ``--robot``, ``--simulate`` and ``--port`` to a command."""
     for option in (
-        shared_option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
+        shared_option("--port", metavar="PATH", help="Port of the board, instead of the one in the robot file."),
         shared_option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
-        shared_option("--robot", type=ROBOT, help="The robot (a name or a file); its head moves. Else simulated."),
+        shared_option("--robot", type=ROBOT, help="Robot (a name or a file) whose head moves; simulated without it."),
     ):
         command = option(command)
     return command
 
 
 head_option = shared_option(
-    "--head", default=DEFAULT_HEAD, metavar="NAME", help="Which head, of a robot that has several."
+    "--head", default=DEFAULT_HEAD, metavar="NAME", help="Name of the head, if the robot has several."
 )
 """Adds ``--head`` to a command."""
 
 
 def head_keys(config: RobotConfig, head: str) -> HeadKeys:
-    """Return what a robot file says of a head. Raises click.UsageError, with the heads that there are."""
+    """Return the section of a head in a robot file. Raises click.UsageError with the names of its heads."""
     heads = {part: it.keys for part, it in config.sections.items() if isinstance(it.keys, HeadKeys)}
     if head in heads:
         return heads[head]
@@ -76,7 +76,7 @@ def head_keys(config: RobotConfig, head: str) -> HeadKeys:
 
 @dataclass(frozen=True, slots=True)
 class OpenHead:
-    """A head that is open and there."""
+    """A connected head."""
 
     head: Head
     trimmer: Trimmable
@@ -86,19 +86,19 @@ class OpenHead:
     name: str = DEFAULT_HEAD
 
     def look(self, target: HeadPose) -> int:
-        """Look there, wait until the head does, and say it; return the exit code."""
+        """Look in a direction, wait for the head, and print its pose; return the exit code."""
         goal = self.head.look(target)
         if not self.wait_for(goal):
             here = self.head.pose().value
             click.echo(
-                f"the head rests at {'?' if here is None else pose_text(here)}, not at {pose_text(goal)}", err=True
+                f"the head stopped at {'?' if here is None else pose_text(here)}, not at {pose_text(goal)}", err=True
             )
             return FAILURE
         click.echo(f"looks at {pose_text(goal)}" + ("" if goal == target else f", the limit for {pose_text(target)}"))
         return SUCCESS
 
     def wait_for(self, goal: HeadPose) -> bool:
-        """Wait until the head is at ``goal``; say whether it has got there."""
+        """Wait until the head is at ``goal``; return whether it arrived."""
         arrival, start = ArrivalDetector(ARRIVAL_TOLERANCE), self.clock.now()
         while not arrival(self.head.pose(), goal, self.clock.now()):
             if arrival.stuck or self.clock.now() - start > TURN_TIMEOUT:
@@ -107,7 +107,7 @@ class OpenHead:
         return True
 
     def axis_figures(self) -> dict[str, dict[str, float]]:
-        """Return where each axis is, its limits and its trim, in degrees, by the name of the joint."""
+        """Return angle, limits and trim of each axis in degrees, by joint name."""
         pose, limits, trims = self.head.pose().value, self.head.limits, self.trimmer.trim()
         found = {}
         for number, (axis, ends) in enumerate(((self.config.pan, limits.pan), (self.config.tilt, limits.tilt))):
@@ -130,16 +130,15 @@ def open_robot_head(
     stay: bool = False,
     camera: bool = False,
 ) -> Iterator[OpenHead]:
-    """Open a head of a robot, with the ``camera`` if wanted, and wait until it is there; close it whatever comes.
+    """Open a head of a robot, with the ``camera`` if requested, and wait for its connection; close it at the end.
 
-    It goes to its start first, unless it is to ``stay``.
-    Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``.
+    It moves to its start pose, unless ``stay`` is set. Raises NotConnected with the reason after ``CONNECT_TIME``.
     """
     config = load_robot(robot_file(name))
     keys = head_keys(config, head)
     virtual = simulate or name is None
     if virtual and port is not None:
-        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
+        raise click.UsageError("--port needs --robot NAME, and excludes --simulate")
     carriers = config.sections[head].driver.needs
     part = head if isinstance(keys, SerialKeys) or not carriers else carriers[0]  # on whose board, or bus, it is
     ports = {} if port is None else {part: port}
@@ -157,7 +156,7 @@ def open_head(
     stay: bool = False,
     camera: bool = False,
 ) -> Iterator[OpenHead]:
-    """Open a head that a robot has, with ``ports`` instead of those of its file; see ``open_robot_head``."""
+    """Open a head of ``config``, with ``ports`` instead of those in its file; see ``open_robot_head``."""
     keys = head_keys(config, head)
     wishes = Overrides(
         world=load_world(find_file("worlds", "empty")) if virtual else None,
@@ -183,11 +182,11 @@ def open_head(
 
 
 def _print_warning(notice: DeviceStatus) -> None:
-    """Tell a person at the terminal what is wrong with the head, before it is moved."""
+    """Print a fault of the head, before it is moved."""
     if notice.kind == "fault":
         click.echo(f"{notice.device}: {notice.message}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 
 
 def pause() -> None:
-    """Wait a moment for the head's own thread."""
+    """Wait ``POLL_INTERVAL`` for the head's own thread."""
     threading.Event().wait(POLL_INTERVAL)

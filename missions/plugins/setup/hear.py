@@ -1,4 +1,4 @@
-"""``mission hear``: what the robot understands, as somebody speaks or from a recording: to try it out."""
+"""``mission hear``: try speech recognition with a microphone or a recording."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -36,20 +36,20 @@ from perception.hearing.engines import MODEL_ENGINES, SphinxEngine
 from perception.hearing.grammar import PhraseGrammar, phrase_error
 
 POLL_INTERVAL = 0.05
-"""Seconds between two looks at what was heard."""
+"""Seconds between two checks for recognised phrases."""
 
 MIN_LEVEL, BAR_WIDTH = -70.0, 40
-"""The level in dBFS at which the bar is empty, and the signs that it has at 0 dBFS."""
+"""Width of the level bar at 0 dBFS; it is empty at ``MIN_LEVEL`` dBFS."""
 
 STEP_TIME, TRAILING_SILENCE = 2.0, 2.0
-"""Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
+"""Seconds of silence after a recording, which end its last words; ``STEP_TIME`` is the step through it."""
 
 RECOGNITION_TIMEOUT = 20.0
-"""Seconds that the recogniser may take to start, or for what was said."""
+"""Maximum seconds for the start of the recogniser, and for a recognition."""
 
 
 def _check_threshold(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
-    """Refuse a threshold that no robot file may have; so also what is no number."""
+    """Raise click.BadParameter for a threshold that no robot file may have, including NaN."""
     if value is not None and not -MAX_THRESHOLD <= value <= MAX_THRESHOLD:
         raise click.BadParameter(f"must be between {-MAX_THRESHOLD:g} and {MAX_THRESHOLD:g}", ctx=ctx, param=option)
     return value
@@ -57,14 +57,18 @@ def _check_threshold(ctx: click.Context, option: click.Parameter, value: float |
 
 @click.command(epilog="Example: mission hear --for 'yes, no, stop'")
 @click.argument("mission", type=MISSION, required=False)
-@click.option("--for", "phrases", metavar='"yes, no"', help="What to listen for, instead of a mission's phrases.")
-@click.option("--robot", type=ROBOT, help="Whose microphone and pronunciations; else the system's microphone.")
-@click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
+@click.option("--for", "phrases", metavar='"yes, no"', help="Phrases to listen for, instead of a mission's.")
+@click.option(
+    "--robot", type=ROBOT, help="Robot with microphone and pronunciations; by default the system's microphone."
+)
+@click.option(
+    "--wav", type=click.Path(path_type=Path, dir_okay=False), help="Recording to use instead of a microphone."
+)
 @click.option(
     "--threshold",
     type=RealNumber(),
     callback=_check_threshold,
-    help="How sure is sure enough, instead of what the robot file says.",
+    help="Minimum score, instead of the one in the robot file.",
 )
 @params_option
 @behaviours_option
@@ -77,10 +81,10 @@ def command(
     params: dict[str, str],
     files: tuple[Path, ...],
 ) -> int:
-    """Say what is heard: each phrase with its score, and whether it is sure enough.
+    """Print each recognised phrase with its score, and whether it is accepted.
 
-    Listens for the phrases of MISSION, or for those in --for. What is refused is shown with the nearest phrase. 0 is
-    as likely said as not. Ctrl-C ends it.
+    Listens for the phrases of MISSION, or for those in --for. A refused utterance is shown with the nearest phrase. A
+    score of 0 means that the phrase is as likely as not. Ctrl-C ends it.
     """
     wanted = _find_phrases(mission, phrases, params, files)
     section = _microphone_section(robot)
@@ -100,9 +104,9 @@ def command(
 def _find_phrases(
     mission: str | None, phrases: str | None, params: Mapping[str, str], files: Sequence[Path]
 ) -> Sequence[str]:
-    """Return what to listen for. A mission needs all its params, as when it runs: phrases may be made of them."""
+    """Return the phrases to listen for. A mission needs all its params, since they may be part of phrases."""
     if (mission is None) == (phrases is None):
-        raise click.UsageError('say what to listen for: a mission, or --for "yes, no"')
+        raise click.UsageError('no phrases given: name a mission, or add --for "yes, no"')
     if mission is not None:
         found = all_phrases(
             load_mission(mission, params=params, complete=True, leaves=leaf_loader(files)(mission)).tree
@@ -111,7 +115,7 @@ def _find_phrases(
             raise click.UsageError(f"mission '{mission}' does not listen for anything")
         return found
     if params or files:
-        raise click.UsageError("--param and --behaviours are for a mission, not for what is said in --for")
+        raise click.UsageError("--param and --behaviours need a mission, not --for")
     texts = [text.strip() for text in (phrases or "").split(",")]
     for text in texts:
         if fault := phrase_error(text):
@@ -120,18 +124,18 @@ def _find_phrases(
 
 
 def _microphone_section(robot: str | None) -> Section:
-    """Return the microphone of a robot, or the usual one. Raises click.UsageError for a robot without."""
+    """Return the microphone section of a robot, or the default one. Raises click.UsageError for a robot without."""
     if robot is None:
         kind = KINDS["microphone"]
         return Section(DriverTable().find(kind.name, kind.default_driver), MicrophoneKeys())
     section = load_robot(find_file("robots", robot)).sections.get("microphone")
     if section is None:
-        raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
+        raise click.UsageError(f"robot '{robot}' has no microphone: add `microphone: {{}}` to its file")
     return section
 
 
 def _listen(section: Section, phrases: Sequence[str]) -> None:
-    """Show the level of the microphone, and what is heard, until Ctrl-C."""
+    """Show the microphone level and the recognised phrases until Ctrl-C."""
     clock, pause = SystemClock(), Event()
     config: MicrophoneKeys = section.keys
     source = resolve_maker(section.driver.make, section, "make")(config, DriverContext(clock))
@@ -153,7 +157,7 @@ def _listen(section: Section, phrases: Sequence[str]) -> None:
 
 
 def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
-    """Show what is heard in a recording, as fast as it is understood."""
+    """Print the phrases in a recording, as fast as they are recognised."""
     clock = ManualClock()
     seconds = len(load_wav("microphone", wav)) / SOUND_RATE + TRAILING_SILENCE
     source = WavMicrophone(wav, clock)
@@ -176,25 +180,25 @@ def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
 
 
 def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) -> None:
-    """Wait until it holds, in real time. Raises NoReply with what the ears say when it takes too long."""
+    """Wait for ``condition`` in real time. Raises NoReply after ``RECOGNITION_TIMEOUT``."""
     clock, pause = SystemClock(), Event()
     while not condition():
         if clock.now() > RECOGNITION_TIMEOUT:
-            silent = f"microphone: the recogniser has said nothing for {RECOGNITION_TIMEOUT:g} s"
+            silent = f"microphone: no reply from the recogniser for {RECOGNITION_TIMEOUT:g} s"
             raise NoReply(ears.health().detail or silent, hint=hint)
         pause.wait(POLL_INTERVAL / 10)
 
 
 def _new_words(ears: MicrophoneEars, shown: int) -> Iterator[Words]:
-    """Yield what was heard since, in order."""
+    """Return the words after number ``shown``, in order."""
     heard = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
     return (words for words in heard if words.id > shown)
 
 
 def _result_line(words: Words, threshold: float) -> str:
-    """Return a line about something that was said."""
+    """Return the output line of an utterance."""
     if not words.phrase:
-        return f"{words.start:7.1f} s  refused   like none of them"
+        return f"{words.start:7.1f} s  refused   no similar phrase"
     verdict = "accepted" if words.score >= threshold else "refused "
     return f"{words.start:7.1f} s  {verdict}  {words.phrase}  (score {words.score:+.1f})"
 
@@ -206,6 +210,6 @@ def _level_bar(level: float) -> str:
 
 
 def _print_fault(notice: DeviceStatus) -> None:
-    """Tell what goes wrong."""
+    """Print a fault of the microphone."""
     if notice.kind == "fault":
         click.echo(f"mission: {notice.message}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

@@ -1,4 +1,4 @@
-"""``mission robot models``: trained models that are not shipped, and fetching them."""
+"""``mission robot models``: list and download trained models that are not shipped."""
 
 from pathlib import Path
 
@@ -11,19 +11,19 @@ from missions.cli.root import FAILURE, SUCCESS
 @click.group(invoke_without_command=True, epilog="Example: mission robot models")
 @click.pass_context
 def models(ctx: click.Context) -> None:
-    """List trained models that can be fetched, and fetch them. Nothing that is shipped needs one."""
+    """List and download trained models. No shipped mission needs one."""
     if ctx.invoked_subcommand is None:
         print_models()
 
 
 @models.command(name="list", epilog="Example: mission robot models list")
 def list_command() -> None:
-    """List the models, and which are there."""
+    """List the models, and which are installed."""
     print_models()
 
 
 def print_models() -> None:
-    """Print a line on each model."""
+    """Print each model and its state."""
     where = models_folder()
     for _, model in sorted(MODELS.items()):
         state = f"in {where / model.file}" if is_fetched(model, where) else f"mission robot models fetch {model.name}"
@@ -32,13 +32,19 @@ def print_models() -> None:
 
 @models.command(name="fetch", epilog="Example: mission robot models fetch yunet")
 @click.argument("name", type=click.Choice(sorted(MODELS)), metavar="NAME")
-@click.option("--from", "url", metavar="URL", help="Another place to fetch it from; its sum is checked all the same.")
-@click.option("--into", "where", type=click.Path(path_type=Path), metavar="FOLDER", help="Where to; else user data.")
+@click.option("--from", "url", metavar="URL", help="Another URL; the checksum is verified all the same.")
+@click.option(
+    "--into",
+    "where",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Target folder; by default your data folder.",
+)
 def fetch_command(name: str, url: str | None, where: Path | None) -> int:
-    """Download a model, check its SHA-256, and keep it."""
+    """Download a model, check its SHA-256, and install it."""
     model, where = MODELS[name], where or models_folder()
     if is_fetched(model, where):
-        click.echo(f"{where / model.file} is there already")
+        click.echo(f"{where / model.file} already exists")
         return SUCCESS
     try:
         path = fetch(model, where, url=url)

@@ -1,4 +1,4 @@
-"""``mission ports``: what is plugged in, what answers there, and what is in the way."""
+"""``mission ports``: connected devices, and the replies on serial ports."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -26,7 +26,7 @@ from missions.library.drivers import DriverTable, load_robot
 from missions.plugins.setup.checkup import check_part
 
 POLL_INTERVAL = 0.3
-"""Seconds between two looks while somebody plugs."""
+"""Seconds between two scans while devices are plugged."""
 
 Pause = Callable[[], object]
 
@@ -35,28 +35,29 @@ root_option = click.option(
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     default=Path("/"),
     metavar="DIR",
-    help="The files of a recorded machine instead of this one's.",
+    help="Root folder of a recorded computer, instead of this one's.",
 )
-"""Whose /sys, /proc and /dev are read."""
+"""Root of the /sys, /proc and /dev that are read."""
 
 
 @click.command(epilog="Example: mission ports --find")
-@click.option("--no-ask", is_flag=True, help="Say what is plugged in, and open no port.")
-@click.option("--ask", "consented", multiple=True, metavar="PORT", help="Ask this port too, which else is left alone: "
-              "an Arduino starts anew by it, and may move.")  # fmt: skip
-@click.option("--find", is_flag=True, help="Find out which is which: unplug it, and plug it in again.")
-@click.option("--watch", is_flag=True, help="Go on, and say what is plugged in and out, until Ctrl-C.")
-@click.option("--json", "as_json", is_flag=True, help="As one line of JSON; with --watch a line at each change.")
-@click.option("--robot", type=ROBOT, help="Whose router of ROS 2 is asked too; else this computer's own robot.")
+@click.option("--no-ask", is_flag=True, help="List devices without opening a port.")
+@click.option("--ask", "consented", multiple=True, metavar="PORT",
+              help="Also probe this port, which is otherwise skipped: "
+              "that resets an Arduino, and it may move.")  # fmt: skip
+@click.option("--find", is_flag=True, help="Identify a device: unplug it, and plug it in again.")
+@click.option("--watch", is_flag=True, help="Print devices as they come and go, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON; with --watch, one at each change.")
+@click.option("--robot", type=ROBOT, help="Robot whose ROS 2 router is checked too; by default this computer's own.")
 @root_option
 def command(
     no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, as_json: bool, robot: str | None, root: Path
 ) -> int:
-    """Say what is plugged in: serial ports, cameras, sound, game pads; and which device answers on a port.
+    """List serial ports, cameras, sound devices and game pads, and identify the device on each port.
 
-    Ports are asked politely: a Kobuki is only listened to, servos are pinged; nothing moves, nothing is written. A port
-    that another program has open is left alone. Exit code 1 where something is in the way. For a robot of ROS 2 it is
-    said whether its nodes speak by rmw_zenoh or by a bridge from DDS.
+    Probing is safe: a Kobuki is only listened to, servos are pinged; nothing moves, and nothing is written. A port that
+    another program has open is skipped. For a robot of ROS 2 you see whether its nodes use rmw_zenoh or a DDS bridge.
+    Exit code 1: something is in the way.
     """
     machine = HostMachine(root)
     ros2 = _find_ros2_section(robot, own=root == Path("/"))
@@ -90,9 +91,9 @@ def command(
 
 
 def _find_ros2_section(robot: str | None, *, own: bool) -> Section | None:
-    """Return the ros2 section of the robot that is named, else of this computer's ``own``; None where it has none.
+    """Return the ros2 section of the named robot, else of this computer's ``own``; None without one.
 
-    Raises InvalidFileError and UnknownNameError for one that is named.
+    Raises InvalidFileError and UnknownNameError for a named robot.
     """
     if robot is not None:
         return load_robot(find_file("robots", robot)).sections.get("ros2")
@@ -103,7 +104,7 @@ def _find_ros2_section(robot: str | None, *, own: bool) -> Section | None:
 
 
 def _ros2_lines(found: list[Finding]) -> Iterator[str]:
-    """Yield how the nodes of a robot of ROS 2 speak, in words."""
+    """Yield the findings on ROS 2 nodes as lines."""
     for each in found:
         yield f"ROS 2 {each.about}  {each.message}"
         if each.fix:
@@ -111,15 +112,15 @@ def _ros2_lines(found: list[Finding]) -> Iterator[str]:
 
 
 def scan_lines(scan: HardwareScan) -> Iterator[str]:
-    """Yield what is plugged in, in words."""
+    """Yield the connected devices as lines."""
     for plug in scan.ports:
         yield from port_lines(plug)
     for usb, trouble in scan.portless_adapters:
         yield f"{usb.title}, {usb.ids}, in socket {usb.socket}"
         yield from _problem_lines(trouble)
     if not scan.ports and not scan.portless_adapters:
-        yield "no serial port: no adapter is plugged in, as far as this system tells"
-        yield "  try: lsusb  (is it there at all?); another cable: some carry power alone"
+        yield "no serial port: no adapter found"
+        yield "  try: lsusb  (is it listed?); another cable: some carry only power"
     for camera in scan.cameras:
         sizes = " ".join(f"{width}x{height}" for width, height in camera.sizes)
         yield f"{camera.path}  camera: {camera.name}  {sizes}".rstrip()
@@ -136,7 +137,7 @@ def scan_lines(scan: HardwareScan) -> Iterator[str]:
 
 
 def port_lines(plug: ScannedPort) -> Iterator[str]:
-    """Yield what is known of a serial port, in words."""
+    """Yield the facts about a serial port as lines."""
     port, heard = plug.port, plug.scan
     yield f"{port.path}  {port.title}"
     if port.call != port.path:
@@ -148,7 +149,7 @@ def port_lines(plug: ScannedPort) -> Iterator[str]:
 
 
 def as_data(scan: HardwareScan) -> dict[str, object]:
-    """Return the same for programs."""
+    """Return the connected devices for JSON."""
     return {
         "ports": [_port_data(plug) for plug in scan.ports],
         "lost": [{**asdict(usb), **asdict(trouble)} for usb, trouble in scan.portless_adapters],
@@ -159,13 +160,13 @@ def as_data(scan: HardwareScan) -> dict[str, object]:
 
 
 def identify_device(machine: HostMachine, pause: Pause) -> int:
-    """Say which device it is that somebody unplugs and plugs in again; ``pause`` waits a moment."""
+    """Print the device that the user unplugs and plugs in again; ``pause`` waits between two scans."""
     with interruptible():
         before = scan_hardware(machine)
         if not before.paths:
-            click.echo("nothing is plugged in that could be unplugged", err=True)
+            click.echo("no device to unplug", err=True)
             return FAILURE
-        click.echo(f"{len(before.paths)} devices; now unplug the one that you look for", err=True)
+        click.echo(f"{len(before.paths)} devices; now unplug the one that you want to identify", err=True)
         while not (gone := before.paths - (after := scan_hardware(machine)).paths):
             pause()
             before = after if after.paths > before.paths else before
@@ -188,7 +189,7 @@ def identify_device(machine: HostMachine, pause: Pause) -> int:
 def watch_devices(
     machine: HostMachine, scan: HardwareScan, rescan: Callable[[], HardwareScan], pause: Pause, *, as_json: bool = False
 ) -> None:
-    """Say what comes and goes, until Ctrl-C; ``look`` is asked where something has, ``pause`` waits a moment."""
+    """Print connected and disconnected devices until Ctrl-C; ``rescan`` scans again, ``pause`` waits between checks."""
     try:
         while True:
             pause()
@@ -207,7 +208,7 @@ def watch_devices(
 
 
 def device_lines(scan: HardwareScan, paths: frozenset[str]) -> Iterator[str]:
-    """Yield what is known of some devices of a desk."""
+    """Yield lines about the devices at ``paths``."""
     for plug in scan.ports:
         if plug.port.path in paths:
             yield from port_lines(plug)
@@ -219,14 +220,14 @@ def _names(port: SerialPortInfo) -> set[str]:
 
 
 def _port_problems(plug: ScannedPort) -> list[DeviceProblem]:
-    """Return what is wrong with a port, or why it was left alone."""
+    """Return the problems of a port, and the reason if it was not probed."""
     heard = plug.scan or PortScan()
     said = [trouble for trouble in (plug.port.shut or heard.skip_reason, heard.trouble) if trouble is not None]
     return [*said, *plug.port.troubles]
 
 
 def find_problems(scan: HardwareScan) -> Iterator[DeviceProblem]:
-    """Yield all that is wrong; that a port was left alone is not."""
+    """Yield all problems; a port that was not probed for lack of consent is none."""
     for plug in scan.ports:
         consent = None if plug.scan is None else plug.scan.skip_reason
         yield from (trouble for trouble in _port_problems(plug) if trouble is not consent or trouble is plug.port.shut)

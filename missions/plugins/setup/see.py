@@ -1,4 +1,4 @@
-"""``mission see``: what perception finds in pictures, videos and cameras, as text, as JSON, and drawn."""
+"""``mission see``: percepts in pictures, videos and cameras, as text, JSON and drawings."""
 
 import json
 import sys
@@ -49,10 +49,10 @@ from perception.tracks import MARKER_FAMILIES, MarkerSet
 # Looking at pictures and films frame by frame, as a robot's eyes would, without a robot.
 
 DEFAULT_CAMERA = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
-"""The camera of pictures of which nobody says what has taken them."""
+"""Camera of pictures without a robot."""
 
 FRAME_INTERVAL = 0.04
-"""Seconds that count as passing from frame to frame."""
+"""Assumed seconds between two frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class StillFrame:
 
 @dataclass(frozen=True, slots=True)
 class SeenFace:
-    """A face, its eyes, how far away it may be in metres, and whose it is where that was asked and can be said."""
+    """A face, its eyes, its estimated distance in metres, and the person's name if requested and known."""
 
     box: Box
     eyes: tuple[Box, ...]
@@ -75,7 +75,7 @@ class SeenFace:
 
 @dataclass(frozen=True, slots=True)
 class FrameContents:
-    """All that one frame shows."""
+    """All percepts of a frame."""
 
     faces: tuple[SeenFace, ...]
     things: tuple[Thing, ...]
@@ -84,9 +84,9 @@ class FrameContents:
 
 
 class FrameAnalyser:
-    """Looks at one frame after another: at a picture for itself, at a film from frame to frame.
+    """Analyses pictures independently, and videos with tracking from frame to frame.
 
-    ``camera`` is the lens and the detector; ``people`` knows whose the faces are.
+    ``camera`` has the lens and the detector; ``people`` recognises faces.
     """
 
     def __init__(
@@ -106,7 +106,10 @@ class FrameAnalyser:
         self._reset()
 
     def analyse(self, path: Path, number: int, image: Image) -> FrameContents:
-        """Return what frame ``number`` of the file at ``path`` shows. Raises ValueError for a detector's bad file."""
+        """Return the percepts of frame ``number`` of the file at ``path``.
+
+        Raises ValueError for an invalid detector file.
+        """
         height, width = image.shape[:2]
         lens = self._lens(width, height)
         still = source_kind(path) is SourceKind.PICTURE
@@ -133,7 +136,7 @@ class FrameAnalyser:
         return SeenFace(box, self._eyes.find(image, box), lens.face_distance(box), name)
 
     def _reset(self) -> None:
-        """Forget what was followed: another file begins."""
+        """Reset the trackers for another file."""
         self._finder = FaceFinder(self._detector)
         self._things = ThingSense(self._objects, COLOURS)
         self._markers = None if self._family is None else MarkerSense(MarkerSet(self._family))
@@ -145,10 +148,10 @@ class FrameAnalyser:
 
 
 FrameShot = tuple[str, int, float, Image]
-"""Where a picture is from, its number there and its time, and the picture."""
+"""Source, frame number, time (s) and picture."""
 
 FILM_RATE = 12.5
-"""Pictures a second of a film."""
+"""Frames per second of a film."""
 
 EYE_TEXTS = ("", ", one eye", ", both eyes")
 
@@ -167,7 +170,7 @@ def _parse_objects(ctx: click.Context, option: click.Parameter, values: tuple[st
     multiple=True,
     metavar='"red ball"',
     callback=_parse_objects,
-    help="Look for an object too. Repeat for more.",
+    help="Also find this object; repeatable.",
 )
 @click.option(
     "--markers",
@@ -175,24 +178,30 @@ def _parse_objects(ctx: click.Context, option: click.Parameter, values: tuple[st
     flag_value="4x4_50",
     type=click.Choice(list(MARKER_FAMILIES)),
     metavar="[FAMILY]",
-    help="Look for markers too: 4x4_50, apriltag_36h11...",
+    help="Also find markers: 4x4_50, apriltag_36h11...",
 )
-@click.option("--people", is_flag=True, help="Say whose faces they are, of those whom `mission person` knows.")
-@click.option("--robot", type=ROBOT, help="Whose camera: its lens, for distances, and its detector of faces.")
-@click.option("--rotate", type=click.Choice(["0", "90", "180", "270"]), help="Turn the pictures clockwise, in degrees.")
+@click.option("--people", is_flag=True, help="Recognise the people added with `mission person`.")
+@click.option("--robot", type=ROBOT, help="Robot with the lens (for distances) and the face detector.")
 @click.option(
-    "--flip", type=click.Choice(["horizontal", "vertical", "both"]), help="Mirror the pictures, once they are turned."
+    "--rotate", type=click.Choice(["0", "90", "180", "270"]), help="Clockwise rotation of the pictures, in degrees."
 )
-@click.option("--json", "as_json", is_flag=True, help="One line of JSON a frame; boxes are [x, y, width, height].")
+@click.option(
+    "--flip",
+    type=click.Choice(["horizontal", "vertical", "both"]),
+    help="Mirroring of the pictures, after the rotation.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print one line of JSON per frame; boxes are [x, y, width, height]."
+)
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT",
-              help="Draw it all: into the folder OUT, or a film (OUT.webm).")  # fmt: skip
+              help="Write annotated pictures to the folder OUT, or a film (OUT.webm).")  # fmt: skip
 @click.option(
     "--seconds",
     type=QuantityInUnit("s", 0.1),
     metavar="N",
-    help="Look through a camera for so long; else until Ctrl-C.",
+    help="Duration for a camera; by default until Ctrl-C.",
 )
-@click.option("--view/--no-view", default=None, help="Serve a page that shows it live; the default on a terminal.")
+@click.option("--view/--no-view", default=None, help="Serve a live page; the default on a terminal.")
 def command(
     files: tuple[str, ...],
     things: tuple[ThingSpec, ...],
@@ -206,24 +215,23 @@ def command(
     seconds: float | None,
     view: bool | None,
 ) -> int:
-    """Look for faces, and for more, in pictures, videos and folders of them, or through a camera.
+    """Find faces and other percepts in pictures, videos, folders, or through a camera.
 
-    A camera is a number, a device or an address (0, /dev/video2, http://...); with --robot and nothing else, it is that
-    of the robot. It tells of one picture a second, with --json of each, and prints the link of a page that shows what
-    it sees, for browsers of this computer. While a mission runs, its camera is taken: the page of `mission studio`
-    shows it.
+    A camera is a number, a device or an address (0, /dev/video2, http://...); with --robot alone, it is the robot's.
+    Prints one picture a second, with --json each, and the link of a live page for browsers of this computer. While a
+    mission runs, its camera is in use: the page of `mission studio` shows it.
     """
     config = None if robot is None else load_robot(find_file("robots", robot))
     camera = None if config is None else config.camera
     if robot is not None and camera is None:
         raise click.UsageError(f"{robot} has no camera")
     if not files and camera is None:
-        raise click.UsageError("which pictures, or which camera?\n  try: mission see 0")
+        raise click.UsageError("no pictures and no camera given\n  try: mission see 0")
     own = None if files or config is None or config.sections["camera"].driver == OPENCV else config
     files = files or (str(camera.source) if camera and own is None else "camera",)
     live = own is not None or (len(files) == 1 and source_kind(files[0]) in {SourceKind.DEVICE, SourceKind.URL})
     if view and not live:
-        raise click.UsageError("--view is for a camera\n  try: mission see 0 --view")
+        raise click.UsageError("--view needs a camera\n  try: mission see 0 --view")
     lens = _with_turn(camera or DEFAULT_CAMERA, rotate, flip)
     looker = FrameAnalyser(lens, things, markers, gallery(lens, print_camera_status) if people else None)
     try:
@@ -254,7 +262,7 @@ def _file_shots(files: tuple[str, ...], turn: ImageOrientation) -> Iterator[Fram
 
 
 def _with_turn(camera: CameraKeys, rotate: str | None, flip: str | None) -> CameraKeys:
-    """Return the keys of a camera with the turn of the options, where they are given."""
+    """Return the keys of a camera, with the rotation and flip of the options."""
     angle = camera.rotate if rotate is None else radians(float(rotate))
     return replace(camera, rotate=angle, flip=flip or camera.flip)
 
@@ -262,7 +270,7 @@ def _with_turn(camera: CameraKeys, rotate: str | None, flip: str | None) -> Came
 def _live_shots(
     source: str | RobotConfig, size: tuple[int, int] | None, turn: ImageOrientation, seconds: float
 ) -> Iterator[FrameShot]:
-    """Yield what a source shows, or the camera of a robot that has none of OpenCV's sources."""
+    """Yield the pictures of a camera source, or of a robot's own camera."""
     if not isinstance(source, str):
         return ((source.name, number, *seen) for number, seen in enumerate(robot_camera_frames(source, seconds)))
     return (
@@ -272,7 +280,7 @@ def _live_shots(
 
 @contextmanager
 def _serve_page() -> Iterator[CameraPage]:
-    """Serve a page, and say where."""
+    """Serve the live page, and print its link."""
     with closing(CameraPage()) as page:
         page.open()
         click.echo(f"live: {page.link}", err=True)
@@ -282,9 +290,9 @@ def _serve_page() -> Iterator[CameraPage]:
 def _analyse_shots(
     shots: Iterable[FrameShot], analyser: FrameAnalyser, page: CameraPage | None, *, as_json: bool, live: bool
 ) -> Iterator[tuple[FrameShot, FrameContents]]:
-    """Look at pictures as they come, and say what each shows; of a camera, one a second in words. Ctrl-C ends that.
+    """Yield each picture with its percepts, and print them; of a camera, one a second. Ctrl-C ends a live source.
 
-    A ``page`` shows each while somebody looks at it.
+    A ``page`` shows each while it has viewers.
     """
     due = 0.0
     with suppress(KeyboardInterrupt) if live else nullcontext():
@@ -306,7 +314,7 @@ def _analyse_shots(
 def _write_annotated(
     analysed: Iterable[tuple[FrameShot, FrameContents]], out: Path | None, files: tuple[str, ...]
 ) -> int:
-    """Write what was seen into ``out``, where there is one; return how many pictures that made."""
+    """Write annotated pictures to ``out``, if given; return their number."""
     if out is None:
         return sum(1 for _ in analysed)
     if out.suffix in CODECS:
@@ -325,7 +333,7 @@ def _write_annotated(
 
 
 def _frame_data(name: str, number: int, contents: FrameContents) -> dict[str, object]:
-    """Return what a frame shows for JSON."""
+    """Return the percepts of a frame for JSON."""
     return {
         "file": name,
         "frame": number,
@@ -355,7 +363,7 @@ def _metres(distance: float) -> float | None:
 
 
 def _frame_text(contents: FrameContents) -> str:
-    """Say what a frame shows."""
+    """Return the percepts of a frame as text."""
     count = len(contents.faces)
     faces = f"{count} face{'s' if count > 1 else ''}" if count else "no face"
     places = [f"{_name_text(face)}{_box_text(face.box)}{EYE_TEXTS[len(face.eyes)]}" for face in contents.faces]
@@ -385,7 +393,7 @@ def _heading_text(marker: Marker) -> str:
 
 
 def _labelled_boxes(contents: FrameContents) -> Iterator[tuple[Box, str]]:
-    """Yield what is drawn: boxes with their labels."""
+    """Yield boxes with labels to draw."""
     for face in contents.faces:
         yield face.box, f"{face.name or 'face'}{_distance_text(face)}"
         yield from ((eye, "") for eye in face.eyes)

@@ -1,4 +1,4 @@
-"""``mission robot udev``: the rules that give the serial ports of a TurtleBot their names."""
+"""``mission robot udev``: udev rules that name the serial ports of a TurtleBot."""
 
 from importlib.resources import files
 
@@ -12,6 +12,6 @@ then plug the devices in again: `ls -l /dev/kobuki /dev/rplidar` shows the names
 
 @click.command(epilog="Example: mission robot udev")
 def udev() -> None:
-    """Print the udev rules for a TurtleBot: names, rights and speed of its serial ports; and how to install them."""
+    """Print udev rules with names, rights and speed of a TurtleBot's serial ports, and how to install them."""
     click.echo((files("drivers") / "99-missiontree.rules").read_text(encoding="utf-8"), nl=False)
     click.echo(INSTALL_HINT, err=True)

@@ -138,7 +138,7 @@ def test_the_command_lists_fetches_and_lists_again(mission: Mission, server: str
     path = tmp_path / "missiontree/models/small.onnx"
     assert path.read_bytes() == CONTENT
     assert f"in {path}" in mission("robot", "models", "list").out
-    assert "is there already" in mission("robot", "models", "fetch", "yunet", "--from", f"{server}/absent").out
+    assert "already exists" in mission("robot", "models", "fetch", "yunet", "--from", f"{server}/absent").out
 
 
 def test_the_command_says_what_went_wrong_and_what_to_try(mission: Mission, server: str) -> None:

@@ -1,1 +1,1 @@
-"""The commands that look into records."""
+"""Commands that read records."""

@@ -1,4 +1,4 @@
-"""``mission record``: what a record holds, mending one that was not closed, pieces of it, and files made of it."""
+"""``mission record``: list, inspect, repair, cut, export and compare records."""
 
 import json
 import shlex
@@ -21,7 +21,7 @@ from missions.plugins.records.recording.run_record import open_record
 from missions.plugins.records.recording.validation import InvalidRecordError
 
 RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
-FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
+FORCE = click.option("--force", is_flag=True, help="Replace existing files.")
 
 
 @click.group(
@@ -30,15 +30,15 @@ FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
     epilog="Example: mission record info monday.mcap",
 )
 def command() -> None:
-    """Look into records of runs, play and decide them again, repair them, and take things out of them.
+    """Inspect, play, rerun, repair, cut and export records of runs.
 
-    `mission run MISSION --record FILE.mcap` makes one.
+    `mission run MISSION --record FILE.mcap` creates one.
     """
 
 
 @contextmanager
 def _report_errors() -> Iterator[None]:
-    """Tell what goes wrong with a record or a file."""
+    """Turn errors of records and files into click.ClickException."""
     try:
         yield
     except (InvalidRecordError, ExistsError) as error:
@@ -52,10 +52,10 @@ def _report_errors() -> Iterator[None]:
 @command.command(name="list", epilog="Example: mission record list")
 @click.argument("folder", required=False, type=click.Path(exists=True, file_okay=False, path_type=Path))
 def list_command(folder: Path | None) -> None:
-    """List the records in a folder, the newest first; else those that are kept by default, of runs on robots.
+    """List the records in FOLDER, newest first; without FOLDER, those recorded by default.
 
-    Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; `record: false` in
-    defaults.yaml, or MISSION_RECORD=no in the environment, nothing of any run, unless --record asks for it.
+    Runs on a robot are recorded by default, and kept for 30 days, at most 2 GB. `mission run --no-record` records
+    nothing. `record: false` in defaults.yaml, or MISSION_RECORD=no in the environment, turns default records off.
     """
     from missions.plugins.records.recording.record_list import list_entry  # noqa: PLC0415 - it needs mcap, as open_record says
     from missions.plugins.records.retention import list_records, records_folder  # noqa: PLC0415
@@ -68,19 +68,19 @@ def list_command(folder: Path | None) -> None:
         return
     click.echo(
         format_columns(
-            ("began", "mission", "robot", "seconds", "MB", "result", "record"), rows, left=LEFT_ALIGNED_COLUMNS
+            ("started", "mission", "robot", "seconds", "MB", "result", "record"), rows, left=LEFT_ALIGNED_COLUMNS
         )
     )
     click.echo(f"\nin {where}")
 
 
-LEFT_ALIGNED_COLUMNS = frozenset({"began", "mission", "robot", "result", "record"})
+LEFT_ALIGNED_COLUMNS = frozenset({"started", "mission", "robot", "result", "record"})
 
 
 def _row(entry_facts: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what the list says of a record."""
+    """Return the table row of a record, from its list entry."""
     began = datetime.fromtimestamp(entry_facts["began"]).astimezone()
-    result = entry_facts.get("result") or "cut off"
+    result = entry_facts.get("result") or "not recorded"
     reason = f": {entry_facts['reason']}" if entry_facts.get("reason") else ""
     simulated = f" ({entry_facts['simulated']})" if entry_facts.get("simulated") else ""
     return (
@@ -97,7 +97,7 @@ def _row(entry_facts: Mapping[str, Any]) -> tuple[str, ...]:
 @command.command(epilog="Example: mission record info monday.mcap")
 @RECORD
 def info(path: Path) -> None:
-    """Say what a record is of, what is in it, what is missing, and what can be done with it."""
+    """Show mission, result, topics, files and losses of a record, and the next commands."""
     with _report_errors():
         for line in record_lines(open_record(path)):
             click.echo(line)
@@ -106,9 +106,9 @@ def info(path: Path) -> None:
 @command.command(epilog="Example: mission record repair monday.mcap")
 @RECORD
 def repair(path: Path) -> None:
-    """Close a record whose run was killed, in place, so that every program opens it.
+    """Close the record of a killed run in place, so that every program can open it.
 
-    It may be stopped at any moment, and done again: nothing that can be read is lost.
+    You can interrupt and repeat it at any time: no readable data are lost.
     """
     with _report_errors():
         open_record(path)  # says in words what is none of ours
@@ -117,31 +117,39 @@ def repair(path: Path) -> None:
         mended = mend_file(path)
         until = open_record(path).end_time
     if mended.already_closed:
-        click.echo(f"{path} was closed properly: there is nothing to mend")
+        click.echo(f"{path} is closed already: nothing to repair")
         return
-    skipped = f", without {mended.skipped_spans} damaged stretches" if mended.skipped_spans else ""
-    click.echo(f"mended {path}: it is whole up to {until:.2f} s{skipped}\n  try: mission record info {path}")
+    skipped = f", without {mended.skipped_spans} damaged ranges" if mended.skipped_spans else ""
+    click.echo(f"repaired {path}: complete up to {until:.2f} s{skipped}\n  try: mission record info {path}")
 
 
 @command.command(epilog="Example: mission record export monday.mcap --csv tables")
 @RECORD
 @click.option(
-    "--csv", "tables", type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER", help="A table per topic."
+    "--csv",
+    "tables",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
+    help="Write a table for each topic.",
 )
 @click.option(
-    "--jsonl", "lines", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="A line per message."
+    "--jsonl",
+    "lines",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write a line of JSON for each message.",
 )
 @click.option(
     "--folder",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="FOLDER",
-    help="The pictures, the files of the run, and a table per topic.",
+    help="Write the pictures, the files of the run, and a table for each topic.",
 )
 @FORCE
 def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | None, force: bool) -> None:
-    """Write a record for other programs: as tables, as lines of JSON, or as a folder of files."""
+    """Export a record as tables, as lines of JSON, or as a folder of files."""
     if tables is lines is folder is None:
-        raise click.UsageError(f"say what to write, such as --csv FOLDER: mission record export {path} --csv tables")
+        raise click.UsageError(f"no output given\n  try: mission record export {shlex.quote(str(path))} --csv tables")
     for option, place in (("--csv", tables), ("--folder", folder)):
         if place is not None:
             check_folder(place, option, f"{option} {shlex.quote(str(place.with_suffix('')))}")
@@ -160,12 +168,12 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
 
 @command.command(epilog="Example: mission record joints monday.mcap")
 @RECORD
-@click.option("--json", "as_what", flag_value="json", help="As JSON: degrees, seconds, joules.")
-@click.option("--csv", "as_what", flag_value="csv", help="As a table for a spreadsheet.")
+@click.option("--json", "as_what", flag_value="json", help="Print JSON: degrees, seconds, joules.")
+@click.option("--csv", "as_what", flag_value="csv", help="Print CSV for a spreadsheet.")
 def joints(path: Path, as_what: str | None) -> None:
-    """Say how well each joint kept to its goal, what its motor did, and how warm its servo was.
+    """Show the error of each joint, the work of its motor, and the temperature of its servo.
 
-    `mission record export FILE --csv FOLDER` has every sample, in state_arm.csv; `mission record report` draws them.
+    `mission record export FILE --csv FOLDER` writes all samples to state_arm.csv; `mission record report` plots them.
     """
     from missions.plugins.records.report import tables as joint_tables  # noqa: PLC0415 - a report needs more than the others do
     from missions.plugins.records.report.joints import joint_figures, joint_samples  # noqa: PLC0415
@@ -185,12 +193,12 @@ def joints(path: Path, as_what: str | None) -> None:
 @command.command(epilog="Example: mission record compare monday.mcap tuesday.mcap")
 @RECORD
 @click.argument("other", metavar="OTHER", type=click.Path(path_type=Path))
-@click.option("--json", "json_wanted", is_flag=True, help="As JSON: seconds, metres, radians; joints in degrees.")
+@click.option("--json", "json_wanted", is_flag=True, help="Print JSON: seconds, metres, radians; joints in degrees.")
 def compare(path: Path, other: Path, json_wanted: bool) -> None:
-    """Put two runs of one mission on one robot side by side.
+    """Compare two runs of one mission on one robot.
 
-    Says where their trees first decide differently, how they ended, how long each leaf took, how far joints were off
-    their goals, and where the base went. That a leaf takes longer is no decision; that it ends otherwise is one.
+    Shows the first different decision, both results, the running time of each leaf, the errors of the joints, and the
+    paths of the base. A leaf that takes longer is no different decision; a leaf with another result is one.
     """
     from missions.plugins.records.comparison import output as words  # noqa: PLC0415 - as for joints
     from missions.plugins.records.comparison.runs import IncomparableError, compare_runs  # noqa: PLC0415
@@ -212,24 +220,29 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
 @click.argument("start", metavar="FROM", type=SECONDS)
 @click.argument("end", metavar="TO", type=SECONDS)
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", required=True, help="Where to."
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    required=True,
+    help="Output file.",
 )
 @FORCE
 def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None:
-    """Cut a piece out of a record, such as from 10s to 20s, with what held when it begins.
+    """Copy a time range of a record to a new file, such as from 10s to 20s, with the state at its beginning.
 
-    What cuts off the beginning cannot be run again by `mission record rerun`: a tree remembers.
+    A copy without the beginning cannot be used by `mission record rerun`, since decisions depend on the past.
     """
     with _report_errors():
         record = open_record(path)
         if not start < end:
-            raise click.UsageError(f"the piece ends before it begins: from {start:g} s to {end:g} s")
+            raise click.UsageError(f"the range ends before it begins: from {start:g} s to {end:g} s")
         if start > record.end_time:
             raise click.UsageError(f"{path} ends at {record.end_time:.2f} s, before {start:g} s")
         if output.exists() and output.samefile(path):
-            raise click.UsageError(f"{output} is the record itself: name another file with -o")
+            raise click.UsageError(f"{output} is the record itself\n  try: another file with -o")
         from missions.plugins.records.recording.cut import cut_record as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
 
         count = cut_piece(record, start, end, output, force=force)
     told = written_message(output, subject=f"{count} messages to ")
-    click.echo(f"{told}; to look into it: mission record info {output}")
+    click.echo(f"{told}\n  try: mission record info {output}")

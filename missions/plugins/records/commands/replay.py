@@ -1,4 +1,4 @@
-"""``mission record replay`` and ``rerun``: a record as a play, as a film, or as decisions made anew."""
+"""``mission record replay`` and ``rerun``: play a record, export it as a film, or repeat its decisions."""
 
 import shlex
 import sys
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from missions.plugins.records.replay.rerun_files import RerunFiles
 
 FILM_RATE = 12.5
-"""Pictures a second in a film."""
+"""Frames per second of a film."""
 
 REFRESH_INTERVAL = 0.1
-"""Seconds between two drawings of the player's screen."""
+"""Seconds between two updates of the player's screen."""
 
 
 RECORD = click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False, path_type=Path))
@@ -38,26 +38,26 @@ RECORD = click.argument("file", metavar="RECORD", type=click.Path(exists=True, d
 
 @click.command(epilog="Example: mission record replay monday.mcap --at 12.5s")
 @RECORD
-@click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Begin there, such as 12.5s.")
+@click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Start time, such as 12.5s.")
 @click.option(
     "--speed",
     type=RealNumber(min=0, min_open=True, max=1000),
     default=1.0,
-    metavar="TIMES",
-    help="Play it so many times as fast as it was.",
+    metavar="FACTOR",
+    help="Speed relative to real time.",
 )
 @click.option(
     "--frames",
     type=click.Path(path_type=Path),
     metavar="OUT",
-    help="Write the pictures, with what was seen in them: a .webm, or a folder.",
+    help="Write the annotated pictures to a .webm file or a folder.",
 )
 def replay(file: Path, at: float, speed: float, frames: Path | None) -> int:
-    """Play a record in the terminal, or make a film of it.
+    """Play a record in the terminal, or export it as a film.
 
-    Keys: space plays and pauses, left and right go back and on, up and down change the speed, comma and point go from
-    tick to tick, f and F to the next failure and the one before, / searches, n and N go on with that, 0 to 9 go to
-    tenths of it, q quits. Without a terminal, what happened is written line by line.
+    Keys: space plays or pauses, left and right jump 5 s, up and down change the speed, period and comma go to the next
+    and previous tick, f and F to the next and previous failure, / searches, n and N go to the next and previous match,
+    0 to 9 go to that tenth of the record, q quits. Without a terminal, the events are printed line by line.
     """
     if frames is None:
         return _play(open_record(file), at, speed)
@@ -67,14 +67,16 @@ def replay(file: Path, at: float, speed: float, frames: Path | None) -> int:
 
 @click.command(epilog="Example: mission record rerun monday.mcap")
 @RECORD
-@click.option("--recorded", is_flag=True, help="Take the files that the record holds, not those of today.")
+@click.option("--recorded", is_flag=True, help="Use the files in the record, not today's.")
 @click.option(
-    "--mission", type=MISSION, metavar="MISSION", help="Decide another mission on this record (a name or a file)."
+    "--mission", type=MISSION, metavar="MISSION", help="Another mission (a name or a file) for the recorded inputs."
 )
 @behaviours_option
-@click.option("--trust-code", is_flag=True, help="Run the Python that the record holds: its sender may do anything.")
 @click.option(
-    "--see", "look", is_flag=True, help="Search the pictures again, with today's perception, instead of deciding."
+    "--trust-code", is_flag=True, help="Run the Python code in the record: it can do anything on this computer."
+)
+@click.option(
+    "--see", "look", is_flag=True, help="Search the pictures with today's perception, instead of repeating decisions."
 )
 def rerun(
     file: Path,
@@ -84,16 +86,16 @@ def rerun(
     trust_code: bool,
     look: bool,
 ) -> int:
-    """Decide a record again with today's files, or search its pictures again, and compare. Nothing moves.
+    """Repeat the decisions of a record with today's files, or search its pictures again, and compare. Nothing moves.
 
-    Exit code 0 is that all is as it was, 1 that something is not, 2 that it cannot be said.
+    Exit codes: 0 no difference, 1 a difference, 2 no comparison possible.
     """
     again = _RerunOptions(code=files, recorded=recorded, trusted=trust_code)
     return (_rerun_perception if look else _rerun_decisions)(open_record(file), mission, again)
 
 
 def _play(record: RunRecord, at: float, speed: float) -> int:
-    """Play it with keys or, without a terminal, write all that happened from ``at`` on."""
+    """Play a record with keys, or print its events from ``at`` (s) on if there is no terminal."""
     from missions.plugins.records.replay.player_screen import PlayerScreen, event_lines  # noqa: PLC0415
     from missions.plugins.records.replay.record_player import RecordPlayer  # noqa: PLC0415 - as below, what one option needs is not loaded for all
 
@@ -140,7 +142,7 @@ def _write_film(record: RunRecord, path: Path) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RerunOptions:
-    """With which files a record is decided or seen again: see ``missions.plugins.records.replay.rerun_files.RerunFiles``."""
+    """Options for the files of a rerun; see ``missions.plugins.records.replay.rerun_files.RerunFiles``."""
 
     code: Sequence[Path]
     recorded: bool
@@ -148,7 +150,7 @@ class _RerunOptions:
 
 
 def _rerun_decisions(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
-    """Decide it again, and say whether all is as it was."""
+    """Repeat the decisions of a record, print the comparison, and return the exit code."""
     from missions.plugins.records.replay.rerun import rerun as decide  # noqa: PLC0415
     from missions.plugins.records.replay.result_text import rerun_lines  # noqa: PLC0415
 
@@ -165,7 +167,7 @@ def _rerun_decisions(record: RunRecord, mission: str | None, options: _RerunOpti
 
 
 def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
-    """Search the pictures again, and say whether all is found that was."""
+    """Search the pictures of a record again, print the comparison, and return the exit code."""
     from missions.library.interests import interests_of  # noqa: PLC0415
     from missions.plugins.records.replay.perception_rerun import rerun_perception  # noqa: PLC0415
     from missions.plugins.records.replay.result_text import perception_lines  # noqa: PLC0415
@@ -189,9 +191,9 @@ def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOpt
 
 @contextmanager
 def _unpack_sources(record: RunRecord, options: _RerunOptions) -> Iterator["RerunFiles"]:
-    """Unpack the files of a record for as long as they are needed, and say which are others today.
+    """Unpack the files of a record into a temporary folder, and print those that have changed since.
 
-    Raises click.UsageError for a record with code that nobody has said to trust, and lists it.
+    Raises click.UsageError, with a list, for a record that holds Python code without ``--trust-code``.
     """
     from missions.plugins.records.replay.rerun_files import RerunFiles  # noqa: PLC0415
 
@@ -208,9 +210,9 @@ def _unpack_sources(record: RunRecord, options: _RerunOptions) -> Iterator["Reru
             told = "".join(f"\n  {line}" for line in code)
             if not options.trusted:
                 raise click.UsageError(
-                    f"{record.path} holds Python that would be run:{told}\n{_inspection_hint(record)}"
+                    f"{record.path} holds Python code that would be run:{told}\n{_inspection_hint(record)}"
                 )
-            click.echo(f"running the Python of {record.path}:{told}")
+            click.echo(f"running the Python code of {record.path}:{told}")
         sources.unpack()
         for line in () if options.recorded else sources.changed_files():
             click.echo(line)
@@ -220,23 +222,21 @@ def _unpack_sources(record: RunRecord, options: _RerunOptions) -> Iterator["Reru
 def _inspection_hint(record: RunRecord) -> str:
     path = shlex.quote(str(record.path))
     return (
-        f"  try: mission record export {path} --folder FOLDER, and look into it;\n"
+        f"  try: mission record export {path} --folder FOLDER, and read it;\n"
         "       then --trust-code, or --behaviours FILE.py to run a file of yours instead"
     )
 
 
 def _rerun_obstacle(record: RunRecord) -> str:
-    """Say why a record is not enough to decide it again; nothing where it is."""
+    """Return the reason why a record cannot be rerun; empty if it can."""
     if record.cut_start is not None:
-        return f"{record.path} is a piece from {record.cut_start:g} s on: decisions need the record from its beginning"
+        return f"{record.path} is a piece from {record.cut_start:g} s on: a rerun needs the record from its beginning"
     if record.header.mocks:
-        return (
-            f"{record.path} is of a test with mocks ({', '.join(record.header.mocks)}), which no mission file tells of"
-        )
+        return f"{record.path} is of a test with mocks ({', '.join(record.header.mocks)}): the mission file has none"
     lost = {topic: count for topic, count in record.lost_counts().items() if topic in ("/moments", "/nodes") and count}
     if lost:
         counts = ", ".join(f"{count} of {topic}" for topic, count in lost.items())
-        return f"{record.path} has lost messages while it was written: {counts}"
+        return f"{record.path} lost messages while it was written: {counts}"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""``mission record report``: a record as one page for people who were not there, and as pictures for papers."""
+"""``mission record report``: write a record as one HTML page, and its charts as PNG files."""
 
 import shlex
 from pathlib import Path
@@ -13,7 +13,7 @@ from missions.plugins.records.report.page import report_page
 from missions.plugins.records.report.summary import MAX_PICTURES, RecordStudy, study_record
 
 PAGE_SUFFIXES = (".html", ".htm")
-"""What the name of a report may end in."""
+"""Allowed file name endings of a report."""
 
 
 @click.command(epilog="Example: mission record report monday.mcap -o monday.html")
@@ -23,7 +23,7 @@ PAGE_SUFFIXES = (".html", ".htm")
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Write the page there, instead of beside the record (greet_report.html of greet.mcap).",
+    help="Output page; by default beside the record, such as greet_report.html for greet.mcap.",
 )
 @click.option(
     "--pictures",
@@ -31,25 +31,25 @@ PAGE_SUFFIXES = (".html", ".htm")
     default=MAX_PICTURES,
     show_default=True,
     metavar="N",
-    help="At most so many pictures of the camera: before failures, and evenly.",
+    help="Maximum number of camera pictures: before failures, and evenly spread.",
 )
 @click.option(
     "--plots",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Write the plots there, as PNG for papers; the page only with -o.",
+    help="Folder for plots as PNG; the page is then written only with -o.",
 )
 def report(file: Path, output: Path | None, pictures: int, plots: Path | None) -> None:
-    """Write a report of a record: one page, which needs nothing beside it.
+    """Write a report of a record as one self-contained HTML page.
 
-    It has a summary in words, the tree with a slider for time, a timeline of its nodes, variables, pictures with what
-    was seen in them, how head and base moved, the tracking error, and faults.
+    It has a summary, the tree with a time slider, a timeline, variables, annotated pictures, the motion of head and
+    base, the tracking error, and faults.
     """
     if output is None and plots is None:
         output = file.with_name(f"{file.stem}_report.html")  # not the name of a picture of the mission
     elif output is not None and output.suffix.lower() not in PAGE_SUFFIXES:
         raise click.BadParameter(
-            f"{output}: a report is a page of HTML\n  try: -o {shlex.quote(str(output.with_suffix('.html')))}",
+            f"{output}: not the name of an HTML page\n  try: -o {shlex.quote(str(output.with_suffix('.html')))}",
             param_hint="-o",
         )
     if plots is not None:

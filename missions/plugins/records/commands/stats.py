@@ -1,4 +1,4 @@
-"""``mission record stats``: the figures of recorded runs."""
+"""``mission record stats``: statistics of recorded runs."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -22,13 +22,13 @@ from missions.plugins.records.statistics.table import as_csv, as_json, lines_of
     required=True,
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
 )
-@click.option("--json", "as_what", flag_value="json", help="Everything, as JSON; times in seconds.")
-@click.option("--csv", "as_what", flag_value="csv", help="The nodes, as a table for a spreadsheet; times in seconds.")
+@click.option("--json", "as_what", flag_value="json", help="Print everything as JSON; times in seconds.")
+@click.option("--csv", "as_what", flag_value="csv", help="Print the nodes as CSV; times in seconds.")
 def stats(paths: Sequence[Path], as_what: str | None) -> int:
-    """Say how often each node of a mission ran, for how long and with which result, and how quick the robot was.
+    """Show statistics of records: runs, results and durations of each node, and the robot's reaction times.
 
-    Records of one mission on one robot are taken together. What cannot be read is told and left out; the exit code is
-    2 then.
+    Records of one mission on one robot are merged. Unreadable records are listed and skipped; the exit code is then
+    2.
     """
     unread: list[Path] = []
     found = merge_stats(_read_stats(paths, unread))
@@ -44,7 +44,7 @@ def stats(paths: Sequence[Path], as_what: str | None) -> int:
 
 
 def _read_stats(paths: Sequence[Path], unread: list[Path]) -> Iterator[Stats]:
-    """Yield the figures of each record, one at a time in memory; tell of those that cannot be read."""
+    """Yield the statistics of each record, one record in memory at a time; append unreadable ones to ``unread``."""
     for path in paths:
         try:
             yield compute_stats(open_record(path))

@@ -1,1 +1,1 @@
-"""Two runs of one mission, side by side."""
+"""Comparison of two runs of one mission."""

@@ -1,4 +1,4 @@
-"""Two runs side by side, in words for a terminal, and as JSON for programs."""
+"""Comparison of two runs as terminal text and as JSON."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -21,17 +21,17 @@ from missions.plugins.records.report.summary import verdict
 from missions.trees.drawing_builder import one_line
 from missions.trees.value_text import seconds_text
 
-LEAF_COLUMNS = ("leaf", "line", "A goes", "B goes", "A s", "B s", "B - A s")
-JOINT_COLUMNS = ("joint", "A rms deg", "B rms deg", "A at most", "B at most", "A motor J", "B motor J")
+LEAF_COLUMNS = ("leaf", "line", "A runs", "B runs", "A s", "B s", "B - A s")
+JOINT_COLUMNS = ("joint", "A rms deg", "B rms deg", "A max deg", "B max deg", "A motor J", "B motor J")
 JOINT_FIGURES = (("rms", ".2f"), ("worst", "+.1f"), ("energy", ".1f"))
-"""What is told of a joint in both runs, and how."""
+"""Fields of ``JointFigures`` in the table of joints, with their number formats."""
 
-PATH_COLUMNS = ("way", "A", "B")
+PATH_COLUMNS = ("path", "A", "B")
 
-LEFT_ALIGNED_COLUMNS = frozenset({"leaf", "joint", "way", "run with"})
+LEFT_ALIGNED_COLUMNS = frozenset({"leaf", "joint", "path", "run with"})
 
 MAX_VALUE_LENGTH = 60
-"""Letters of a value that is shown."""
+"""Maximum number of characters of a printed value."""
 
 
 def lines_of(comparison: RunComparison) -> Iterator[str]:
@@ -50,7 +50,7 @@ def lines_of(comparison: RunComparison) -> Iterator[str]:
 
 
 def as_json(comparison: RunComparison) -> Mapping[str, object]:
-    """Return the comparison for programs: seconds, metres, radians; errors of joints in degrees."""
+    """Return the comparison for JSON: seconds, metres, radians; joint errors in degrees."""
     split = comparison.first_difference
     return {
         "mission": comparison.a.record.header.mission,
@@ -86,7 +86,7 @@ def _encode_pair(pair: RunPair[T], encode: Callable[[T], object]) -> Mapping[str
 
 def _decision_lines(comparison: RunComparison) -> Iterator[str]:
     if comparison.first_difference is None:
-        yield f"The trees decide alike: {comparison.nodes} nodes compared, no difference."
+        yield f"No different decision: {comparison.nodes} nodes compared."
     else:
         yield from _difference_lines(comparison.first_difference)
     yield ""
@@ -94,14 +94,14 @@ def _decision_lines(comparison: RunComparison) -> Iterator[str]:
 
 def _difference_lines(difference: FirstDifference) -> Iterator[str]:
     place = difference.place
-    yield f"They first decide differently at {_one_line(str(place))}, {_one_line(place.file)}, line {place.line}:"
+    yield f"First different decision: {_one_line(str(place))}, {_one_line(place.file)}, line {place.line}:"
     for name, change in zip("AB", difference.changes, strict=True):
         yield f"  {name}  {_change_text(change)}"
 
 
 def _change_text(change: NodeChanged | None) -> str:
     if change is None:
-        return "did not get there"
+        return "not reached"
     why = f" ({_one_line(change.reason)})" if change.reason else ""
     return f"{seconds_text(change.t)}  {change.status}{why}"
 
@@ -152,7 +152,7 @@ def _path_lines(comparison: RunComparison) -> Iterator[str]:
         yield f"They ended {end_distance(a, b):.2f} m apart."
     if comparison.max_distance is not None:
         metres, when = comparison.max_distance
-        yield f"From where each began, they were {metres:.2f} m apart at most, {seconds_text(when)} after the first tick."
+        yield f"From their starts, they were at most {metres:.2f} m apart, {seconds_text(when)} after the first tick."
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -171,6 +171,6 @@ def _value_text(value: object) -> str:
 
 
 def _one_line(text: str) -> str:
-    """Return a text of a record on one line, cut where it is long."""
+    """Return a text of a record on one line, shortened to ``MAX_VALUE_LENGTH``."""
     line = one_line(text)
     return line if len(line) <= MAX_VALUE_LENGTH else f"{line[: MAX_VALUE_LENGTH - 1]}…"

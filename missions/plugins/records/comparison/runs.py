@@ -1,7 +1,7 @@
-"""What two runs of one mission have in common: where their trees first decide differently, and all that can be counted.
+"""Compare two runs of one mission: the first different decision, and the figures of both.
 
-Decisions are compared node by node: what each became, in turn, whenever that was. So a leaf that takes longer in one of
-the runs makes no difference, but one that ends otherwise does.
+Decisions are compared node by node, as the sequence of statuses of each node, whatever their times. So a leaf that
+takes longer is no difference; a leaf with another result is one.
 """
 
 from collections import defaultdict
@@ -22,18 +22,18 @@ from missions.plugins.records.report.traces import BaseRoute
 from missions.trees.drawing import TreeBox
 
 DISTANCE_SAMPLES = 2000
-"""At most so many times are looked at for how far two ways were apart."""
+"""Number of times at which the distance of the two bases is sampled."""
 
 
 T = TypeVar("T")
 
 
 class IncomparableError(ValueError):
-    """Two runs that have nothing to compare; says why."""
+    """Two runs that cannot be compared; the message has the reason."""
 
 
 class RunPair(NamedTuple, Generic[T]):
-    """The same of either run; None where it is in one only, or not known."""
+    """A value of each run; None if that run lacks it."""
 
     a: T | None
     b: T | None
@@ -41,7 +41,7 @@ class RunPair(NamedTuple, Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class FirstDifference:
-    """Where the trees first decide differently: a node, its place, and what it became in either run."""
+    """The first different decision: a node, its place, and its status change in each run."""
 
     place: NodePlace
     changes: RunPair[NodeChanged]
@@ -49,7 +49,7 @@ class FirstDifference:
 
 @dataclass(frozen=True, slots=True)
 class LeafComparison:
-    """A leaf in both runs: how often it was at work, and for how long in all (s)."""
+    """A leaf in both runs: number of runs, and total running time (s)."""
 
     place: NodePlace
     runs: RunPair[int]
@@ -58,7 +58,7 @@ class LeafComparison:
 
 @dataclass(frozen=True, slots=True)
 class BasePath:
-    """How far a base drove (m) and turned (rad), and where it was in the end: x, y (m) and heading (rad)."""
+    """Path of a base: length (m), total rotation (rad), and final x, y (m) and heading (rad)."""
 
     length: float
     turned: float
@@ -67,10 +67,10 @@ class BasePath:
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
-    """Two runs of one mission on one robot, side by side.
+    """Comparison of two runs of one mission on one robot.
 
-    ``settings`` are what they were run with, as far as it differs; ``nodes`` says how many nodes are in both trees.
-    ``max_distance`` is how far their bases were apart at most at the same time since the first tick (m), and when (s).
+    ``nodes`` is the number of nodes in both trees. ``settings`` are the settings of the runs that differ.
+    ``max_distance`` is the largest distance of the bases at the same time since the first tick (m), and that time (s).
     """
 
     a: RecordStudy
@@ -112,7 +112,7 @@ def compare_runs(one: RunRecord, other: RunRecord) -> RunComparison:
 
 
 def _differing_settings(one: RunRecord, other: RunRecord) -> Iterator[tuple[str, RunPair[str]]]:
-    """Yield what the runs were made of, where it is not the same."""
+    """Yield the settings, params and files that differ."""
     heads = one.header, other.header
     for word in ("world", "simulate", "eyes", "seed", "rate"):
         values = [str(getattr(head, word)) for head in heads]
@@ -138,7 +138,7 @@ def _changes(record: RunRecord) -> list[NodeChanged]:
 def _find_first_difference(
     one: Iterable[NodeChanged], other: Iterable[NodeChanged], places: Mapping[str, NodePlace], pairs: Mapping[str, str]
 ) -> FirstDifference | None:
-    """Return the earliest of all differences; of several in one tick, the likeliest cause."""
+    """Return the earliest difference; of several in one tick, the most likely cause."""
     order = {key: number for number, key in enumerate(places)}
     a, b = _changes_by_node(one), _changes_by_node(other)
     found = []
@@ -150,7 +150,7 @@ def _find_first_difference(
             found.append(FirstDifference(places[key], became))
 
     def rank(split: FirstDifference) -> tuple[float, bool, bool, int]:
-        """Put first what came first; then what was not only halted, leaves, and what stands further up."""
+        """Return a sort key: earlier first, then not only halted, then leaves, then nodes further up."""
         changes = [change for change in split.changes if change is not None]
         halted = all(change.status == "idle" for change in changes)
         return min(change.t for change in changes), halted, not split.place.is_leaf, order[split.place.key]
@@ -159,7 +159,7 @@ def _find_first_difference(
 
 
 def _changes_by_node(changes: Iterable[NodeChanged]) -> Mapping[str, list[NodeChanged]]:
-    """Return what each node became in turn, without news that are none."""
+    """Return the status changes of each node, in order, without repeated statuses."""
     found: defaultdict[str, list[NodeChanged]] = defaultdict(list)
     for change in changes:
         if not found[change.node] or found[change.node][-1].status != change.status:
@@ -174,7 +174,7 @@ def _status(change: NodeChanged | None) -> str | None:
 def _compare_leaves(
     a: RecordStudy, b: RecordStudy, places: Mapping[str, NodePlace], pairs: Mapping[str, str]
 ) -> Iterator[LeafComparison]:
-    """Yield the leaves that were at work in one of the runs at least, in the order of the first tree."""
+    """Yield the leaves that ran in at least one of the runs, in the order of the first tree."""
     lanes = [{lane.box.key: lane for lane in found.lanes} for found in (a, b)]
     back = {new: old for old, new in pairs.items()}
     here = {**{key: (key, pairs.get(key)) for key in places}, **_nodes_of_second_tree(b.drawing.root, back)}
@@ -188,7 +188,7 @@ def _compare_leaves(
 
 
 def _nodes_of_second_tree(root: TreeBox, back: Mapping[str, str]) -> Mapping[str, tuple[None, str]]:
-    """Return the nodes that the second tree has alone."""
+    """Return the nodes that only the second tree has."""
     return {f"b {box.key}": (None, box.key) for box in root.walk() if box.key not in back}
 
 
@@ -202,7 +202,7 @@ def _base_path(route: BaseRoute) -> BasePath | None:
 
 
 def _find_max_distance(a: RecordStudy, b: RecordStudy) -> tuple[float, float] | None:
-    """Return how far the bases were apart at most at one time, each from where it began, and when."""
+    """Return the largest distance of the bases at one time, each relative to its start (m), and that time (s)."""
     if not (a.route.times and b.route.times):
         return None
     both = [(np.asarray(found.route.times) - found.slider.start, np.asarray(found.route.poses)) for found in (a, b)]
@@ -220,5 +220,5 @@ def _find_max_distance(a: RecordStudy, b: RecordStudy) -> tuple[float, float] | 
 
 
 def end_distance(one: BasePath, other: BasePath) -> float:
-    """Return how far apart two ways ended (m)."""
+    """Return the distance between the ends of two paths (m)."""
     return dist(one.end[:2], other.end[:2])

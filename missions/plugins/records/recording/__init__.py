@@ -1,1 +1,1 @@
-"""A run in a file: written while it goes on, and read again."""
+"""Writing and reading of records."""

@@ -1,17 +1,17 @@
-"""How often a picture may be kept, so that a record stays within its limit however long the run is."""
+"""Frame rate control that keeps a record within its size limit, however long the run."""
 
 DEFAULT_MAX_BYTES = 2_000_000_000
-"""Bytes of a record, unless somebody says otherwise."""
+"""Default maximum size of a record, in bytes."""
 
 DEFAULT_FRAME_RATE = 5.0
-"""Pictures a second, unless somebody says otherwise."""
+"""Default number of pictures per second."""
 
 
 class FrameBudget:
-    """Says which frames are due: at most ``rate`` a second, of ``most`` bytes in all.
+    """Frame rate limiter: at most ``rate`` frames a second, of ``max_bytes`` bytes in all.
 
-    Each time half of what was left is used up, the rate is halved: there are always some pictures, and the first
-    minutes have the most. A rate of 0 is none at all.
+    The rate is halved each time half of the remaining bytes is used up. So the whole run has some pictures, and the
+    first minutes have the most. A rate of 0 accepts none.
     """
 
     def __init__(self, max_bytes: float, rate: float) -> None:
@@ -21,7 +21,7 @@ class FrameBudget:
         self._next_frame_at = float("-inf")
 
     def accept(self, t: float) -> bool:
-        """Say whether a frame of ``t`` seconds is to be kept; then it counts as the newest."""
+        """Return whether to record the frame of time ``t`` (s); an accepted frame delays the next one."""
         if self.rate <= 0 or t < self._next_frame_at:
             return False
         # On a steady beat the rate is met on the average, though frames come at times of their own.
@@ -30,7 +30,7 @@ class FrameBudget:
         return True
 
     def consume(self, size: int) -> None:
-        """Note that a frame took ``size`` bytes."""
+        """Subtract the ``size`` (bytes) of a recorded frame."""
         self._bytes_left -= size
         self._bytes_to_halving -= size
         while self._bytes_to_halving <= 0 < self.rate:

@@ -1,10 +1,10 @@
-"""What an MCAP file holds, read with distrust: it may end or be damaged anywhere.
+"""Reader of MCAP files that may be truncated or damaged anywhere.
 
-The format is described at https://mcap.dev/spec. A file is a row of records: one byte that says what it is, eight that
-say how long, and as much of it. Most of ours are *chunks*: compressed stretches of messages with a checksum. Where
-they stand, ``survey`` finds out. No record takes more memory than ``MAX_RECORD_SIZE``, whatever a damaged length says.
+The format is described at https://mcap.dev/spec. A file is a sequence of records: one byte for the opcode, eight for
+the length, then the content. Most of our records are *chunks*: compressed groups of messages with a checksum.
+``mcap_scan`` finds their positions. No record takes more memory than ``MAX_RECORD_SIZE``, whatever its length field.
 
-It knows nothing of missions: the process that writes records mends them with it, and must start fast.
+This module imports nothing of missions: the writer process uses it for repairs, and must start fast.
 """
 
 import struct
@@ -24,27 +24,27 @@ from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
 from missions.plugins.records.recording.validation import InvalidRecordError
 
 MAX_RECORD_SIZE = 64 * 1024 * 1024
-"""Bytes that one record, or what a chunk is unpacked to, may have."""
+"""Maximum size in bytes of a record, and of a decompressed chunk."""
 
 RECORD_HEADER = struct.Struct("<BQ")
-"""How a record begins: what it is, and how many bytes follow."""
+"""Header of an MCAP record: opcode, and number of bytes that follow."""
 
 MESSAGE_HEADER = struct.Struct("<HIQQ")
-"""How a message begins: its channel, its number, and when it was logged and published, in ns since 1970."""
+"""Header of an MCAP message: channel, sequence number, log time and publish time in ns since 1970."""
 
 T = TypeVar("T")
 
 
 MAX_EXPANSION_RATIO, EXPANSION_ALLOWANCE = 100, 256 * 1024 * 1024
-"""A file may unpack to so many times its size, and so many bytes more: records of runs unpack to seven times theirs."""
+"""A file may decompress to ``MAX_EXPANSION_RATIO`` times its size, plus this many bytes; ours expand sevenfold."""
 
 
 class DamagedError(ValueError):
-    """A stretch of the file is not what it should be."""
+    """A range of the file is damaged."""
 
 
 class RecordSpan(NamedTuple):
-    """Where a record stands: the byte that it begins at, and the one after its end; ``opcode`` says what it is."""
+    """Position of an MCAP record: opcode, first byte, and the byte after its end."""
 
     opcode: int
     start: int
@@ -52,7 +52,7 @@ class RecordSpan(NamedTuple):
 
 
 class McapMessage(NamedTuple):
-    """A message: its topic, its time in nanoseconds since 1970, and what it says."""
+    """An MCAP message: topic, time in ns since 1970, and content."""
 
     topic: str
     time: int
@@ -60,20 +60,21 @@ class McapMessage(NamedTuple):
 
 
 DamageCallback = Callable[[RecordSpan], None]
-"""Told of each record that cannot be read."""
+"""Called with each record that cannot be read."""
 
 
 def ignore_damage(span: RecordSpan) -> None:
-    """Take no notice of a damaged record."""
+    """Ignore a damaged record."""
 
 
 @dataclass(frozen=True)
 class McapContainer:
-    """A file, and where its records stand. ``is_complete``: it was closed properly. ``end``: the byte where its data end.
+    """An MCAP file and the positions of its records.
 
-    ``damaged_spans`` are the stretches between records that are none. ``channels`` and ``schemas`` are those that the index
-    names; reading the chunks adds theirs. ``chunk_times`` are the first and the last of each chunk that the index names (ns
-    since 1970), by the byte that it begins at.
+    ``is_complete`` tells whether the file was closed; ``end`` is the byte at which its data end. ``damaged_spans`` are
+    the ranges between valid records. ``channels`` and ``schemas`` come from the index, and from each chunk that is
+    read. ``chunk_times`` are the first and last message times (ns since 1970) of the chunks in the index, by first
+    byte.
     """
 
     path: Path
@@ -86,26 +87,29 @@ class McapContainer:
     chunk_times: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def header(self) -> Header | None:
-        """Return which program wrote the file, for which readers; None where that is damaged."""
+        """Return the header with the profile and library of the writer; None if it is damaged."""
         return next((header for _, header in self.read(Opcode.HEADER, Header.read)), None)
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Return the tables of words, by name; of several with one name, the last."""
+        """Return the metadata tables by name; the last one of several with one name."""
         return {table.name: table.metadata for _, table in self.read(Opcode.METADATA, Metadata.read)}
 
     def attachments(self, on_damage: DamageCallback = ignore_damage) -> Iterator[Attachment]:
-        """Yield the files within this file."""
+        """Yield the attached files."""
         for _, attachment in self.read(Opcode.ATTACHMENT, Attachment.read, on_damage):
             yield attachment
 
     def chunks(self, on_damage: DamageCallback = ignore_damage) -> Iterator[tuple[RecordSpan, Chunk, bytes]]:
-        """Yield each chunk with what it unpacks to. Raises InvalidRecordError for more than any run writes."""
+        """Yield each chunk with its decompressed content.
+
+        Raises InvalidRecordError if the file decompresses to more than any run writes.
+        """
         left = MAX_EXPANSION_RATIO * self.end + EXPANSION_ALLOWANCE
         for span, chunk in self.read(Opcode.CHUNK, Chunk.read, on_damage):
             left -= chunk.uncompressed_size if chunk.uncompressed_size <= MAX_RECORD_SIZE else 0  # else: just damaged
             if left < 0:
-                size = f"{self.end / 1e6:.1f} MB, and would unpack to more than {MAX_EXPANSION_RATIO} times that"
-                raise InvalidRecordError(f"{self.path}: has {size}: no run has written this, and nothing of it is read")
+                size = f"{self.end / 1e6:.1f} MB, and would decompress to more than {MAX_EXPANSION_RATIO} times that"
+                raise InvalidRecordError(f"{self.path}: has {size}: not written by MissionTree, and not read")
             try:
                 data = decompress_chunk(chunk)
             except DamagedError:
@@ -116,12 +120,12 @@ class McapContainer:
     def messages(
         self, topics: frozenset[str] | None = None, on_damage: DamageCallback = ignore_damage
     ) -> Iterator[McapMessage]:
-        """Yield the messages on ``topics`` (None: on all), in the order of the file."""
+        """Yield the messages on ``topics`` (None: all topics), in the order of the file."""
         for _, _, data in self.chunks(on_damage):
             yield from self.messages_in(data, topics)
 
     def messages_in(self, data: bytes, topics: frozenset[str] | None = None) -> Iterator[McapMessage]:
-        """Yield those of one chunk, which is unpacked."""
+        """Yield the messages of one decompressed chunk."""
         for opcode, start, end in split_records(data):
             if opcode == Opcode.MESSAGE:
                 number, _, time, _ = MESSAGE_HEADER.unpack_from(data, start)
@@ -133,11 +137,11 @@ class McapContainer:
 
     @property
     def chunk_spans(self) -> Sequence[RecordSpan]:
-        """Where the chunks stand."""
+        """Positions of the chunks."""
         return [span for span in self.spans if span.opcode == Opcode.CHUNK]
 
     def last_time(self) -> int | None:
-        """Return the latest time (ns since 1970) in the last chunk that can be read; None without any."""
+        """Return the latest time (ns since 1970) in the last readable chunk; None without one."""
         for span in reversed(self.chunk_spans):
             for _, _, data in replace(self, spans=[span]).chunks():
                 times = [
@@ -150,7 +154,7 @@ class McapContainer:
         return None
 
     def register(self, opcode: int, data: bytes) -> None:
-        """Take note of a channel or a schema."""
+        """Store a channel or schema definition; other opcodes are ignored."""
         if opcode == Opcode.CHANNEL:
             channel = parse_record(Channel.read, data)
             self.channels[channel.id] = channel
@@ -161,7 +165,7 @@ class McapContainer:
     def read(
         self, opcode: Opcode, parse: Callable[[ReadDataStream], T], on_damage: DamageCallback = ignore_damage
     ) -> Iterator[tuple[RecordSpan, T]]:
-        """Yield the records of one kind, each with where it stands."""
+        """Yield the records of one opcode with their positions."""
         with self.path.open("rb") as file:
             for span in self.spans:
                 if span.opcode != opcode:
@@ -175,7 +179,7 @@ class McapContainer:
 
 
 def read_body(file: BinaryIO, span: RecordSpan) -> bytes:
-    """Return what a record holds. Raises DamagedError."""
+    """Return the content of a record. Raises DamagedError."""
     file.seek(span.start)
     if span.end - span.start > MAX_RECORD_SIZE + RECORD_HEADER.size:
         raise DamagedError(f"a record of {span.end - span.start} bytes")
@@ -184,7 +188,7 @@ def read_body(file: BinaryIO, span: RecordSpan) -> bytes:
         span.opcode,
         len(data) - RECORD_HEADER.size,
     ):
-        raise DamagedError(f"no record at byte {span.start}")
+        raise DamagedError(f"no valid record at byte {span.start}")
     if span.opcode == Opcode.ATTACHMENT and zlib.crc32(data[RECORD_HEADER.size : -4]) != int.from_bytes(
         data[-4:], "little"
     ):
@@ -193,7 +197,7 @@ def read_body(file: BinaryIO, span: RecordSpan) -> bytes:
 
 
 def parse_record(parse: Callable[[ReadDataStream], T], data: bytes) -> T:
-    """Return the record that ``data`` hold. Raises DamagedError."""
+    """Return the record that ``parse`` reads from ``data``. Raises DamagedError."""
     try:
         return parse(_StrictStream(BytesIO(data)))
     except (struct.error, McapError, UnicodeDecodeError) as error:
@@ -201,7 +205,7 @@ def parse_record(parse: Callable[[ReadDataStream], T], data: bytes) -> T:
 
 
 class _StrictStream(ReadDataStream):
-    """A stream that has no less than what is asked for: the library's own takes what there is."""
+    """Stream that raises EndOfFile on a short read; the library's own stream returns fewer bytes."""
 
     def read(self, length: int) -> bytes:
         data = super().read(min(length, MAX_RECORD_SIZE))
@@ -211,7 +215,7 @@ class _StrictStream(ReadDataStream):
 
 
 def decompress_chunk(chunk: Chunk) -> bytes:
-    """Return the records of a chunk. Raises DamagedError."""
+    """Return the decompressed records of a chunk. Raises DamagedError."""
     size = chunk.uncompressed_size
     if size > MAX_RECORD_SIZE:
         raise DamagedError(f"a chunk of {size} bytes")
@@ -220,14 +224,14 @@ def decompress_chunk(chunk: Chunk) -> bytes:
     elif chunk.compression == "":
         data = chunk.data
     else:
-        raise DamagedError(f"a chunk that is packed by '{chunk.compression}'")
+        raise DamagedError(f"a chunk of unknown compression '{chunk.compression}'")
     if len(data) != size or chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise DamagedError("a chunk does not match its checksum")
     return data
 
 
 def _decompress_zstd(data: bytes, size: int) -> bytes:
-    """Return the ``size`` bytes of which ``data`` are made, reserving no more for them. Raises DamagedError."""
+    """Decompress ``data`` to ``size`` bytes without allocating more. Raises DamagedError."""
     try:
         if zstandard.get_frame_parameters(data).content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):
             raise DamagedError(f"a chunk that does not unpack to {size} bytes")
@@ -237,7 +241,7 @@ def _decompress_zstd(data: bytes, size: int) -> bytes:
 
 
 def split_records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield what each record within ``data`` is, and where what it holds begins and ends, up to one that is none."""
+    """Yield opcode, start and end of the content of each record in ``data``, up to the first invalid one."""
     at = 0
     while at + RECORD_HEADER.size <= len(data):
         opcode, length = RECORD_HEADER.unpack_from(data, at)

@@ -1,8 +1,8 @@
-"""A piece of a record, as a record of its own.
+"""Copy a time range of a record into a new record.
 
-It has the files and the head of the whole, all messages of its time, and before them what held when it begins: the
-newest change of every node and variable, and the newest state of every part. Those keep their own ``t``, but are logged
-at the beginning of the piece, so that other programs show it from there.
+The new record has the files and the header of the original, and all messages of the range. Before them it has the state
+at its beginning: the last change of every node and variable, and the last state of every part. These keep their own
+``t``, but their log time is the beginning of the range, so that other programs show them from there.
 """
 
 from collections.abc import Iterator
@@ -18,13 +18,13 @@ from missions.plugins.records.recording.tick_codec import TickDecoder, TickEncod
 from missions.plugins.records.recording.validation import parse_message, reject_malformed
 
 STATE_KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
-"""Of which messages the newest holds on: of those that have these members in common. So do all on ``/state/...``."""
+"""Fields that identify a state, by topic: of messages with equal fields the last one holds. Also all ``/state/...``."""
 
 
 def cut_record(record: RunRecord, start: float, end: float, output: Path, *, force: bool = False) -> int:
-    """Write the piece from ``start`` to ``end`` (seconds of the run, both included); return how many messages it has.
+    """Write the range from ``start`` to ``end`` (s of the run, inclusive); return the number of messages.
 
-    Raises ExistsError where ``output`` is there already, InvalidRecordError, OSError.
+    Raises ExistsError if ``output`` exists, InvalidRecordError, OSError.
     """
     piece = _Excerpt(record, start, end)
     with new_file(output, force=force) as file:
@@ -32,7 +32,7 @@ def cut_record(record: RunRecord, start: float, end: float, output: Path, *, for
 
 
 class _Excerpt:
-    """The piece of ``record`` from ``start`` to ``end``."""
+    """The range of ``record`` from ``start`` to ``end`` (s)."""
 
     def __init__(self, record: RunRecord, start: float, end: float) -> None:
         self._record = record
@@ -44,7 +44,7 @@ class _Excerpt:
         self._encoder = TickEncoder()
 
     def write(self, file: BinaryIO) -> int:
-        """Write it all; return how many messages there are."""
+        """Write the range; return the number of messages."""
         container = self._record.container
         held = [message._replace(time=max(message.time, self._first)) for message in self._initial_state()]
         # All channels are known now that every chunk was read. Any, since only half of the writer is typed.
@@ -73,7 +73,7 @@ class _Excerpt:
         return count
 
     def _initial_state(self) -> list[McapMessage]:
-        """Return what holds when the piece begins, the head of the record first."""
+        """Return the messages that describe the state at the beginning, the header of the record first."""
         held: dict[tuple[str, ...], McapMessage] = {}
         with reject_malformed(self._record.path):
             for message in self._record.container.messages():
@@ -86,7 +86,7 @@ class _Excerpt:
         return list(held.values())
 
     def _chunks(self) -> Iterator[list[McapMessage]]:
-        """Yield the messages of its time, those of each chunk together."""
+        """Yield the messages of the range, chunk by chunk."""
         container = self._record.container
         for _, _, data in container.chunks():
             messages = [message for message in container.messages_in(data) if message.topic != "/mission"]
@@ -95,9 +95,9 @@ class _Excerpt:
                 yield [kept for message in messages if (kept := self._convert(message)) is not None]
 
     def _convert(self, message: McapMessage) -> McapMessage | None:
-        """Return a message as it is in the piece; None for one of another time.
+        """Return a message as it is in the range; None outside of the range.
 
-        A moment may have answers that stand in an earlier one of its chunk only, so it is written anew.
+        A tick record is encoded again: its replies may refer to an earlier tick of its chunk.
         """
         if message.topic == "/moments":
             with reject_malformed(self._record.path):

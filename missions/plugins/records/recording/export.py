@@ -1,4 +1,4 @@
-"""Records for other programs: tables for spreadsheets, lines of JSON, or a folder with all that is in it as files."""
+"""Export of records as CSV tables, lines of JSON, or a folder of files."""
 
 import csv
 import json
@@ -15,26 +15,26 @@ from missions.plugins.records.recording.run_record import RunRecord, start_time_
 from missions.plugins.records.recording.validation import InvalidRecordError, parse_message, reject_malformed
 
 TOPICS_WITHOUT_TABLE = frozenset({"/camera", "/camera/marks"})
-"""Topics that no table is made of."""
+"""Topics that are left out of tables."""
 
 ENCODING_ERRORS = "backslashreplace"
-"""What becomes of half a letter, which UTF-8 does not have: what JSON writes for it."""
+"""Error handler for lone surrogates, which UTF-8 cannot encode; JSON escapes them in the same way."""
 
 MAX_COLUMNS, MAX_TABLES = 2000, 200
-"""Columns of a table, and tables: ours have some dozens."""
+"""Maximum number of tables, as ``MAX_COLUMNS`` is of columns; our records have a few dozen."""
 
 _UNSAFE_CHARACTERS = re.compile(r"[/\\\x00-\x1f\x7f]")
-"""What no name of a file should have."""
+"""Characters that no file name may have."""
 
 _FORMULA_PREFIXES = ("=", "+", "-", "@", "\t", "\r")
-"""How texts begin that a spreadsheet takes for a formula, and does."""
+"""First characters of texts that a spreadsheet evaluates as a formula."""
 
 OMITTED_FIELDS = frozenset({("/moments", "answers")})
-"""What of the others is left out of tables: the answers to a moment's questions are many, and nested."""
+"""Fields that are left out of tables, by topic: replies of a tick are many and nested."""
 
 
 def to_jsonl(record: RunRecord, output: Path, *, force: bool = False) -> int:
-    """Write every message as a line ``{"topic": ..., "t": ..., "message": ...}``; return how many there are.
+    """Write every message as a line ``{"topic": ..., "t": ..., "message": ...}``; return the number of lines.
 
     Raises ExistsError, InvalidRecordError, OSError.
     """
@@ -48,10 +48,10 @@ def to_jsonl(record: RunRecord, output: Path, *, force: bool = False) -> int:
 
 
 def to_csv(record: RunRecord, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write a table of each topic that has one; return their files. Raises as ``to_jsonl`` does.
+    """Write one CSV table per topic; return their paths. Raises as ``to_jsonl`` does.
 
-    The first column is the time in seconds of the run. Members of members have both names, as in ``pose.position.x``;
-    lists stand there as JSON.
+    The first column is the time in seconds of the run. Nested fields are joined by dots, as in ``pose.position.x``;
+    lists are JSON.
     """
     new_folder(folder, force=force)
     columns: dict[str, dict[str, None]] = {}  # in the order of their first use
@@ -87,7 +87,7 @@ def to_csv(record: RunRecord, folder: Path, *, force: bool = False) -> list[Path
 
 
 def to_folder(record: RunRecord, folder: Path, *, force: bool = False) -> tuple[int, int, int]:
-    """Write pictures, files and tables into folders of these names; return how many. Raises as ``to_jsonl`` does."""
+    """Write pictures, files and tables into subfolders; return their numbers. Raises as ``to_jsonl`` does."""
     new_folder(folder, force=force)
     pictures, files = folder / "pictures", folder / "files"
     for each in (pictures, files):
@@ -104,7 +104,7 @@ def to_folder(record: RunRecord, folder: Path, *, force: bool = False) -> tuple[
 
 
 def _messages(record: RunRecord) -> Iterator[tuple[str, float, Any]]:
-    """Yield of each message the topic, the time in seconds of the run, and what it says."""
+    """Yield topic, time in seconds of the run, and content of each message."""
     began = start_time_ns(record.header)
     for topic, time, data in record.container.messages():
         with reject_malformed(record.path):
@@ -113,7 +113,7 @@ def _messages(record: RunRecord) -> Iterator[tuple[str, float, Any]]:
 
 
 def _row(topic: str, data: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
-    """Return the cells of a message by the names of their columns."""
+    """Return the cells of a message by column name."""
     cells: dict[str, object] = {}
     for name, value in data.items():
         if isinstance(value, dict):
@@ -125,7 +125,7 @@ def _row(topic: str, data: Mapping[str, Any], prefix: str = "") -> dict[str, obj
 
 
 def safe_cell(value: object) -> object:
-    """Return what a cell may hold: no text of it is done by a spreadsheet, which an apostrophe tells it."""
+    """Return a cell value, with an apostrophe before a text that a spreadsheet would evaluate."""
     if not isinstance(value, str) or not value.startswith(_FORMULA_PREFIXES) or value in ("-", "-inf"):
         return value
     return f"'{value}"

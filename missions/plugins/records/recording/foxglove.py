@@ -1,7 +1,7 @@
-"""Messages as Foxglove knows them, so that it shows a record without being told anything.
+"""Messages in Foxglove's schemas, so that Foxglove shows a record without configuration.
 
-It goes by the names of the schemas (docs.foxglove.dev/docs/sdk/schemas); those of the messages here stand in
-``schemas.foxglove``. Times are {sec, nsec} since 1970; turns are quaternions.
+The schema names are documented at docs.foxglove.dev/docs/sdk/schemas; ours are in ``schemas.definitions``. Times are
+{sec, nsec} since 1970; rotations are quaternions.
 """
 
 import base64
@@ -14,13 +14,13 @@ from perception.api import Box, Gaze, Marker, Percept, Thing, View
 Json = dict[str, object]
 
 LOG_LEVELS: Mapping[str, int] = {"debug": 1, "info": 2, "warning": 3, "error": 4, "critical": 5}
-"""How Foxglove numbers the levels of a log; voices are information."""
+"""Foxglove's numbers of log levels; speech is logged as information."""
 
 LINE_LOOP = 2
-"""Points with lines from each to the next, and from the last to the first."""
+"""Foxglove's annotation type of a closed polygon."""
 
 ODOMETRY_FRAME, BASE_FRAME, CAMERA_FRAME = "odom", "base", "camera"
-"""The frames: where the base was when the run began, the base, and the camera, which the head turns."""
+"""Name of the camera's frame; ``ODOMETRY_FRAME`` is the pose of the base at the start, ``BASE_FRAME`` the base."""
 
 _FONT_SIZE = 14.0
 _TRANSPARENT: Json = {"r": 0.0, "g": 0.0, "b": 0.0, "a": 0.0}
@@ -31,23 +31,23 @@ _MARKER_COLOUR: Json = {"r": 0.3, "g": 0.7, "b": 1.0, "a": 1.0}
 
 
 class Epoch:
-    """When a run began: turns its seconds into times of day."""
+    """Start time of a run; converts seconds of the run into Unix time."""
 
     def __init__(self, start_ns: int) -> None:
         self._start_ns = start_ns  # ns since 1970
 
     def nanoseconds(self, t: float) -> int:
-        """Return the nanoseconds since 1970 at ``t`` seconds of the run."""
+        """Return ``t`` (s of the run) in ns since 1970."""
         return max(0, self._start_ns + round(t * 1e9))
 
     def stamp(self, t: float) -> Json:
-        """Return the same as Foxglove writes it."""
+        """Return ``t`` (s of the run) as Foxglove's time."""
         sec, nsec = divmod(self.nanoseconds(t), 1_000_000_000)
         return {"sec": sec, "nsec": nsec}
 
 
 def log_message(stamp: Json, level: str, text: str, file: str) -> Json:
-    """Return a line of the log; ``name`` says who speaks, where that is not the program."""
+    """Return a log line; its name is the speaker, or "mission" for a log level."""
     name = level if level not in LOG_LEVELS else "mission"
     return {
         "timestamp": stamp,
@@ -66,7 +66,7 @@ def image_message(stamp: Json, jpeg: bytes) -> Json:
 
 
 def annotations_message(stamp: Json, view: View) -> Json:
-    """Return what was found in a picture, as boxes with words."""
+    """Return the percepts of a picture as boxes with labels."""
     coloured = [
         *((face, getattr(face, "name", "") or "face", _FACE_COLOUR) for face in view.faces),
         *((thing, _title(thing), _THING_COLOUR) for thing in view.things),
@@ -115,22 +115,22 @@ def _label(stamp: Json, box: Box, text: str) -> Json:
 
 
 def pose_message(stamp: Json, pose: Pose2D) -> Json:
-    """Return where the base is."""
+    """Return the pose of the base."""
     return {"timestamp": stamp, "frame_id": ODOMETRY_FRAME, "pose": _pose((pose.x, pose.y, 0.0), pose.heading, 0.0)}
 
 
 def base_transform(stamp: Json, pose: Pose2D) -> Json:
-    """Return where the base is, as the place of its frame."""
+    """Return the transform from the odometry frame to the base."""
     return _transform(stamp, ODOMETRY_FRAME, BASE_FRAME, _pose((pose.x, pose.y, 0.0), pose.heading, 0.0))
 
 
 def camera_transform(stamp: Json, eye: tuple[float, float, float], gaze: Gaze) -> Json:
-    """Return where the camera is on the base, and which way it looks from there."""
+    """Return the transform from the base to the camera, for the position ``eye`` (m) and the direction ``gaze``."""
     return _transform(stamp, BASE_FRAME, CAMERA_FRAME, _pose(eye, gaze.yaw, gaze.pitch))
 
 
 def scan_message(stamp: Json, scan: RangeScan) -> Json:
-    """Return a turn of the range finder; Foxglove shows nothing at a distance of 0."""
+    """Return a scan of the range finder; ranges that are not finite become 0, which Foxglove does not draw."""
     ranges = [each if isfinite(each) else 0.0 for each in scan.ranges.tolist()]
     return {
         "timestamp": stamp,
@@ -144,7 +144,7 @@ def scan_message(stamp: Json, scan: RangeScan) -> Json:
 
 
 def is_finite(*values: float) -> bool:
-    """Say whether Foxglove can take all these numbers."""
+    """Return whether all values are finite, as Foxglove requires."""
     return all(isfinite(value) for value in values)
 
 
@@ -159,7 +159,7 @@ def _transform(stamp: Json, parent: str, child: str, pose: Json) -> Json:
 
 
 def _pose(place: tuple[float, float, float], yaw: float, pitch: float) -> Json:
-    """Return a place and a turn: by ``yaw`` about z, then by ``pitch`` about the new y."""
+    """Return a pose, rotated by ``yaw`` about z, then by ``pitch`` about the new y (rad)."""
     (sy, cy), (sp, cp) = (sin(yaw / 2), cos(yaw / 2)), (sin(pitch / 2), cos(pitch / 2))
     x, y, z = place
     return {

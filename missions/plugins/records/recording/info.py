@@ -1,4 +1,4 @@
-"""What is to be said of a record, in lines: what it is of, what is in it, what is missing, and what to do with it."""
+"""Text of ``mission record info``: the facts of a record, its topics, its files, and the next commands."""
 
 import shlex
 import sys
@@ -16,19 +16,19 @@ from missions.trees.drawing_builder import with_states
 from missions.trees.states import TIME_TOLERANCE, state_after
 
 LABEL_WIDTH = 10
-"""Letters that the names of the first lines take."""
+"""Width of the label column."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageCounts:
-    """How many messages there are by topic, and how many stretches of the file cannot be read."""
+    """Number of messages by topic, and number of damaged ranges of the file."""
 
     counts: Counter[str]
     damaged: int
 
 
 def count_messages(record: RunRecord) -> MessageCounts:
-    """Go through a whole record."""
+    """Read a whole record and count its messages and damaged ranges."""
     damaged = list(record.container.damaged_spans)
     counts = Counter(message.topic for message in record.container.messages(on_damage=damaged.append))
     for _ in record.container.attachments(damaged.append):
@@ -48,7 +48,7 @@ def record_lines(record: RunRecord) -> Iterator[str]:
     rows = [(name, f"{len(data)} bytes") for name, data in sorted(record.files.items())]
     yield from format_columns(("file", "size"), rows, left=frozenset({"file"})).splitlines()
     yield ""
-    yield "To go on:"
+    yield "Next commands:"
     yield from (f"  {line}" for line in _next_commands(record))
 
 
@@ -57,7 +57,7 @@ def _facts(record: RunRecord, counts: MessageCounts) -> Iterator[tuple[str, str]
     yield "mission", f"{head.mission}" + (f" ({head.file})" if head.file else "")
     yield "robot", head.robot
     simulated = f"simulated ({head.simulate})" if head.simulate else ""
-    yield "world", ", ".join(filter(None, (head.world, simulated))) or "the real one"
+    yield "world", ", ".join(filter(None, (head.world, simulated))) or "real"
     if head.eyes:
         yield "eyes", head.eyes
     if head.params:
@@ -68,13 +68,13 @@ def _facts(record: RunRecord, counts: MessageCounts) -> Iterator[tuple[str, str]
     ticks = sum(event.event == "tick" for event in record.events)
     yield "length", f"{_length_text(record)}, {ticks} ticks"
     until = f"{began + timedelta(seconds=record.end_time):%H:%M:%S.%f}"[:-5]
-    yield "closed", "yes" if record.is_complete else f"no: whole up to {until}, {record.end_time:.2f} s"
+    yield "closed", "yes" if record.is_complete else f"no: complete up to {until}, {record.end_time:.2f} s"
     lost = record.lost_counts()
     told = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
     yield "lost", f"{sum(lost.values())} messages: {told}" if lost else "nothing"
     if counts.damaged:
-        stretches = "1 stretch" if counts.damaged == 1 else f"{counts.damaged} stretches"
-        yield "damaged", f"{stretches} of the file cannot be read: what was there is missing"
+        stretches = "1 range" if counts.damaged == 1 else f"{counts.damaged} ranges"
+        yield "damaged", f"{stretches} of the file unreadable: messages are missing"
     yield "size", f"{record.path.stat().st_size / 1e6:.2f} MB"
     yield "seed", str(head.seed)
     yield "made by", ", ".join(f"{name} {version}" for name, version in head.versions.items())
@@ -84,21 +84,21 @@ def _facts(record: RunRecord, counts: MessageCounts) -> Iterator[tuple[str, str]
 def _result_text(record: RunRecord) -> str:
     end = record.run_end()
     if end is None:
-        cut = "" if record.cut_start is None else ": this is a piece of a record"
-        return "not recorded" + (": it had reached its limit (--record-limit)" if record.limit_reached else cut)
+        cut = "" if record.cut_start is None else ": this record was cut"
+        return "not recorded" + (": the size limit was reached (--record-limit)" if record.limit_reached else cut)
     return f"{end.result} after {end.seconds:.2f} s" + (f": {end.reason}" if end.reason else "")
 
 
 def _length_text(record: RunRecord) -> str:
     if record.cut_start is None:
         return f"{record.end_time:.2f} s"
-    return f"{record.end_time - record.cut_start:.2f} s, a piece from {record.cut_start:g} s on"
+    return f"{record.end_time - record.cut_start:.2f} s, cut at {record.cut_start:g} s"
 
 
 def _next_commands(record: RunRecord) -> Iterator[str]:
     path = shlex.quote(str(record.path))
     if not record.is_complete:
-        yield f"mission record repair {path}    close it, so that other programs open it too"
+        yield f"mission record repair {path}    close it for other programs"
     failure = next(iter(record.failures()), None)
     moment = record.end_time if failure is None else failure.t
     time = ceil(1000 * (moment - TIME_TOLERANCE)) / 1000  # not before it
@@ -109,12 +109,12 @@ def _next_commands(record: RunRecord) -> Iterator[str]:
 
 
 def drawing_of_record(path: Path, time: float | None) -> TreeDrawing:
-    """Return the tree of a record, with its statuses at ``time`` in seconds, if one is given."""
+    """Return the tree of a record, with its statuses at ``time`` (s) if that is not None."""
     record = open_record(path)
     drawing = record.drawing()
     if time is None:
         return drawing
     if time > record.end_time:
-        sys.stderr.write(f"mission: {path} ends at {record.end_time:.2f} s, and is shown as it stood then\n")
+        sys.stderr.write(f"mission: {path} ends at {record.end_time:.2f} s; that time is shown\n")
         time = record.end_time
     return with_states(drawing, {key: state_after(change) for key, change in record.statuses(time).items()}, time)

@@ -1,8 +1,8 @@
-"""What a run hands to its record, and how that goes from the run's process to the one that writes.
+"""Items that a run sends to its record, and their transfer to the writer process.
 
-The way over is pickle: it is by far the quickest for whoever ticks. But the writer shall not import what makes a run,
-py_trees and cv2 above all; so of the classes in there only those of drivers and perception's values come back as they
-were. All others, events among them, become ``OpaqueValue``: the name of the class, and its fields.
+Items are pickled, which costs the ticking process least. The writer must not import py_trees, cv2 and the runner.
+Therefore only classes of drivers and perception values are unpickled as such. All others, including events, become an
+``OpaqueValue``: the class name and the fields.
 """
 
 import io
@@ -16,18 +16,18 @@ from missions.executive.tick_record import TickRecord
 from perception.api import Gaze, View
 
 BATCH_HEADER = struct.Struct("<Q")
-"""What stands before a batch of items in a pipe: how many bytes it has."""
+"""Header of a batch of items in the pipe: its number of bytes."""
 
 
 class ViewItem(NamedTuple):
-    """What perception found, and when it said so."""
+    """Percepts, and the time of their report (s)."""
 
     t: float
     view: View
 
 
 class PictureItem(NamedTuple):
-    """A searched frame as JPEG, when it was taken, and where the camera looked then as far as that was known."""
+    """A searched frame as JPEG, its time (s), and the camera's direction if known."""
 
     t: float
     jpeg: bytes
@@ -35,14 +35,14 @@ class PictureItem(NamedTuple):
 
 
 class HealthItem(NamedTuple):
-    """How the devices were."""
+    """Health of the devices at time ``t`` (s)."""
 
     t: float
     health: Mapping[str, Health]
 
 
 class FeedbackItem(NamedTuple):
-    """The message of a node that goes on running, where it is another than before: when, in which tick, of which."""
+    """New message of a node that is still running: time (s), tick, node key and message."""
 
     t: float
     tick: int
@@ -51,17 +51,17 @@ class FeedbackItem(NamedTuple):
 
 
 class LossItem(NamedTuple):
-    """How many messages will not come into the record, by topic, and why."""
+    """Number of messages that are missing from the record, by topic, and the reason."""
 
     counts: Mapping[str, int]
     reason: str
 
 
 class OpaqueValue:
-    """A value of a class that is not imported here, as far as its fields tell of it."""
+    """A value of a class that is not imported here, with its fields as attributes."""
 
     def __new__(cls, *_args: object) -> Self:
-        """Make one, whatever its own class would ask for."""
+        """Create a value without calling the original constructor."""
         return super().__new__(cls)
 
     def __setstate__(self, state: object) -> None:
@@ -70,20 +70,20 @@ class OpaqueValue:
                 vars(self).update(part)
 
     def append(self, _item: object) -> None:
-        """Take no notice of what it holds besides its fields, such as a list of a class of its own."""
+        """Ignore list content."""
 
     def __setitem__(self, _key: object, _item: object) -> None:
-        """Take no notice, as of items."""
+        """Ignore mapping content."""
 
     def __str__(self) -> str:
         return f"<{type(self).__name__}>"
 
 
 class PlainNumber(float):
-    """A number that knew more of itself, such as its unit."""
+    """A number that had more attributes, such as a unit."""
 
     def __new__(cls, value: float, *_more: object) -> Self:
-        """Make one, whatever its own class would ask for."""
+        """Create a number; further constructor arguments are ignored."""
         return super().__new__(cls, value)
 
 
@@ -97,7 +97,7 @@ EVENT_TOPICS: Mapping[str, str] = {
     "Notified": "/notices",
     "Ended": "/end",
 }
-"""The topic of each event that has one; the others are contained in the head, the moments and the views."""
+"""Topic of each recorded event; the record header, tick records and views contain all others."""
 
 ITEM_TOPICS: Mapping[type, str] = {
     TickRecord: "/moments",
@@ -106,18 +106,18 @@ ITEM_TOPICS: Mapping[type, str] = {
     HealthItem: "/state/devices",
     FeedbackItem: "/feedback",
 }
-"""The main topic of everything else."""
+"""Main topic of each item that is not an event."""
 
 
 def topic_of(item: object) -> str:
-    """Return the topic of an item, that under which it is counted where it is lost."""
+    """Return the topic of an item; losses are counted under it."""
     return ITEM_TOPICS.get(type(item)) or EVENT_TOPICS[type(item).__name__]
 
 
 def pack_items(items: Sequence[object]) -> bytes:
-    """Return items as bytes. Raises whatever a class raises that cannot be pickled.
+    """Return items as bytes. Raises any exception of a class that cannot be pickled.
 
-    Ways of pickling that libraries have registered for the whole program do not count: Dask has one for exceptions.
+    The global dispatch table is not used: libraries register reducers there, such as Dask for exceptions.
     """
     file = io.BytesIO()
     pickler = pickle.Pickler(file, pickle.HIGHEST_PROTOCOL)
@@ -127,7 +127,7 @@ def pack_items(items: Sequence[object]) -> bytes:
 
 
 def unpack_items(data: bytes) -> list[Any]:
-    """Return what ``pack_items`` made bytes of; only for what this program has packed itself."""
+    """Return the items of bytes from ``pack_items``. Unsafe for data of other programs."""
     found: list[Any] = _Unpickler(io.BytesIO(data)).load()
     return found
 
@@ -151,7 +151,7 @@ _IMPORTABLE_MODULES = (
 
 
 class _Unpickler(pickle.Unpickler):
-    """Imports what is known and light, and nothing else."""
+    """Unpickler that imports only the allowed modules."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module in _IMPORTABLE_MODULES or any(

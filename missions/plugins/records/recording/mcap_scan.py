@@ -1,7 +1,7 @@
-"""Where the records of an MCAP file stand: by its index where that is sound, else from one record to the next.
+"""Find the records of an MCAP file: by its index if that is valid, else from record to record.
 
-A file that was never closed has no index. One that is damaged in the middle has a stretch that cannot be walked over;
-the next chunk after it is found by what every chunk of ours has in it.
+A file that was never closed has no index. After a damaged range the scan continues at the next valid chunk, which is
+found by the compression field that all our chunks have.
 """
 
 import struct
@@ -28,10 +28,10 @@ from missions.plugins.records.recording.container import (
 )
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-"""How every such file begins, and ends once it is closed."""
+"""First bytes of every MCAP file, and last bytes of a closed one."""
 
 FIRST_PRIVATE_OPCODE = 0x80
-"""From here on, kinds of records are for anybody to use; readers skip those that they do not know."""
+"""First opcode for private use; readers skip unknown ones."""
 
 _FOOTER = struct.Struct("<BQQQI")  # what and how long; where the index begins, and its table of contents; its checksum
 _COMPRESSION_FIELD = b"\x04\x00\x00\x00zstd"
@@ -40,14 +40,14 @@ _DATA_END = (Opcode.DATA_END, 4)
 _READ_BYTES = 1024 * 1024
 
 MAX_SEARCHED_BYTES = 4 * 1024**3
-"""Bytes that are looked through for sound chunks behind damage; what lies behind those is lost."""
+"""Maximum number of bytes searched for valid chunks after damage; data behind them are lost."""
 
 MAX_SPANS = 5_000_000
-"""Records that a file may have: a week's run has a third of that."""
+"""Maximum number of records in a file: three times those of a week's run."""
 
 
 def scan_file(path: Path) -> McapContainer | None:
-    """Return what is in the file; None where it does not begin as an MCAP file does. Raises OSError."""
+    """Return the container at ``path``; None if it does not begin like an MCAP file. Raises OSError."""
     if path.exists() and not path.is_file() and not path.is_dir():
         return None  # a pipe would be waited for
     with path.open("rb") as file:
@@ -58,7 +58,7 @@ def scan_file(path: Path) -> McapContainer | None:
 
 
 def _read_by_index(path: Path, file: BinaryIO, size: int) -> McapContainer | None:
-    """Return what the index at the end says; None where there is none, or one that is not sound."""
+    """Return the container by the index at the end; None if there is no valid index."""
     footer_at = size - _FOOTER.size - len(MCAP_MAGIC)
     if footer_at < len(MCAP_MAGIC):
         return None
@@ -89,7 +89,7 @@ def _read_by_index(path: Path, file: BinaryIO, size: int) -> McapContainer | Non
 
 
 def _spans_in_index(found: McapContainer, index: bytes) -> Iterator[RecordSpan]:
-    """Yield where the index says that records stand, and let ``found`` learn the channels, and when each chunk is."""
+    """Yield the positions in the index; add channels, schemas and chunk times to ``found``."""
     for opcode, start, end in split_records(index):
         data = index[start:end]
         match opcode:
@@ -108,7 +108,7 @@ def _spans_in_index(found: McapContainer, index: bytes) -> Iterator[RecordSpan]:
 
 
 def _read_by_walking(path: Path, file: BinaryIO, size: int) -> McapContainer:
-    """Go from record to record, and over what is none."""
+    """Walk from record to record, and skip damaged ranges."""
     spans: list[RecordSpan] = []
     spoilt: list[RecordSpan] = []
     at, search = len(MCAP_MAGIC), _ChunkSearch(file, size)
@@ -127,7 +127,7 @@ def _read_by_walking(path: Path, file: BinaryIO, size: int) -> McapContainer:
 
 
 def _walk(file: BinaryIO, size: int, at: int = len(MCAP_MAGIC)) -> Iterator[RecordSpan]:
-    """Yield the records from ``at`` on, to the end of the data or to what is no whole record."""
+    """Yield the records from ``at`` on, up to the end of the data or the first invalid record."""
     opcode = 0
     while opcode != Opcode.DATA_END and at + RECORD_HEADER.size <= size:
         file.seek(at)
@@ -142,14 +142,14 @@ def _walk(file: BinaryIO, size: int, at: int = len(MCAP_MAGIC)) -> Iterator[Reco
 
 
 class _ChunkSearch:
-    """Looks for sound chunks behind damage, in ``MAX_SEARCHED_BYTES`` bytes altogether: each false one may cost 64 MB."""
+    """Search for valid chunks after damage, over ``MAX_SEARCHED_BYTES`` in all: each false match may cost 64 MB."""
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self._file, self._size = file, size
         self._left = MAX_SEARCHED_BYTES
 
     def next_chunk(self, at: int) -> int | None:
-        """Return where the next sound chunk begins that is not at ``at`` itself."""
+        """Return the start of the next valid chunk after ``at``; None without one."""
         place = at + RECORD_HEADER.size + _COMPRESSION_OFFSET
         while place < self._size and self._left > 0:
             self._file.seek(place)

@@ -1,4 +1,4 @@
-"""The beginning of a record: which files a run was made of, and on what."""
+"""The initial contents of a record: the files and settings of a run."""
 
 import hashlib
 import json
@@ -25,45 +25,45 @@ from missions.trees.drawing_builder import drawing_of
 from perception.model_files import MAX_MODEL_BYTES
 
 FILE_KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
-"""The kinds of files of a run: the first of these words that stands in one as a key."""
+"""Kinds of files of a run; the first of these words that a file has as a key is its kind."""
 
 
 class RecordedRequest(Protocol):
-    """A request to run, as far as a record tells of it: a ``missions.request.RunRequest``."""
+    """The fields of ``missions.request.RunRequest`` that a record stores."""
 
     @property
     def mission(self) -> str:
-        """The name or file of the mission."""
+        """Name or file of the mission."""
         ...
 
     @property
     def behaviours(self) -> Sequence[Path]:
-        """Files of leaves that were named."""
+        """Files of leaves on the command line."""
         ...
 
     @property
     def params(self) -> Mapping[str, str]:
-        """The params, as they were given."""
+        """Params as typed."""
         ...
 
     @property
     def seed(self) -> int:
-        """The seed of chance."""
+        """Random seed."""
         ...
 
     @property
     def eyes(self) -> str:
-        """How a twin sees: pixels or truth."""
+        """Perception in simulation: ``pixels`` or ``truth``."""
         ...
 
     @property
     def simulation(self) -> str | None:
-        """How the robot is simulated, None for one that moves."""
+        """Kind of simulation; None for hardware."""
         ...
 
     @property
     def world_name(self) -> str:
-        """The world that a simulated robot stands in; empty for one that moves."""
+        """World of a simulated robot; empty for hardware."""
         ...
 
 
@@ -78,11 +78,11 @@ def contents_of(
     mocks: Sequence[str] = (),
     lag: float | None = None,
 ) -> RecordContents:
-    """Return what a record of a run begins with.
+    """Return the initial contents of a record.
 
-    ``files`` are those that were read for it, as ``config.file_io.collect_read_files`` has them; ``started`` is the time of day
-    at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced, ``lag`` what
-    was known of the base's.
+    ``files`` are the files read for the run, as ``config.reading.files_read`` collects them. ``started`` is the time of
+    day at time 0 of the run's clock. ``command`` is the command line, ``mocks`` are the leaves that a test replaces,
+    and ``lag`` is the known delay of the base (s).
     """
     names = dict(_name_files(files, {path.resolve() for path in behaviour_files(request.mission, request.behaviours)}))
     mission = Path(plan.source.name).resolve()
@@ -114,7 +114,7 @@ def contents_of(
 
 
 def _without_passwords(data: bytes) -> bytes:
-    """Return a file as it is kept: without the passwords of addresses."""
+    """Return the content of a file without the passwords of URLs."""
     try:
         return without_secrets(data.decode()).encode() if b"://" in data else data
     except UnicodeDecodeError:
@@ -122,7 +122,7 @@ def _without_passwords(data: bytes) -> bytes:
 
 
 def _name_files(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:
-    """Yield each file with its name in the record: ``mission/greet.yaml``; the second of one name is numbered."""
+    """Yield the name of each file in the record, such as ``mission/greet.yaml``; duplicates are numbered."""
     taken: set[str] = set()
     for path, data in files.items():
         kind = "behaviours" if path in python else _file_kind(path, data)
@@ -135,7 +135,7 @@ def _name_files(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tupl
 
 
 def _file_kind(path: Path, data: bytes) -> str:
-    """Return what a file is, by what it says itself."""
+    """Return the kind of a file, by its keys."""
     if path.suffix.lower() in SHEET_SUFFIXES:
         return "move"
     try:
@@ -147,7 +147,7 @@ def _file_kind(path: Path, data: bytes) -> str:
 
 
 def _model_checksums(config: RobotConfig) -> dict[str, str]:
-    """Return the model that finds faces, by its sum."""
+    """Return the SHA-256 of the face detection model, by file name; empty if it is missing."""
     if config.camera is None or config.camera.detector != "yunet":
         return {}
     path = Path(config.camera.model).expanduser() if config.camera.model else models_folder() / YUNET.file

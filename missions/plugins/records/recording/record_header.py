@@ -1,6 +1,6 @@
-"""What a record says of itself at its beginning: which mission it is of, on which robot, with which seed and versions.
+"""The header of a record: mission, robot, seed and versions.
 
-Light on purpose: the process that writes records imports it, and none of what makes a run.
+The writer process imports this module, so it imports nothing of the runner.
 """
 
 from collections.abc import Mapping
@@ -9,33 +9,32 @@ from dataclasses import field
 from drivers.api.fast_dataclass import dataclass
 
 FORMAT_VERSION = 2
-"""Layout of records; a reader refuses any other number."""
+"""Version of the record format; readers refuse any other."""
 
 VERSIONS_METADATA = "missiontree"
-"""The name of the metadata that say what has made a record: versions, seed, format."""
+"""Name of the metadata with versions, seed and format."""
 
 FILES_METADATA = "files"
-"""The name of the metadata that say where each attached file was found."""
+"""Name of the metadata with the original path of each attached file."""
 
 LIMIT_METADATA = "limit"
-"""The name of the metadata that say that a record was as large as it might get, and when that was."""
+"""Name of the metadata that marks a record which reached its size limit, with the time."""
 
 TREE_ATTACHMENT = "tree.json"
-"""The attachment with the drawing of the mission's tree."""
+"""Name of the attachment with the drawing of the mission's tree."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordHeader:
-    """What was run, and how.
+    """Settings of a recorded run.
 
-    ``file`` is the attachment that is the mission, ``params`` those that the caller gave, as texts, ``values`` all of
-    them as they turned out. ``simulate`` is empty for a real robot; ``eyes`` are ``pixels`` or ``truth``, and empty
-    without a camera. ``rate`` is in ticks a second. ``started`` is the time of day (ISO 8601, UTC) at which the run's
-    clock showed 0. ``parts`` are those of the robot that the mission has to do with, ``eye`` where its camera sits (m).
-    ``versions`` are found out by the process that writes the record, where they are not told.
-    ``behaviours`` are the attachments with leaves of the user's own, ``paths`` where every attached file was found,
-    ``models`` the SHA-256 of files too large to attach. ``command`` is what was typed. ``mocks`` are the leaves that a
-    test had replaced. ``lag`` is how long (s) the base takes to begin, as earlier runs had learnt it.
+    ``file`` is the attachment that is the mission, ``params`` are those of the caller, as text, ``values`` all of them
+    as evaluated. ``simulate`` is empty for a real robot; ``eyes`` are ``pixels`` or ``truth``, and empty without a
+    camera. ``rate`` is in ticks per second. ``started`` is the time of day (ISO 8601, UTC) at time 0 of the run's
+    clock. ``parts`` are the parts that the mission uses, ``eye`` is the position of the camera (m). The writer process
+    adds ``versions`` if they are empty. ``behaviours`` are the attachments with user leaves, ``paths`` the original
+    paths of attached files, ``models`` the SHA-256 of files too large to attach. ``command`` is the command line.
+    ``mocks`` are the leaves that a test replaced. ``lag`` is the delay of the base (s), learnt in earlier runs.
     """
 
     mission: str
@@ -63,7 +62,7 @@ class RecordHeader:
 
 @dataclass(frozen=True, slots=True)
 class RecordContents:
-    """What stands before the first moment of a record: its head, the files of the run, and the drawing of its tree."""
+    """Initial contents of a record: its header, the files of the run, and the drawing of its tree."""
 
     header: RecordHeader
     files: Mapping[str, bytes]

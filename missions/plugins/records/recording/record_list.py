@@ -1,4 +1,4 @@
-"""Records as lists show them: of each, its beginning and its end alone are read."""
+"""Record lists: only the beginning and the end of each record are read."""
 
 import os
 import struct
@@ -16,17 +16,17 @@ from missions.plugins.records.replay.frames import STAMP_TOLERANCE
 Json = dict[str, object]
 
 MAX_SEARCH_BYTES = 16_000_000
-"""Bytes before a moment that are looked through for what was so then."""
+"""Maximum number of bytes before a time that are searched for the state at that time."""
 
 END_CHUNKS = 4
-"""Chunks at the end of a record in which its end is looked for."""
+"""Number of chunks at the end of a record that are searched for its result."""
 
 _TIMES = struct.Struct("<QQ")
 _CHUNK_HEADER_BYTES = 9  # bytes before what a chunk holds
 
 
 class ChunkedRecord:
-    """A record, and the pieces of it: ``chunks`` are when each begins and ends (s), in order of time."""
+    """A record and its chunks: first time, last time (s) and position of each, in order of time."""
 
     def __init__(self, path: Path) -> None:
         self.record = open_record(path)
@@ -45,7 +45,7 @@ class ChunkedRecord:
         self.chunks.sort(key=lambda chunk: chunk[0])
 
     def excerpt(self, first: int, last: int) -> RunRecord:
-        """Return the record of these chunks alone."""
+        """Return a record of the chunks from ``first`` up to, not including, ``last``."""
         whole = self.record
         spans = [span for _, _, span in self.chunks[first:last]]
         container = replace(whole.container, spans=spans)
@@ -53,15 +53,15 @@ class ChunkedRecord:
 
     @property
     def end_time(self) -> float:
-        """When it ends."""
+        """End of the record (s)."""
         return max((end for _, end, _ in self.chunks), default=0.0)
 
     def run_end(self) -> Ended | None:
-        """Return how the run ended, where the end of the record tells it."""
+        """Return the result of the run, if the end of the record holds it."""
         return self.excerpt(max(0, len(self.chunks) - END_CHUNKS), len(self.chunks)).run_end()
 
     def chunks_before(self, time: float) -> Iterator[tuple[int, int]]:
-        """Yield the chunks that begin up to ``time``, one by one from the last, for ``MAX_SEARCH_BYTES`` bytes."""
+        """Yield index ranges of single chunks that begin up to ``time`` (s), last first, for ``MAX_SEARCH_BYTES``."""
         last, size = bisect_left(self.chunks, time + STAMP_TOLERANCE, key=lambda chunk: chunk[0]), 0
         while last > 0 and size < MAX_SEARCH_BYTES:
             span = self.chunks[last - 1][2]
@@ -71,10 +71,10 @@ class ChunkedRecord:
 
 
 def list_entry(path: Path) -> Json:
-    """Return what lists say of a record: `trouble` where it cannot be read."""
+    """Return the list entry of a record; its key `trouble` says why a record cannot be read."""
     told: Json = {"name": path.name, "bytes": path.stat().st_size}
     if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
-        trouble = "the name of this file is not text in UTF-8, so no link leads to it: rename the file"
+        trouble = "the file name is not UTF-8, so the studio cannot link to it: rename the file"
         return {**told, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
     try:
         opened = ChunkedRecord(path)
@@ -84,7 +84,7 @@ def list_entry(path: Path) -> Json:
 
 
 def run_facts(record: RunRecord) -> Json:
-    """Return the mission, robot and world of a record, and when it began."""
+    """Return mission, robot, world and start time (Unix time) of a record."""
     head = record.header
     began = datetime.fromisoformat(head.started).timestamp()
     return {
@@ -97,5 +97,5 @@ def run_facts(record: RunRecord) -> Json:
 
 
 def result_facts(end: Ended | None) -> Json:
-    """Return how a run ended."""
+    """Return result and reason of a run; empty texts if the result is not known."""
     return {"result": "", "reason": ""} if end is None else {"result": end.result, "reason": end.reason}

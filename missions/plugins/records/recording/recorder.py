@@ -1,7 +1,7 @@
-"""Hands what happens in a run to the process that writes its record, so that no tick ever waits for that.
+"""Sends the data of a run to its writer process, so that no tick waits for the disk.
 
-Whoever has something to keep only puts it into a queue. A thread sends that on in batches; what it does between two
-pieces of C is little, since it takes the interpreter from the ticks. All real work is the other process's.
+Callers only append to a queue. A thread sends the queue in batches; it holds the GIL only briefly. All other work is
+done in the writer process.
 """
 
 import shlex
@@ -42,16 +42,16 @@ from perception.api import Frame, Gaze, View
 # The pictures of a record: some of the frames that were searched, as JPEG, packed where nobody waits for it.
 
 JPEG_QUALITY = 80
-"""Of the JPEG, in percent."""
+"""JPEG quality in percent."""
 
 PictureCallback = Callable[[PictureItem], None]
 
 
 class PictureEncoder:
-    """Packs the frames that are due by ``budget``, and hands them to ``keep``.
+    """Encodes the frames that ``budget`` accepts as JPEG, and passes them to ``on_picture``.
 
-    On a thread of its own, with one frame waiting at most: a newer one takes its place, and ``missed`` is told. Where
-    time is simulated (``patient``), at once instead.
+    Works on its own thread with a queue of one frame: a newer frame replaces it, and ``on_miss`` is called. With
+    ``lossless``, for simulated time, ``offer`` encodes at once.
     """
 
     def __init__(
@@ -72,14 +72,14 @@ class PictureEncoder:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Begin to take frames."""
+        """Start accepting frames."""
         self._open = True
         if not self._lossless:
             self._thread = Thread(target=self._run, name="record pictures", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
-        """Pack what waits, then take no more. Safe more than once."""
+        """Encode the queued frame, then accept no more. Idempotent."""
         with self._condition:
             self._open = False
             self._condition.notify()
@@ -88,7 +88,7 @@ class PictureEncoder:
             self._thread = None
 
     def offer(self, frame: Frame, gaze: Gaze | None) -> None:
-        """Take a frame, if one is due; returns at once. ``gaze`` is where the camera looked."""
+        """Queue a frame if the budget accepts it; does not block. ``gaze`` is the direction of the camera."""
         if not self._open or not self._budget.accept(frame.stamp):
             return
         if self._lossless:
@@ -122,45 +122,45 @@ class PictureEncoder:
 
 
 BATCH_INTERVAL = 0.15
-"""Seconds from one batch to the next: each wakes two processes."""
+"""Seconds between two batches; each wakes two processes."""
 
 MAX_BATCH_ITEMS = 150
-"""Items in a batch, at most: packing them keeps the interpreter for about a millisecond."""
+"""Maximum number of items in a batch: packing them holds the GIL for about a millisecond."""
 
 MAX_QUEUED_ITEMS = 20_000
-"""Items that may wait: 30 s or more of a run, whatever the disk does."""
+"""Maximum length of the queue: at least 30 s of a run."""
 
 MAX_QUEUED_PICTURE_BYTES = 64_000_000
-"""Bytes of pictures that may wait."""
+"""Maximum size of the queued pictures in bytes."""
 
 FEEDBACK_INTERVAL = 0.2
-"""Seconds of the run from one look at the messages of running nodes to the next: the median tick has none."""
+"""Seconds of the run between two checks for new messages of running nodes, so that the median tick has none."""
 
 HEALTH_INTERVAL = 2.0
-"""Seconds from one look at the devices' health to the next."""
+"""Seconds between two checks of the devices' health."""
 
 START_TIMEOUT, LOSSLESS_START_TIMEOUT = 20.0, 120.0
-"""Seconds that the writer has to begin: half of one will do, but machines are busy; in simulated time nothing waits."""
+"""``START_TIMEOUT`` in simulated time, where nothing waits. Half a second is usual, but computers may be busy."""
 
 CLOSE_TIMEOUT, LOSSLESS_CLOSE_TIMEOUT = 5.0, 120.0
-"""Seconds that the writer has in the end; in simulated time, where it may be far behind and nothing waits."""
+"""``CLOSE_TIMEOUT`` in simulated time, where the writer may be far behind and nothing waits."""
 
 SLOW_DISK, NOT_PACKABLE, SUPERSEDED = (
     "the disk is too slow",
-    "a value cannot be packed",
-    "a newer picture was there first",
+    "a value cannot be pickled",
+    "replaced by a newer picture",
 )
-"""Why something was not even sent to the writer."""
+"""Reason of a replaced picture, as ``SLOW_DISK`` and ``NOT_PACKABLE`` are reasons of items that were never sent."""
 
 HealthCheck = Callable[[], Mapping[str, Health]]
 
 
 class Recorder:
-    """Records one run at ``path``: give it the run's events (it is a listener), moments, views and frames.
+    """Records one run at ``path``: a listener for events, tick records, views and frames.
 
-    ``limit`` bounds the file (bytes), ``frames`` the pictures a second. A ``patient`` one, for simulated time, lets the
-    run wait between moments rather than lose one. What goes wrong once it is open is reported, from within ``on_tick``,
-    and ends no run.
+    ``limit`` is the maximum size (bytes), ``frame_rate`` is in pictures per second. With ``lossless``, for simulated
+    time, the run waits between ticks rather than lose a tick record. Failures after ``open`` are reported from within
+    ``on_tick``, and do not end the run.
     """
 
     def __init__(
@@ -195,7 +195,7 @@ class Recorder:
 
     @property
     def path(self) -> Path:
-        """Where the record is; renamed where it is incomplete and an earlier one has its name."""
+        """Path of the record; another one if it is incomplete and an earlier record keeps its name."""
         return self._writer.path
 
     # --- from beginning to end ----------------------------------------------------------------------------------------
@@ -208,9 +208,9 @@ class Recorder:
         report: StatusCallback = ignore,
         health_check: HealthCheck | None = None,
     ) -> None:
-        """Start the process that writes, and wait until the beginning of the record is in its file.
+        """Start the writer process, and wait until the contents are in its file.
 
-        ``clock`` is the run's; ``check`` tells, in real time, how the devices are. Raises CannotRecordError.
+        ``clock`` is the run's; ``health_check`` is called in real time only. Raises CannotRecordError.
         """
         self._clock, self._report, self._health_check = clock, report, None if self._lossless else health_check
         self._writer.open(contents)
@@ -220,11 +220,11 @@ class Recorder:
         self._thread.start()
 
     def watch_tree(self, root: Node) -> None:
-        """Keep the messages of this tree's nodes, too, as they change while they run."""
+        """Also record the messages of this tree's nodes while they run."""
         self._nodes = {node.key: node for node in root.iterate() if isinstance(node, Node)}
 
     def close(self) -> RecordLoss:
-        """Close the record and end the process; return what is missing. Safe from any state, more than once."""
+        """Close the record and end the process; return the losses. Safe in any state, idempotent."""
         self._pictures.close()
         self._open = False
         self._closing.set()
@@ -232,7 +232,7 @@ class Recorder:
             farewell = LOSSLESS_CLOSE_TIMEOUT if self._lossless else CLOSE_TIMEOUT
             self._thread.join(farewell)
             if self._thread.is_alive():
-                self._writer.abandon(f"its disk was too slow: not all was written {farewell:.0f} s after the end")
+                self._writer.abandon(f"the disk was too slow: writing had not ended {farewell:.0f} s after the end")
                 self._thread.join()
             self._thread = None
             self._report_problems()
@@ -240,12 +240,12 @@ class Recorder:
 
     @property
     def process_id(self) -> int | None:
-        """The number of the process that writes; None where there is none."""
+        """ID of the writer process; None if it does not run."""
         return self._writer.process_id
 
     @property
     def loss(self) -> RecordLoss:
-        """What is missing, as far as that is known."""
+        """Known losses."""
         outlet = self._writer
         with self._lock:
             missed = dict(self._unreported_losses)
@@ -254,7 +254,7 @@ class Recorder:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How many messages are in the record by topic; known once it is closed."""
+        """Number of messages in the record by topic; known after ``close``."""
         return self._writer.counts
 
     def __enter__(self) -> Self:
@@ -268,7 +268,7 @@ class Recorder:
     # --- called by the run, from any thread ---------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Keep an event, unless what it tells is in the record anyway."""
+        """Record an event, unless another item contains it."""
         if type(event).__name__ in EVENT_TOPICS:
             self._enqueue(event)
             if isinstance(event, NodeChanged):
@@ -278,7 +278,7 @@ class Recorder:
                     self._running_reasons.pop(event.node, None)
 
     def on_tick(self, tick_record: TickRecord) -> None:
-        """Keep a moment, in whose thread troubles are reported."""
+        """Record a tick record, and report problems on this thread."""
         self._enqueue(tick_record)
         if tick_record.t >= self._feedback_at:
             self._feedback_at = tick_record.t + FEEDBACK_INTERVAL
@@ -294,17 +294,17 @@ class Recorder:
             self._report_problems()
 
     def on_view(self, view: View) -> None:
-        """Keep what perception has found."""
+        """Record percepts."""
         self._enqueue(ViewItem(0.0 if self._clock is None else self._clock.now(), view))
 
     def on_frame(self, frame: Frame, gaze: Gaze | None = None) -> None:
-        """Keep a frame that was searched, if one is due; ``gaze`` is where the camera looked then."""
+        """Record a searched frame if the budget accepts it; ``gaze`` is the direction of the camera."""
         self._pictures.offer(frame, gaze)
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
     def _record_feedback(self, tick_record: TickRecord) -> None:
-        """Keep the new messages of nodes that run on: of those there is no event."""
+        """Record new messages of running nodes, for which there is no event."""
         for key, told in list(self._running_reasons.items()):  # another thread tells of changes meanwhile
             node = self._nodes.get(key)
             if node is not None and node.status is Status.RUNNING and node.reason != told:
@@ -312,7 +312,7 @@ class Recorder:
                 self._enqueue(FeedbackItem(tick_record.t, tick_record.tick, key, node.reason))
 
     def _enqueue(self, item: object) -> bool:
-        """Let an item wait for the writer, or count it as missing; say whether it waits."""
+        """Queue an item for the writer, or count it as lost; return whether it is queued."""
         if not self._open:
             return False
         if self._overflowed or len(self._queue) >= MAX_QUEUED_ITEMS or not self._writer.accepts_items:
@@ -336,7 +336,7 @@ class Recorder:
             self._unreported_losses[reason] = self._unreported_losses.get(reason, Counter()) + Counter({topic: 1})
 
     def _report_problems(self) -> None:
-        """Report what nobody has been told of."""
+        """Report new problems of the writer."""
         while self._writer.problems:
             hint = f"mission record info {shlex.quote(str(self.path))}"
             self._report(DeviceStatus("record", "fault", self._writer.problems.popleft(), hint))
@@ -355,12 +355,12 @@ class Recorder:
         self._writer.finish()
 
     def _record_health(self, health_check: HealthCheck) -> None:
-        """Keep how the devices are."""
+        """Record the health of the devices."""
         with suppress(Exception):  # what a driver has to say of itself must not end a record
             self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.now(), health_check()))
 
     def _send_queue(self) -> None:
-        """Send what waits, and hear what became of it."""
+        """Send the queue and the losses, then receive the status."""
         outlet = self._writer
         while self._queue and outlet.accepts_items:
             items = [self._queue.popleft() for _ in range(min(len(self._queue), MAX_BATCH_ITEMS))]
@@ -381,7 +381,7 @@ class Recorder:
     def _send_batch(self, items: Sequence[object]) -> None:
         try:
             batch = pack_items(items)
-        except Exception:  # whatever a value of a user's own raises that cannot be packed: it costs itself alone
+        except Exception:  # a user's value may raise anything when it is pickled: only this item is lost
             if len(items) == 1:
                 self._count_losses(items, NOT_PACKABLE)
             else:

@@ -1,12 +1,12 @@
-"""Closes a record that its writer could not close, so that every program opens it.
+"""Close a record that its writer could not close, so that every program can open it.
 
-It works in place, and may be killed or lose power at any moment: nothing that could be read before is lost, and the
-next ``repair_record`` goes on. For it changes nothing but
+The repair works in place and may be killed or lose power at any time: all readable data stay readable, and the next
+``repair_record`` continues. It only
 
-1. the first bytes of stretches that no reader gets over, which become records that every reader skips (a stretch keeps
-   its length, a chunk all but the one byte that says what it is),
-2. the end of the file: what follows the last whole record is cut off,
-3. and only then appends the index, which is made of what is before it.
+1. overwrites the first bytes of unreadable ranges, which become records that every reader skips (a range keeps its
+   length; of a chunk only the opcode changes),
+2. truncates the file after the last complete record,
+3. and then appends the index of everything before it.
 """
 
 import fcntl
@@ -47,14 +47,14 @@ from missions.plugins.records.recording.validation import InvalidRecordError
 
 
 class RepairError(InvalidRecordError):
-    """The file cannot be mended, or not just now; says why."""
+    """The file cannot be repaired, or not now; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class RepairResult:
-    """What was done: how many bytes were cut off the end, how many stretches are skipped, and how many chunks are left.
+    """Result of a repair: bytes cut off the end, number of skipped ranges, and number of remaining chunks.
 
-    ``already_closed`` says that there was nothing to do.
+    ``already_closed`` is True if nothing was done.
     """
 
     bytes_cut: int
@@ -64,22 +64,22 @@ class RepairResult:
 
 
 def repair_record(path: Path) -> RepairResult:
-    """Close the record in ``path``. Raises NotMendedError, OSError."""
+    """Close the record at ``path``. Raises RepairError, OSError."""
     with open(path, "r+b", opener=regular_opener) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise RepairError(f"{path}: is being written just now: wait until the run is over") from error
+            raise RepairError(f"{path}: is being written: wait until the run ends") from error
         container = scan_file(path)
         if container is None:
-            raise RepairError(f"{path}: not an MCAP file: it does not begin like one")
+            raise RepairError(f"{path}: not an MCAP file")
         if container.is_complete:
             return RepairResult(0, 0, sum(span.opcode == Opcode.CHUNK for span in container.spans), already_closed=True)
         size = os.fstat(file.fileno()).st_size
         index = _IndexBuilder(container)
         index.scan(file)
         if not index.chunks:
-            raise RepairError(f"{path}: there is nothing in it that can be read")
+            raise RepairError(f"{path}: no readable data")
         _mark_damaged(file, container.damaged_spans, index.damaged)
         os.fsync(file.fileno())
         file.truncate(index.end)
@@ -91,7 +91,7 @@ def repair_record(path: Path) -> RepairResult:
 
 
 def _mark_damaged(file: BinaryIO, gaps: Sequence[RecordSpan], damaged: Sequence[RecordSpan]) -> None:
-    """Let readers skip what they would stumble over."""
+    """Overwrite opcodes so that readers skip gaps and damaged records."""
     for span in gaps:
         file.seek(span.start)
         file.write(RECORD_HEADER.pack(FIRST_PRIVATE_OPCODE, span.end - span.start - RECORD_HEADER.size))
@@ -102,7 +102,7 @@ def _mark_damaged(file: BinaryIO, gaps: Sequence[RecordSpan], damaged: Sequence[
 
 
 class _IndexBuilder:
-    """What the end of a file says of all that is before it. ``end`` is where that begins."""
+    """Builder of the index at the end of the file; ``end`` is its position."""
 
     def __init__(self, container: McapContainer) -> None:
         self.end = container.end
@@ -115,7 +115,7 @@ class _IndexBuilder:
         self._tables: list[MetadataIndex] = []
 
     def scan(self, file: BinaryIO) -> None:
-        """Go through the file."""
+        """Read the file and collect the index."""
         container, damaged = self._container, self.damaged.append
         self._attachments = [
             _attachment_index(*it) for it in container.read(Opcode.ATTACHMENT, Attachment.read, damaged)
@@ -139,7 +139,7 @@ class _IndexBuilder:
             self.chunks.append(_chunk_index(span, chunk, places, offsets, len(written)))
 
     def encode(self) -> bytes:
-        """Return what is to be written at ``end``."""
+        """Return the bytes to write at ``end``."""
         before = self._last_message_index + _encode_records([DataEnd(data_section_crc=0)])
         index = _encode_records(self._records())
         start = self.end + len(before)
@@ -168,7 +168,7 @@ class _IndexBuilder:
 
 
 MessageOffsets = Mapping[int, list[tuple[int, int]]]
-"""Of each channel, the times of its messages, and where within the chunk they begin."""
+"""Times and positions within the chunk of the messages of each channel."""
 
 
 def _message_offsets(data: bytes) -> MessageOffsets:
@@ -181,7 +181,7 @@ def _message_offsets(data: bytes) -> MessageOffsets:
 
 
 def _encode_message_indexes(places: MessageOffsets, start: int) -> tuple[dict[int, int], bytes]:
-    """Return the places as they stand in a file from ``start`` on, and where therein those of each channel begin."""
+    """Return the message indexes of a chunk as bytes, and the position of each channel's in the file from ``start``."""
     offsets, written = {}, b""
     for channel, place in places.items():
         offsets[channel] = start + len(written)

@@ -1,4 +1,4 @@
-"""A record, read back: the one door through which everything else looks at what a run did."""
+"""Reader of records."""
 
 import base64
 from bisect import bisect_right
@@ -45,33 +45,33 @@ if TYPE_CHECKING:
 # Whether a file is a record of ours, and which; if it is none, what it is instead.
 
 MCAP_PROFILE = "missiontree"
-"""How the header of a file says that it is ours."""
+"""MCAP profile of our records."""
 
 FIRST_YEAR, LAST_YEAR = 1970, 2200
-"""Between these every clock of a robot is."""
+"""Latest plausible start year of a run, as ``FIRST_YEAR`` is the earliest."""
 
-OTHER_FORMAT_MESSAGE = f"is a record of format {{}}; this MissionTree reads format {FORMAT_VERSION} alone"
+OTHER_FORMAT_MESSAGE = f"record format {{}}; this version reads only format {FORMAT_VERSION}"
 
 
 def not_mcap_error(path: Path) -> InvalidRecordError:
-    """Return what is to be said of a file that does not begin as MCAP files do. Raises OSError."""
+    """Return the error for a file that does not begin like an MCAP file. Raises OSError."""
     if not path.is_file():
         made = path if path.suffix == ".mcap" else "run.mcap"
-        hint = f"mission run MISSION --record {made}, which makes one"
-        return InvalidRecordError(f"{path}: no record: it is not even a file\n  try: {hint}")
+        hint = f"mission run MISSION --record {made}"
+        return InvalidRecordError(f"{path}: no such record file\n  try: {hint}")
     if path.stat().st_size == 0:
-        return InvalidRecordError(f"{path}: is empty: its run ended before anything was written")
+        return InvalidRecordError(f"{path}: empty file: its run ended before anything was written")
     if "missions" in kinds_of(path):
         return InvalidRecordError(
-            f"{path}: a mission, and no record\n  try: mission run {path} --record {path.stem}.mcap, which makes one"
+            f"{path}: a mission, not a record\n  try: mission run {path} --record {path.stem}.mcap"
         )
     if other := wrong_kind_error("records", path):
         return InvalidRecordError(other)
-    return InvalidRecordError(f"{path}: no record: it does not begin as an MCAP file does")
+    return InvalidRecordError(f"{path}: not a record: not an MCAP file")
 
 
 def read_header(container: "McapContainer", tables: Mapping[str, Mapping[str, str]]) -> RecordHeader:
-    """Return what a record says of itself. Raises InvalidRecordError where it is none of ours, or of another format."""
+    """Return the header of a record. Raises InvalidRecordError for other MCAP files and other format versions."""
     path, header = container.path, container.header()
     if VERSIONS_METADATA not in tables and (header is None or header.profile != MCAP_PROFILE):
         raise _foreign_file_error(container)
@@ -83,17 +83,17 @@ def read_header(container: "McapContainer", tables: Mapping[str, Mapping[str, st
             else parse_strict_json(data)
         )
         if (found := int(written["format"])) != FORMAT_VERSION:
-            again = "pip install --upgrade missiontree" if found > FORMAT_VERSION else "record the mission anew"
+            again = "pip install --upgrade missiontree" if found > FORMAT_VERSION else "record the mission again"
             raise InvalidRecordError(f"{path}: {OTHER_FORMAT_MESSAGE.format(found)}\n  try: {again}")
         if data is None:
-            raise InvalidRecordError(f"{path}: its beginning is missing or damaged, so that none of it can be read")
+            raise InvalidRecordError(f"{path}: its beginning is missing or damaged, so the record is unreadable")
         return _validate_header(from_json(written, RecordHeader))
 
 
 def _validate_header(header: RecordHeader) -> RecordHeader:
-    """Return a head whose numbers can be reckoned with. Raises ValueError for another."""
+    """Return a header whose numbers are plausible. Raises ValueError otherwise."""
     if not FIRST_YEAR <= datetime.fromisoformat(header.started).year <= LAST_YEAR:
-        raise ValueError(f"no run began at {header.started:.40}")
+        raise ValueError(f"implausible start time {header.started:.40}")
     for figure in (header.rate, 0.0 if header.lag is None else header.lag, *header.eye):
         check_time(figure)
     if header.rate <= 0:
@@ -104,18 +104,18 @@ def _validate_header(header: RecordHeader) -> RecordHeader:
 def _foreign_file_error(container: "McapContainer") -> InvalidRecordError:
     path, header = container.path, container.header()
     if header is None or not container.chunk_spans:
-        return InvalidRecordError(f"{path}: ends or is damaged before it says what it is of: nothing can be read")
+        return InvalidRecordError(f"{path}: truncated or damaged before its header, so the record is unreadable")
     by = " and ".join(filter(None, (header.profile, header.library)))
-    told = f": it is of {by}" if by else ""
+    told = f" (written by {by})" if by else ""
     return InvalidRecordError(
-        f"{path}: an MCAP file, but no record of MissionTree{told}\n  try: Foxglove, which opens it"
+        f"{path}: an MCAP file, but not a record of MissionTree{told}\n  try: Foxglove, which opens it"
     )
 
 
 __all__ = ["SERIES", "InvalidRecordError", "RunRecord", "open_record"]
 
 CUT_METADATA = "cut"
-"""The name of the metadata that say which piece of a record this is."""
+"""Name of the metadata with the time range of a cut record."""
 
 SERIES: Mapping[str, tuple[str, str]] = {
     **{
@@ -125,16 +125,16 @@ SERIES: Mapping[str, tuple[str, str]] = {
     **{f"head.{name}": ("/state/head", name) for name in ("pan", "tilt", "wanted_pan", "wanted_tilt")},
     "battery.percent": ("/state/base", "battery_percent"),
 }
-"""What can be drawn over time, in SI units (the battery in percent): in which messages it stands, by which name."""
+"""Time series for charts, in SI units (battery in percent): topic and field of each."""
 
 MAX_MESSAGES, MAX_MESSAGE_BYTES = 3_000_000, 400_000_000
-"""Messages, and bytes of them, that are kept in memory to answer one question: two days of a run have that."""
+"""Maximum number and bytes of messages that one query keeps in memory: two days of a run."""
 
 MAX_FILE_BYTES, MAX_NODES = 300_000_000, 20_000
-"""Bytes of all files together, and nodes of the tree: a mission has half as many steps at most."""
+"""Maximum bytes of all files, and nodes of the tree; a mission has at most half as many steps."""
 
 ROOT_KEY = "1"
-"""The key of the tree's root."""
+"""Key of the tree's root."""
 
 _EVENT_CLASSES: Mapping[str, type[Event]] = {topic: getattr(events, name) for name, topic in EVENT_TOPICS.items()}
 
@@ -144,7 +144,7 @@ T = TypeVar("T")
 
 
 def open_record(path: Path) -> "RunRecord":
-    """Return the record in ``path``, of which only its beginning is read now. Raises InvalidRecordError."""
+    """Return the record at ``path``; reads only its beginning and end. Raises InvalidRecordError."""
     try:
         from missions.plugins.records.recording.mcap_scan import scan_file  # noqa: PLC0415 - see above
     except ImportError as error:
@@ -174,13 +174,13 @@ def _read_attachments(container: "McapContainer") -> dict[str, bytes]:
     for each in container.attachments():
         left -= len(each.data)
         if left < 0:
-            raise InvalidRecordError(f"{container.path}: has files of more than {MAX_FILE_BYTES / 1e6:.0f} MB in it")
+            raise InvalidRecordError(f"{container.path}: has attached files of more than {MAX_FILE_BYTES / 1e6:.0f} MB")
         found[each.name] = each.data
     return found
 
 
 def start_time_ns(header: RecordHeader) -> int:
-    """Return the time of day at which the run's clock showed 0, in ns since 1970, as times of messages are."""
+    """Return the time of day at time 0 of the run's clock, in ns since 1970 as in message times."""
     return round(datetime.fromisoformat(header.started).timestamp() * 1e6) * 1000
 
 
@@ -193,15 +193,14 @@ def _cut_start(table: Mapping[str, str] | None) -> float | None:
 
 
 class RunRecord:
-    """What a run did. Made by ``open_record``; keeps no file open. Times are in seconds of the run.
+    """A recorded run, opened by ``open_record``; keeps no file open. Times are in seconds of the run.
 
-    ``files`` are those that the run was made of, by their names in the record. ``is_complete`` says that it was closed
-    properly. ``cut_start`` is where a piece begins that was cut out of another record, and None for a record from its
-    beginning. ``limit_reached`` says that it was as large as it might get, so that the run went on without it. ``container`` is
-    the file itself, for what works on it.
+    ``files`` are the files of the run, by their names in the record. ``is_complete`` tells whether it was closed.
+    ``cut_start`` is the beginning of a cut record, and None for a whole one. ``limit_reached`` tells whether it ended
+    at its size limit before the run did. ``container`` is the file itself.
 
-    What is asked for is read when it is asked for, and kept; pictures and percepts are not. InvalidRecordError is
-    raised for messages that are not what this program writes; messages in a damaged stretch are just not there.
+    Data are read on first access and cached, except pictures and percepts. InvalidRecordError is raised for malformed
+    messages; messages in damaged ranges are missing.
     """
 
     def __init__(
@@ -226,9 +225,9 @@ class RunRecord:
 
     @cached_property
     def events(self) -> Sequence[Event]:
-        """All that happened, in order of time: what nodes did, commands, faults and so on, ticks, and the end.
+        """All events in order of time: status changes, commands, faults, ticks, the end.
 
-        In a piece that was cut out, the newest changes of before its beginning come first.
+        A cut record begins with the last changes before its start.
         """
         found = [
             event for event in self.read(self.decode_event, *EVENT_TOPICS.values(), "/moments") if event is not None
@@ -246,25 +245,25 @@ class RunRecord:
 
     @cached_property
     def end_time(self) -> float:
-        """When it ends: at its last message or event. Messages are stamped in whole nanoseconds, events exactly."""
+        """Time of the last message or event. Messages are stamped in whole nanoseconds, events exactly."""
         return max([self._last_message_time, *(event.t for event in self.events[-1:])])
 
     @cached_property
     def tick_records(self) -> Sequence[TickRecord]:
-        """Every moment of the executive, with the answers that it got then."""
+        """All tick records, with the replies of the robot's parts."""
         restored = TickDecoder()
         return list(self.read(lambda _, data: restored.decode(data), "/moments"))
 
     def views(self) -> Iterator[tuple[float, View]]:
-        """Yield what perception found, and when it said so."""
+        """Yield the percepts, with the time of their report (s)."""
         return self.read(lambda _, data: (data["t"], decode_view(data)), "/percepts")
 
     def frames(self) -> Iterator[tuple[float, bytes]]:
-        """Yield when each picture was taken, and the picture as JPEG."""
+        """Yield the time (s) of each picture, and the picture as JPEG."""
         return self.read(lambda _, data: (data["t"], base64.b64decode(data["data"])), "/camera")
 
     def series(self, name: str) -> tuple[list[float], list[float]]:
-        """Return the times and values of one of ``SERIES``, where they are known. Raises KeyError for another name."""
+        """Return the known times and values of one of ``SERIES``. Raises KeyError for another name."""
         topic, field = SERIES[name]
         if topic not in self._series_messages:  # all that is drawn of a part stands in the same messages
             fields = [other for told, other in SERIES.values() if told == topic]
@@ -273,14 +272,14 @@ class RunRecord:
         return [time for time, _ in found], [value for _, value in found]
 
     def statuses(self, time: float) -> Mapping[str, NodeChanged]:
-        """Return the newest change of each node up to ``time``, or so near behind it that nobody means less, by key."""
+        """Return the last change of each node by key, up to ``time`` (s) plus ``TIME_TOLERANCE``."""
         states = self.status_history
         place = bisect_right(states, time + TIME_TOLERANCE, key=lambda state: state[0])
         return {change.node: change for _, change in states[:place]}
 
     @cached_property
     def status_history(self) -> Sequence[tuple[float, NodeChanged]]:
-        """What each node was from when on: its changes and, with the same ``t``, its new messages while it ran on."""
+        """Status changes and new messages of all nodes, with their times, in order."""
         news: list[NodeChanged | FeedbackItem] = [*self._changes, *self.read(_decode_feedback, "/feedback")]
         found: list[tuple[float, NodeChanged]] = []
         newest: dict[str, NodeChanged] = {}
@@ -299,12 +298,12 @@ class RunRecord:
         return [change for change in self._changes if change.status == "failure"]
 
     def search(self, text: str) -> Sequence[Event]:
-        """Return the events that say ``text`` somewhere, in capitals or not; ticks say nothing."""
+        """Return the events that contain ``text``, ignoring case; ticks have no text."""
         wanted = text.casefold()
         return [event for event in self.events if not isinstance(event, Ticked) and wanted in _search_text(event)]
 
     def drawing(self) -> TreeDrawing:
-        """Return the mission's tree as it was when the run began. Raises InvalidRecordError where it is not there."""
+        """Return the mission's tree at the start of the run. Raises InvalidRecordError if it is missing."""
         if TREE_ATTACHMENT not in self.files:
             raise InvalidRecordError(f"{self.path}: the drawing of the mission's tree is missing or damaged")
         with reject_malformed(self.path):
@@ -314,14 +313,14 @@ class RunRecord:
             return found
 
     def lost_counts(self) -> Mapping[str, int]:
-        """Return how many messages were lost while the run went on, by topic."""
+        """Return the number of messages lost while the run was recorded, by topic."""
         counts: Counter[str] = Counter()
         for found in self.read(lambda _, data: from_json(data["counts"], _COUNTS), "/lost"):
             counts.update(found)
         return counts
 
     def run_end(self) -> Ended | None:
-        """Return how the run ended; None where the record does not tell."""
+        """Return the result of the run; None if the record does not hold it."""
         return next((event for event in reversed(self.events) if isinstance(event, Ended)), None)
 
     @cached_property
@@ -329,7 +328,7 @@ class RunRecord:
         return [event for event in self.events if isinstance(event, NodeChanged)]
 
     def decode_event(self, topic: str, data: Any) -> Event | None:
-        """Return the event that a message on a topic tells of, if any; of a tick, its status is not known here."""
+        """Return the event of a message, None for a tick record that is not a tick; the status of a tick is not set."""
         if topic == "/moments":
             # It is told when it is over. In real time it takes some, though for the tree that stands still.
             spent = 0.0 if self.header.simulate == "fast" else check_time(data["spent"])
@@ -342,14 +341,14 @@ class RunRecord:
         return from_json(data, _EVENT_CLASSES[topic])
 
     def read(self, decode: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
-        """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
+        """Yield ``decode(topic, data)`` of each message on ``topics``."""
         kept = not {"/camera"}.issuperset(topics)  # pictures are looked at one by one
         messages = size = 0
         for topic, _, data in self.container.messages(frozenset(topics)):
             messages, size = messages + 1, size + len(data)
             if kept and (messages > MAX_MESSAGES or size > MAX_MESSAGE_BYTES):
                 raise InvalidRecordError(
-                    f"{self.path}: has more than can be looked at in one go ({messages} messages, {size / 1e6:.0f} MB)"
+                    f"{self.path}: too large to read at once ({messages} messages, {size / 1e6:.0f} MB)"
                     f"\n  try: mission record cut {quote(str(self.path))} 0s 60s -o piece.mcap"
                 )
             with reject_malformed(self.path):
@@ -362,14 +361,14 @@ def _decode_feedback(_: str, data: Any) -> FeedbackItem:
 
 
 def _known_values(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, float]]:
-    """Return when figures were told, and the values of those that were known."""
+    """Return the time of a state message, and the known values of ``fields``."""
     good = data["quality"] == "good"
     values = {name: float(data[name]) for name in fields if good and data[name] is not None}
     return data["t"], {name: value for name, value in values.items() if abs(value) < MAX_SECONDS}
 
 
 def _sort_key(event: Event) -> tuple[float, int]:
-    """Put a tick behind all that came of it, and the end of the mission behind everything."""
+    """Return a sort key: by time, ticks after their effects, the end last."""
     return event.t, isinstance(event, Ticked) + 2 * isinstance(event, Ended)
 
 

@@ -1,11 +1,11 @@
-"""Values as the messages of a record have them, bit for bit: whatever drivers and perception report.
+"""Exact JSON encoding of all values that drivers and perception report.
 
-Values of a declared type go through ``missions.codec``; an array of numpy is its bytes as base64. Where anything may
-stand (an answer, a variable), what JSON would not tell apart carries its kind under ``$``::
+Values of a declared type use ``missions.codec``; numpy arrays are base64. Values of any type (a reply, a variable)
+carry their type under ``$`` if JSON would lose it::
 
     {"$": "HeadPose", "pan": 0.1, "tilt": 0.0}      {"$": "tuple", "of": [1, 2]}      {"$": "float", "of": "nan"}
 
-numpy is imported by the first value of it: most records have none, and their writer starts in half the time.
+numpy is imported on first use: most records have no arrays, and their writer starts in half the time.
 """
 
 import base64
@@ -28,7 +28,7 @@ from missions.codec import Coder, Rules, coder, decode, encode, identity, number
 T = TypeVar("T")
 
 TAG = "$"
-"""Under which name a value carries its kind."""
+"""Key of the type of a value."""
 
 TYPES_BY_NAME: Mapping[str, type[Any]] = {
     name: found
@@ -36,21 +36,29 @@ TYPES_BY_NAME: Mapping[str, type[Any]] = {
     for name, found in vars(module).items()
     if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum)) and found is not Enum
 }
-"""The values of drivers and perception by the names of their types."""
+"""Value types of drivers and perception, by class name."""
 
 ERRORS_BY_NAME: Mapping[str, type[DriverError]] = {
     error.__name__: error for error in (NotConnected, SensorSilent, NoReply, DeviceFault, BadRequest, DriverError)
 }
-"""What can go wrong with a device, by name."""
+"""Device errors, by class name."""
+
+FORMER_TYPES: Mapping[str, str] = {"Manner": "SpeechStyle", "Place": "MapPose", "Shown": "ScreenContent"}
+"""Present class name of each former one, for older records."""
+
+FORMER_FIELDS: Mapping[str, Mapping[str, str]] = {
+    "Steering": {"wanted": "requested", "given": "allowed", "because": "reason"},
+}
+"""Present names of renamed fields by class, for older records."""
 
 
 def to_json(value: object) -> object:
-    """Return a value as ``from_json`` reads it when it is given the value's type."""
+    """Return a value as JSON; ``from_json`` decodes it with the value's type."""
     return encode(value, RULES)
 
 
 def from_json(data: object, kind: type[T]) -> T:
-    """Return the value of type ``kind`` that was written so. Raises ValueError for other data."""
+    """Return the value of type ``kind`` that ``to_json`` encoded. Raises ValueError for invalid data."""
     try:
         return decode(kind, data, RULES)
     except (LookupError, TypeError, AttributeError, ValueError, OverflowError) as error:
@@ -58,19 +66,19 @@ def from_json(data: object, kind: type[T]) -> T:
 
 
 def decode_view(message: Mapping[str, object]) -> perception.api.View:
-    """Return the view of a message on /percepts, which has its own time beside it. Raises ValueError."""
+    """Return the view of a message on /percepts. Raises ValueError."""
     return from_json({name: value for name, value in message.items() if name != "t"}, perception.api.View)
 
 
 def tag_value(value: object) -> object:
-    """Return a value of any type as ``untag_value`` reads it; one of an unknown type becomes its text."""
+    """Return a value of any type as JSON that ``untag_value`` decodes; unknown types become text."""
     kind: Any = type(value)
     return _tagger(kind)(value)
 
 
 @cache
 def _tagger(kind: Any) -> Callable[[Any], object]:
-    """Return the writer of values of a type; cached, since it is needed for every answer."""
+    """Return the encoder of a type; cached, since every reply needs one."""
     name: str = kind.__name__
     known = TYPES_BY_NAME.get(name) is kind
     if issubclass(kind, Enum):
@@ -91,7 +99,7 @@ def _tagger(kind: Any) -> Callable[[Any], object]:
 
 
 def _numpy_tagger(kind: type[Any]) -> Callable[[Any], object]:
-    """Return the writer of a type that may be one of numpy's."""
+    """Return the encoder of a type that may be a numpy type."""
     if not any(base.__module__ == "numpy" for base in kind.__mro__):
         return _tag_text
     import numpy as np  # noqa: PLC0415 - see the module
@@ -102,7 +110,7 @@ def _numpy_tagger(kind: type[Any]) -> Callable[[Any], object]:
 
 
 def untag_value(data: object) -> Any:
-    """Return the value that ``tag_value`` has written so. Raises LookupError, TypeError or ValueError for other data."""
+    """Return the value that ``tag_value`` encoded. Raises LookupError, TypeError or ValueError for invalid data."""
     if isinstance(data, list):
         return [untag_value(each) for each in data]
     if not isinstance(data, dict):
@@ -114,8 +122,13 @@ def untag_value(data: object) -> Any:
         return _CONTAINER_DECODERS[name](data["of"])
     if name in ERRORS_BY_NAME:
         return ERRORS_BY_NAME[name](data["of"], hint=data["hint"])
-    kind: Any = TYPES_BY_NAME[name]
-    members = data["of"] if issubclass(kind, Enum) else {key: value for key, value in data.items() if key != TAG}
+    kind: Any = TYPES_BY_NAME[FORMER_TYPES.get(name, name)]
+    fields = FORMER_FIELDS.get(name, {})
+    members = (
+        data["of"]
+        if issubclass(kind, Enum)
+        else {fields.get(key, key): value for key, value in data.items() if key != TAG}
+    )
     return coder(kind, RULES).decode(members)
 
 
@@ -125,7 +138,7 @@ def dumps(data: object) -> bytes:
 
 
 def _plain_number(value: object) -> object:
-    """Return a number of numpy, which some perception gives where a plain one is declared, as a plain one."""
+    """Return a numpy scalar, which some perception returns instead of a number, as a Python number."""
     import numpy as np  # noqa: PLC0415 - see the module
 
     if isinstance(value, np.generic):
@@ -134,7 +147,7 @@ def _plain_number(value: object) -> object:
 
 
 _JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False, default=_plain_number)
-"""Its input was just made, and holds nothing that holds itself."""
+"""Encoder without a check for cycles: its input has none."""
 
 
 def _encode_array(value: Any) -> object:
@@ -183,9 +196,9 @@ _CONTAINER_DECODERS: Mapping[str, Callable[[Any], Any]] = {
     "float": float,
     "text": str,
 }
-"""Readers of the kinds that are not the name of a type."""
+"""Decoders of tags that are not class names."""
 
 _ARRAY, _TAGGED = Coder(_encode_array, _decode_array), Coder(tag_value, untag_value)
 
 RULES = Rules(finite=False, other=lambda kind: _ARRAY if kind is Array else _TAGGED)
-"""How records are written and read: numbers that JSON lacks as texts, and any value with its kind."""
+"""Coding rules of records: NaN and infinity as text, and values of any type with a tag."""

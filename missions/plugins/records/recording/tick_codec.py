@@ -1,7 +1,7 @@
-"""Moments as messages: an answer that is as it was before is not written out again.
+"""Encoding of tick records, in which an unchanged reply is not repeated.
 
-Of such an answer only the question stands there. What "before" is begins anew with every chunk of the file, so each
-chunk can be read without those before it, and one that is lost takes nothing else along.
+Of an unchanged reply only the query is written. Each chunk of the file starts without known replies. So a chunk can be
+decoded without those before it, and a lost chunk affects no other.
 """
 
 from collections.abc import Mapping
@@ -14,24 +14,27 @@ from missions.plugins.records.recording.tagged_values import dumps, from_json, t
 from missions.plugins.records.recording.validation import check_time
 
 TICK_KINDS = frozenset(get_args(TickKind))
-"""What moments there are."""
+"""Kinds of tick records."""
+
+FORMER_QUERIES: Mapping[tuple[str, str], str] = {("screen", "shown"): "content"}
+"""Present names of renamed queries by part, for older records."""
 
 QUESTION_LENGTH = 3
-"""As long is an answer of which only the question is written."""
+"""Length of an encoded reply of which only the query is written."""
 
 
 class TickEncoder:
-    """Writes moments."""
+    """Stateful encoder of tick records."""
 
     def __init__(self) -> None:
         self._last_answers: dict[bytes, bytes] = {}
 
     def reset(self) -> None:
-        """Write the next answer to every question in full."""
+        """Encode the next reply to every query in full."""
         self._last_answers.clear()
 
     def encode(self, tick_record: TickRecord) -> bytes:
-        """Return a moment as the bytes of a message."""
+        """Return a tick record as the bytes of a message."""
         fields = {
             "t": tick_record.t,
             "kind": tick_record.kind,
@@ -62,18 +65,18 @@ def _question(part: str, what: str, arguments: tuple[object, ...]) -> bytes:
 
 @lru_cache(maxsize=256)
 def _cached_question(part: str, what: str) -> bytes:
-    """Return a question without arguments: a run asks the same few in every tick."""
+    """Return an encoded query without arguments; cached, since a run repeats the same few in every tick."""
     return _question(part, what, ())
 
 
 class TickDecoder:
-    """Reads moments, in the order in which they were written."""
+    """Stateful decoder of tick records, for messages in the order in which they were written."""
 
     def __init__(self) -> None:
         self._last_answers: dict[Any, object] = {}
 
     def decode(self, data: Mapping[str, Any]) -> TickRecord:
-        """Return the moment of a message. Raises LookupError, TypeError or ValueError for what is none."""
+        """Return the tick record of a message. Raises LookupError, TypeError or ValueError for invalid messages."""
         overheld, kind = data["overheld"], data["kind"]
         if kind not in TICK_KINDS:
             raise ValueError(f"{kind!s:.40} is no kind of moment")
@@ -91,4 +94,5 @@ class TickDecoder:
         question = dumps(data[:QUESTION_LENGTH])
         if len(data) > QUESTION_LENGTH:
             self._last_answers[question] = untag_value(data[QUESTION_LENGTH])
-        return data[0], data[1], tuple(untag_value(each) for each in data[2]), self._last_answers[question]
+        part, query = data[0], FORMER_QUERIES.get((data[0], data[1]), data[1])
+        return part, query, tuple(untag_value(each) for each in data[2]), self._last_answers[question]

@@ -1,4 +1,4 @@
-"""What is wrong with a file that should be a record."""
+"""Validation of data read from records."""
 
 import json
 from collections.abc import Iterator
@@ -9,45 +9,45 @@ from typing import Any
 from config.diagnostics import InvalidInputError
 
 MAX_SECONDS = 1e9
-"""Seconds that no run lasts: thirty years. No figure of a robot is as large either."""
+"""Upper bound of any time (s) and any figure of a robot in a record: thirty years."""
 
 
 class InvalidRecordError(InvalidInputError):
-    """A file that is no record, or none that can be read; says so, and what to type next, in its message."""
+    """A file that is not a record, or cannot be read; the message has the reason and the next command."""
 
 
 @contextmanager
 def reject_malformed(path: Path) -> Iterator[None]:
-    """Raise InvalidRecordError where what a record holds is not what it should be."""
+    """Raise InvalidRecordError for lookup, type and value errors while content of a record is decoded."""
     try:
         yield
     except InvalidRecordError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError, OverflowError) as error:
         said = f"{type(error).__name__}: {error}"
-        raise InvalidRecordError(f"{path}: holds what this MissionTree does not understand: {said:.200}") from error
+        raise InvalidRecordError(f"{path}: malformed record: {said:.200}") from error
 
 
 def parse_message(data: bytes) -> Any:
-    """Return what a message says. Raises ValueError for what is no object, or has a time at which no run is."""
+    """Return the JSON object of a message. Raises ValueError for other JSON, or a time out of range."""
     found = parse_strict_json(data)
     if not isinstance(found, dict):
-        raise ValueError(f"a message is no object: {data[:80]!r}")
+        raise ValueError(f"a message is not a JSON object: {data[:80]!r}")
     check_time(found.get("t", 0.0))
     return found
 
 
 def check_time(value: object) -> float:
-    """Return a time of a run. Raises ValueError for what is none."""
+    """Return a time of a run (s). Raises ValueError if it is not a number within ``MAX_SECONDS``."""
     if not isinstance(value, int | float) or not -MAX_SECONDS < value < MAX_SECONDS:
-        raise ValueError(f"{str(value)[:40]!r} is no time of a run")
+        raise ValueError(f"{str(value)[:40]!r} is not a time of a run")
     return value
 
 
 def parse_strict_json(data: bytes) -> Any:
-    """Return what JSON says. Raises ValueError for NaN and Infinity, too, which Python reads and no record has."""
+    """Return parsed JSON. Raises ValueError also for NaN and Infinity, which Python accepts and no record has."""
     return json.loads(data, parse_constant=_reject_constant)
 
 
 def _reject_constant(word: str) -> float:
-    raise ValueError(f"{word} is no number of JSON")
+    raise ValueError(f"{word} is not a JSON number")

@@ -1,7 +1,7 @@
-"""Writes a record into a file, chunk by chunk.
+"""Writer of records, chunk by chunk.
 
-Each chunk is whole by itself and stands in the file as a whole, or not at all. What could not be written is counted,
-and the record tells of it as soon as it can be written to again.
+Each chunk is decodable alone, and is written completely or not at all. Failed messages are counted, and the counts are
+written to the record as soon as it is writable again.
 """
 
 import os
@@ -44,24 +44,24 @@ from missions.plugins.records.recording.tagged_values import dumps, tag_value, t
 from missions.plugins.records.recording.tick_codec import TickEncoder
 from perception.api import Gaze, View
 
-# The state of the robot over time, to plot and to look at, from what its parts have answered.
+# The states of the robot's parts, for plots and people.
 #
-# The answers are all in the moments already, exactly; these are for people. So they are fewer: ``STATE_INTERVAL`` seconds
-# apart at least, and ``UNCHANGED_INTERVAL`` seconds while a part only says again what it said.
+# Tick records hold all replies exactly already. So states are sampled: at least ``STATE_INTERVAL`` seconds apart, and
+# ``UNCHANGED_INTERVAL`` seconds apart while a part repeats the same state.
 
 STATE_INTERVAL = 0.1
-"""Seconds between two figures of one part, at least."""
+"""Minimum seconds between two states of one part."""
 
 TRANSFORM_INTERVAL = 0.05
-"""Seconds between two places of a frame, at least."""
+"""Minimum seconds between two transforms of one frame."""
 
 
 UNCHANGED_INTERVAL = 0.5
-"""Seconds between two of them that say the same, at least."""
+"""Minimum seconds between two equal states."""
 
 
 class PartStateMessage(NamedTuple):
-    """A message to be: on which topic, when, and what it says."""
+    """A message to write: topic, time (s) and content."""
 
     topic: str
     t: float
@@ -69,7 +69,7 @@ class PartStateMessage(NamedTuple):
 
 
 class StateSampler:
-    """Follows the parts of one robot. ``eye`` is where its camera sits (m)."""
+    """Samples the states of a robot's parts from tick records. ``eye`` is the position of its camera (m)."""
 
     def __init__(self, epoch: Epoch, eye: tuple[float, float, float]) -> None:
         self._epoch = epoch
@@ -82,7 +82,7 @@ class StateSampler:
         self._head_goal: HeadPose | None = None
 
     def sample(self, tick_record: TickRecord) -> Iterator[PartStateMessage]:
-        """Yield the figures that a moment brings."""
+        """Yield the state messages that a tick record causes."""
         newest: dict[tuple[str, str], object] = {}
         for part, what, arguments, value in tick_record.answers:
             newest[part, what] = value
@@ -105,7 +105,7 @@ class StateSampler:
         yield from self._arm_messages(tick_record.t, joints)
 
     def _track_command(self, t: float, part: str, what: str, arguments: tuple[object, ...], value: object) -> None:
-        """Take in what a part was told, and what came of it."""
+        """Store the setpoint of a command."""
         match part, what, value:
             case "base", "drive", Velocity():
                 asked = arguments[0]
@@ -184,7 +184,7 @@ class StateSampler:
             yield PartStateMessage("/state/arm", t, {"t": t, "joints": joints})
 
     def _accept(self, key: str, t: float, stamp: float, value: object, interval: float = STATE_INTERVAL) -> bool:
-        """Say whether something is to be told now; then it counts as told."""
+        """Return whether to write a state now; an accepted state delays the next one."""
         if self._stamps.get(key) == stamp:
             return False
         # A tick may come a little early: what is due within a tenth of a period is due.
@@ -204,26 +204,25 @@ def _fields(state: JointState) -> Json:
 
 
 class ChunkSink(BytesIO):
-    """Collects what is written until ``flush``, which brings all of it to the file ``number``, or nothing.
+    """Buffer that ``flush`` writes to the file descriptor ``fd`` completely or not at all.
 
-    A disk that is full, a limit or a fault leave the file as it was after the last flush that succeeded; ``error`` is
-    then what went wrong with the newest flush, and what was collected is gone. Positions are those in the file. It does
-    not own the file.
+    After a full disk, a size limit or an I/O error the file is as after the last successful flush, ``error`` has the
+    exception of the newest flush, and the buffer is lost. Positions are those in the file. It does not own the file.
     """
 
     def __init__(self, fd: int) -> None:
         super().__init__()
         self.written_bytes = 0
-        """Bytes that are in the file."""
+        """Number of bytes in the file."""
         self.error: OSError | None = None
         self._fd = fd
 
     def tell(self) -> int:
-        """Return where in the file the next byte will be."""
+        """Return the file position of the next byte."""
         return self.written_bytes + super().tell()
 
     def flush(self) -> None:
-        """Bring what was collected to the file; never raises."""
+        """Write the buffer to the file; never raises."""
         left = memoryview(self.getvalue())
         size = len(left)
         self.seek(0)
@@ -240,7 +239,7 @@ class ChunkSink(BytesIO):
             self.written_bytes += size
 
     def sync(self) -> None:
-        """Wait until what is in the file is on the disk. Raises OSError."""
+        """Wait until the file is on the disk. Raises OSError."""
         os.fdatasync(self._fd)
 
 
@@ -273,14 +272,14 @@ TOPIC_SCHEMAS: Mapping[str, str] = {
     "/state/arm": "missiontree.ArmState",
     "/state/devices": "missiontree.DeviceStates",
 }
-"""The schema of every topic."""
+"""Schema name of every topic."""
 
 MAX_KEPT_VIEWS = 16
-"""So many views wait for the picture that they were found in: a picture is there later, once it is packed."""
+"""Number of views kept for their pictures, which arrive later because they are encoded first."""
 
 
 class RecordMessage(NamedTuple):
-    """What is to be written: on which topic, of when, and what."""
+    """A message to write: topic, time (s) and bytes."""
 
     topic: str
     t: float
@@ -288,7 +287,7 @@ class RecordMessage(NamedTuple):
 
 
 class MessageBuilder:
-    """Makes messages of the items of one run."""
+    """Builds the messages of the items of one run."""
 
     def __init__(self, header: RecordHeader) -> None:
         self.epoch = Epoch(round(datetime.fromisoformat(header.started).timestamp() * 1e6) * 1000)
@@ -298,19 +297,19 @@ class MessageBuilder:
         self._views: dict[float, View] = {}
 
     def reset(self) -> None:
-        """Let what comes next be read without what was before."""
+        """Make the following messages decodable without earlier ones."""
         self._tick_encoder.reset()
 
     def header_message(self) -> RecordMessage:
-        """Return the message at the beginning of a record."""
+        """Return the first message of a record."""
         return RecordMessage("/mission", 0.0, dumps(to_json(self._header)))
 
     def loss_message(self, t: float, counts: Mapping[str, int], reason: str) -> RecordMessage:
-        """Return the message that says that others are missing."""
+        """Return the message that counts lost messages."""
         return RecordMessage("/lost", t, dumps({"t": t, "counts": dict(counts), "why": reason}))
 
     def messages(self, item: Any) -> Iterator[RecordMessage]:
-        """Yield the messages that an item makes."""
+        """Yield the messages of an item."""
         match item:
             case TickRecord():
                 yield RecordMessage("/moments", item.t, self._tick_encoder.encode(item))
@@ -357,20 +356,20 @@ class MessageBuilder:
 
 
 MAX_CHUNK_BYTES = 1_000_000
-"""Bytes of messages after which a chunk is written, at the latest."""
+"""Size of messages in bytes after which a chunk is written."""
 
 MESSAGE_OVERHEAD = 64
-"""Bytes that a message takes beside what it says; and in the index, a chunk for each topic in it."""
+"""Bytes of a message besides its content; also of each topic of a chunk in the index."""
 
 LOST_TOPIC = "/lost"
-"""The topic that tells what is missing."""
+"""Topic of lost message counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class WriteResult:
-    """What became of a record: the messages written and lost by topic, why they were lost, and whether it was closed.
+    """Result of writing a record: counts of written and lost messages by topic, and reason of losses.
 
-    ``ended`` is when it reached its limit, in seconds of the run; None where it did not.
+    ``whole`` tells whether it was closed. ``ended`` is the time (s) at which it reached its size limit, or None.
     """
 
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -381,11 +380,11 @@ class WriteResult:
 
 
 class RecordWriter:
-    """Writes one record of at most ``limit`` bytes. For one thread.
+    """Writes one record of at most ``limit`` bytes. Not thread-safe.
 
-    ``ended`` is when it reached that, and ``lost`` what is missing, and ``why``; it is ``is_failing`` while it cannot
-    write. Nothing but ``begin`` raises for what is wrong with the disk. A record that the disk lost something of lacks
-    its index: mend it.
+    ``limit_reached_at`` is the time (s) at which it reached the limit; ``lost`` counts lost messages. It ``is_failing``
+    while the disk fails. Only ``begin`` raises for disk errors. A record that lost a chunk has no index and needs a
+    repair.
     """
 
     def __init__(self, sink: ChunkSink, contents: RecordContents, *, limit: float = float("inf")) -> None:
@@ -410,11 +409,11 @@ class RecordWriter:
 
     @property
     def loss_reason(self) -> str:
-        """Why something is missing: every reason that there was, once."""
+        """All reasons of losses, each once."""
         return "; ".join(self._reasons)
 
     def begin(self) -> None:
-        """Write what stands at the beginning. Raises OSError where that cannot be."""
+        """Write the contents and schemas. Raises OSError."""
         writer, head = self._writer, self._contents.header
         writer.start(profile="missiontree", library="missiontree")
         began = self._builder.epoch.nanoseconds(0.0)
@@ -436,7 +435,7 @@ class RecordWriter:
             raise self._sink.error
 
     def add(self, item: object) -> None:
-        """Write an item; once the limit is reached, none."""
+        """Write an item; ignored after the limit is reached."""
         if isinstance(item, LossItem):
             self._count_losses(Counter(item.counts), item.reason)
         elif self.limit_reached_at is None:
@@ -446,16 +445,16 @@ class RecordWriter:
                 self.flush()
 
     def reject(self, item: object, reason: str) -> None:
-        """Count an item as lost that cannot be written."""
+        """Count an item that cannot be written as lost."""
         self._count_losses(Counter({topic_of(item): 1}), reason)
 
     def sync(self) -> None:
-        """Wait until what was written is on the disk. What goes wrong with that, the next flush is told too."""
+        """Wait until written chunks are on the disk; errors appear again in the next flush."""
         with suppress(OSError):
             self._sink.sync()
 
     def flush(self) -> None:
-        """Bring the chunk in progress to the file, or count what was in it as lost."""
+        """Write the current chunk to the file, or count its messages as lost."""
         if self.limit_reached_at is not None:
             return
         telling, self._unrecorded_losses = self._unrecorded_losses, Counter()
@@ -481,7 +480,7 @@ class RecordWriter:
             self._writer.add_metadata(LIMIT_METADATA, {"t": f"{self._last_time:.3f}", "bytes": f"{self._limit:.0f}"})
 
     def close(self) -> WriteResult:
-        """Close the record as far as that is possible; return what became of it. Once."""
+        """Close the record as far as possible; return the result. Call it once."""
         self.flush()
         if self._unrecorded_losses:
             self.flush()  # for what was lost there was no room, but there may be for the news of it

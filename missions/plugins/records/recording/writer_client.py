@@ -1,4 +1,4 @@
-"""The way from a run to the process that writes its record, and what that tells in return: also what is lost."""
+"""Client of the process that writes a record: sends items, and receives the status and losses."""
 
 import fcntl
 import json
@@ -23,7 +23,10 @@ from missions.plugins.records.recording.record_header import RecordContents
 
 @dataclass(frozen=True, slots=True)
 class RecordLoss:
-    """What is missing in a record: messages by topic, and why. ``limit_reached_at`` is when it reached its limit (s), or None."""
+    """Missing parts of a record: messages by topic, and the reason.
+
+    ``limit_reached_at`` is the time (s) at which the record reached its size limit, or None.
+    """
 
     counts: Mapping[str, int] = field(default_factory=dict)
     reason: str = ""
@@ -33,7 +36,7 @@ class RecordLoss:
         return bool(self.counts or self.reason or self.limit_reached_at is not None)
 
     def __str__(self) -> str:
-        """Say it in a line for people; nothing where nothing is missing."""
+        """Describe the loss in one line; empty if nothing is missing."""
         said = []
         if self.counts:
             named = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
@@ -41,12 +44,12 @@ class RecordLoss:
         elif self.reason:
             said.append(self.reason)
         if self.limit_reached_at is not None:
-            said.append(f"it reached its limit at {self.limit_reached_at:.1f} s and ends there")
+            said.append(f"the size limit was reached at {self.limit_reached_at:.1f} s, and the record ends there")
         return "; ".join(said)
 
 
 class WriterState(Enum):
-    """State of a writing process. ABORTED: it never began its file; STOPPED: it takes nothing more; CLOSED: it is done.
+    """State of a writer process. ABORTED: it never began its file; STOPPED: it takes nothing more; CLOSED: it is done.
 
     A pair that TRANSITIONS lacks changes nothing.
     """
@@ -55,7 +58,7 @@ class WriterState(Enum):
 
 
 class WriterEvent(Enum):
-    """Event of a writing process; END is any end of its work but that of a complete record."""
+    """Event of a writer process; END is any end of its work except that of a complete record."""
 
     START, READY, END, CLOSE = range(4)
 
@@ -69,16 +72,16 @@ TRANSITIONS: Final = {
 }
 
 POLL_INTERVAL = 0.1
-"""Seconds within which a pipe that is full sees that its process has been given up."""
+"""Seconds between two checks for ``abandon`` while the pipe is full."""
 
 PIPE_BYTES = 1 << 20
-"""Bytes that the pipe is to hold, so that a picture does not fill it."""
+"""Requested capacity of the pipe in bytes, so that a picture does not fill it."""
 
 _READ_BYTES = 1 << 16
 
 
 class CannotRecordError(RuntimeError):
-    """A record that cannot even be begun: the message says why, ``hint`` what to type next."""
+    """A record cannot be started: the message has the reason, ``hint`` the next command."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -86,11 +89,11 @@ class CannotRecordError(RuntimeError):
 
 
 class RecordWriterClient:
-    """One writing process: ``open``, ``send`` and ``receive`` from one thread, then ``finish``; ``abandon`` from any.
+    """Client of one writer process. ``abandon`` is thread-safe; call all other methods from one thread.
 
-    ``counts`` are the messages in a closed record, ``lost`` those that could not be written, and ``reason``. ``limit_reached_at`` is
-    the time (s) at which the record reached its limit. ``problems`` are still to be reported. The process has
-    ``start_time`` seconds to begin.
+    ``counts`` are the messages in a closed record, ``lost`` those that could not be written, with ``reason``.
+    ``limit_reached_at`` is the time (s) at which the record reached its size limit. ``problems`` are still to be
+    reported. The process has ``start_timeout`` seconds to start.
     """
 
     def __init__(self, path: Path, *, limit: float, overwrite: bool, start_timeout: float) -> None:
@@ -113,35 +116,37 @@ class RecordWriterClient:
 
     @property
     def accepts_items(self) -> bool:
-        """Whether the process takes items."""
+        """Whether the process accepts items."""
         return self.state in (WriterState.STARTING, WriterState.RECORDING)
 
     @property
     def process_id(self) -> int | None:
-        """The number of its process; None where there is none."""
+        """ID of the writer process; None if it does not run."""
         return None if self._process is None else self._process.pid
 
     def open(self, contents: RecordContents) -> None:
-        """Start the process, and wait until the beginning of the record is in its file. Raises CannotRecordError."""
+        """Start the process, and wait until the contents are in its file. Raises CannotRecordError."""
         if find_spec("mcap") is None:
             raise CannotRecordError("records need mcap, which is missing", hint="pip install 'missiontree[records]'")
         if self.path.exists() and not self.path.is_file():
-            raise CannotRecordError(f"{self.path}: is no file that could be written over", hint="name another file")
+            raise CannotRecordError(f"{self.path}: not a regular file", hint="name another file")
         if self.path.exists() and not self._overwrite:
-            raise CannotRecordError(f"{self.path}: is there already", hint="another name, or --overwrite")
+            raise CannotRecordError(f"{self.path}: already exists", hint="another name, or --overwrite")
         if not self.path.parent.is_dir():
             folder = self.path.parent
-            raise CannotRecordError(f"{self.path}: there is no folder {folder}", hint=f"mkdir -p {folder}")
+            raise CannotRecordError(f"{self.path}: no folder {folder}", hint=f"mkdir -p {folder}")
         self._start()
         self.send(pack_items([contents]))
         wall = SystemClock()
         while self.state is WriterState.STARTING and wall.now() < self._start_timeout:
             self.receive(POLL_INTERVAL)
         if self.state in (WriterState.STARTING, WriterState.ABORTED):
-            why = self.reason or f"its process did not begin within {self._start_timeout:.0f} s"
+            why = self.reason or f"its writer process did not start within {self._start_timeout:.0f} s"
             self.abandon(why)
             self.finish()
-            raise CannotRecordError(f"{self.path}: cannot be written: {why}", hint="another folder or disk, with room")
+            raise CannotRecordError(
+                f"{self.path}: cannot be written: {why}", hint="another folder, or a disk with free space"
+            )
 
     def _start(self) -> None:
         paths = [str(Path(__file__).parents[4]), os.environ.get("PYTHONPATH", "")]
@@ -155,7 +160,7 @@ class RecordWriterClient:
             start_new_session=True,  # a Ctrl-C is the run's to hear
         )
         if process.stdin is None or process.stdout is None:
-            raise CannotRecordError(f"{self.path}: its process has no pipes")
+            raise CannotRecordError(f"{self.path}: its writer process has no pipes")
         self._input_fd, self._output_fd = process.stdin.fileno(), process.stdout.fileno()
         os.set_blocking(self._input_fd, False)
         with suppress(OSError, AttributeError):  # where the system has such a thing, and allows so much
@@ -163,7 +168,7 @@ class RecordWriterClient:
         self._advance(WriterEvent.START)
 
     def send(self, batch: bytes) -> bool:
-        """Send a batch, however long the process takes to accept it; say whether it has."""
+        """Send a batch, blocking until the process accepts it; return whether it did."""
         left = memoryview(BATCH_HEADER.pack(len(batch)) + batch)
         while left and self.accepts_items and not self._abandon_reason:
             if select.select([], [self._input_fd], [], POLL_INTERVAL)[1]:
@@ -173,7 +178,7 @@ class RecordWriterClient:
         return not left
 
     def receive(self, timeout: float = 0.0) -> None:
-        """Take in what the process tells, waiting up to ``timeout`` seconds for it."""
+        """Process status lines of the writer, waiting up to ``timeout`` seconds."""
         if self._output_closed or not select.select([self._output_fd], [], [], timeout)[0]:
             return
         data = os.read(self._output_fd, _READ_BYTES)
@@ -183,7 +188,7 @@ class RecordWriterClient:
         if not data:
             self._output_closed = True
             if self.accepts_items:
-                self._stop(f"its process has ended{self._exit_description()}")
+                self._stop(f"its writer process ended{self._exit_description()}")
 
     def _handle_line(self, line: bytes) -> None:
         try:
@@ -208,14 +213,16 @@ class RecordWriterClient:
                 self.counts, self.limit_reached_at = counts, ended
                 self._advance(WriterEvent.CLOSE)
                 if ended is not None:
-                    self.problems.append(f"the record has reached its limit at {ended:.1f} s, and ends there")
+                    self.problems.append(
+                        f"the size limit of the record was reached at {ended:.1f} s, and it ends there"
+                    )
 
     def _stop(self, reason: str) -> None:
-        """Note that the process takes no more, though the run goes on."""
+        """Record that the process accepts no more items, though the run goes on."""
         was_recording, self.reason = self.state is WriterState.RECORDING, reason
         self._advance(WriterEvent.END)
         if was_recording:
-            self.problems.append(f"{reason}: nothing more is recorded")
+            self.problems.append(f"{reason}: recording stopped")
 
     def _advance(self, event: WriterEvent) -> None:
         self.state = TRANSITIONS.get((self.state, event), self.state)
@@ -226,11 +233,11 @@ class RecordWriterClient:
         return f"{killed}: {self._last_output}" if self._last_output else killed
 
     def abandon(self, reason: str) -> None:
-        """Wait for the process no longer: let ``send`` and ``finish`` end it. Safe more than once."""
+        """Stop waiting for the process: ``send`` returns, ``finish`` kills it. Idempotent."""
         self._abandon_reason = self._abandon_reason or reason
 
     def finish(self) -> None:
-        """Let the process write what it has, and wait until it has ended. Safe more than once."""
+        """Let the process write its queue, and wait for its exit. Idempotent."""
         process, self._process = self._process, None
         if process is None or process.stdin is None or process.stdout is None:
             return

@@ -1,9 +1,8 @@
-"""The process that writes the record of a run, so that neither JSON nor a disk ever holds up a tick.
+"""The process that writes the record of a run, so that neither JSON nor the disk delays a tick.
 
-It gets batches of items on stdin, each behind its length, the first of which holds the contents; and tells on stdout, a
-line of JSON each, what becomes of them: ``ready`` or ``failed``, ``lost`` each time that something was, ``closed`` in
-the end, or at the limit; ``renamed`` where an earlier record keeps its name. The end of stdin ends it, so that a run
-that is killed leaves a record that is closed.
+It reads batches of items from stdin, each after its length; the first one holds the contents. It writes status lines of
+JSON to stdout: ``ready`` or ``failed``, ``lost`` after each loss, ``closed`` at the end or at the size limit, and
+``renamed`` if an earlier record keeps its name. It ends with stdin, so a killed run leaves a closed record.
 """
 
 import fcntl
@@ -30,34 +29,34 @@ from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.writer import ChunkSink, RecordWriter, WriteResult
 
 FLUSH_INTERVAL = 0.6
-"""Seconds after which a chunk is written, at the latest, and waited for until the disk has it."""
+"""Maximum seconds until a chunk is written and synced to the disk."""
 
 URGENT_FLUSH_INTERVAL = 0.3
-"""The same of one in which something is that is told seldom, so that it outlives a power cut half a second later."""
+"""``FLUSH_INTERVAL`` of a chunk with an urgent event, which then survives a power cut half a second later."""
 
 URGENT_EVENTS = frozenset(EVENT_TOPICS) - {"CommandSent"}
-"""What is told seldom, by the names of classes."""
+"""Class names of rare events, which are flushed early."""
 
 RETRY_INTERVAL = 2.0
-"""Seconds to the next try, after a chunk that could not be written."""
+"""Seconds between two attempts to write a chunk after a failure."""
 
 POLL_INTERVAL = 1.0
-"""Seconds from one look to the next whether the run has ended whose record was closed at its limit."""
+"""Seconds between two checks for the end of the run, once the record reached its size limit."""
 
 NICENESS = 5
-"""How far it stands back behind the run."""
+"""Niceness of the process relative to the run."""
 
 UNREADABLE_TOPIC = "(unread)"
-"""Under which name a batch is counted of which nobody can tell what was in it."""
+"""Topic under which an undecodable batch is counted."""
 
 REPORTED_PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")
-"""The versions that may make a difference."""
+"""Packages whose versions are recorded."""
 
 _READ_BYTES = 1 << 18
 
 
 class BatchReader:
-    """Takes batches out of a pipe."""
+    """Reads length-prefixed batches from a pipe."""
 
     def __init__(self, number: int) -> None:
         self.is_open = True
@@ -65,7 +64,7 @@ class BatchReader:
         self._data = bytearray()
 
     def batches(self, timeout: float) -> Iterator[bytes]:
-        """Wait up to ``timeout`` seconds for what comes; yield the batches that are complete."""
+        """Wait up to ``timeout`` seconds for data; yield the complete batches."""
         if self.is_open and select.select([self._number], [], [], timeout)[0]:
             block = os.read(self._number, _READ_BYTES)
             self.is_open = bool(block)
@@ -80,7 +79,7 @@ class BatchReader:
 
 
 class WriterProcess:
-    """Writes what comes through ``inlet`` to the record at ``path``."""
+    """Writes the items from ``reader`` to the record at ``path``."""
 
     def __init__(self, path: Path, reader: BatchReader, clock: Clock, *, limit: float, overwrite: bool) -> None:
         self._path = path
@@ -120,7 +119,7 @@ class WriterProcess:
                 pass
 
     def _write(self, writer: RecordWriter, waiting: deque[bytes]) -> WriteResult:
-        """Write what waits and what comes, until there is no more, or no more room."""
+        """Write items until the input ends or the size limit is reached."""
         flush_at = self._clock.now()
         while (self._reader.is_open or waiting) and writer.limit_reached_at is None:
             told = [_write_batch(writer, batch) for batch in waiting]
@@ -140,14 +139,14 @@ class WriterProcess:
         return written
 
     def _report_losses(self, writer: RecordWriter) -> None:
-        """Tell of what was lost since the last time."""
+        """Report losses since the last call."""
         lost = writer.lost.total()
         if lost != self._reported_losses:
             send_status(lost=dict(writer.lost), why=writer.loss_reason)
         self._reported_losses = lost
 
     def _set_earlier_aside(self) -> EarlierFile | None:
-        """Set the record aside that is to be overwritten, unless another run is writing it. Raises OSError."""
+        """Set an existing record aside, unless another run is writing it. Raises OSError."""
         if not self._overwrite or not self._path.exists():
             return None
         with self._path.open("ab", buffering=0) as file:
@@ -155,7 +154,7 @@ class WriterProcess:
             return EarlierFile(self._path)
 
     def _repair(self) -> None:
-        """Give the record the index that it lacks; where the disk has no room for that, the user can do it later."""
+        """Write the missing index; if the disk has no room for it, the user can repair the record later."""
         from missions.plugins.records.recording.repair import RepairError, repair_record  # noqa: PLC0415 - rarely needed
 
         try:
@@ -165,22 +164,20 @@ class WriterProcess:
             send_status(trouble=f"the record could not be closed: {why}")
 
     def _restore_earlier(self, earlier: EarlierFile) -> None:
-        """Give the earlier record its name back: of the new one, the disk has lost a part."""
+        """Restore the name of the earlier record, since the new one is incomplete."""
         with suppress(OSError):
             renamed = earlier.restore()
             if renamed is not None:
                 send_status(renamed=renamed.name)
-                send_status(
-                    trouble=f"{self._path.name} is the earlier record, {renamed.name} what was written of the new one"
-                )
+                send_status(trouble=f"{self._path.name} is the earlier record, {renamed.name} the incomplete new one")
 
 
 def _lock(file: FileIO) -> None:
-    """Keep others from writing or mending a record. Raises OSError where another run writes it."""
+    """Lock a record against other writers and repairs. Raises OSError if another run writes it."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise OSError(error.errno, "another run is writing it just now") from error
+        raise OSError(error.errno, "another run is writing it") from error
 
 
 def _unpack_contents(batch: bytes) -> RecordContents:
@@ -192,7 +189,7 @@ def _unpack_contents(batch: bytes) -> RecordContents:
 
 
 def installed_versions() -> dict[str, str]:
-    """Return with what a run was made: found out here, where it holds up no start."""
+    """Return the versions of Python, the platform and ``REPORTED_PACKAGES``; slow, so the run does not do it."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in REPORTED_PACKAGES:
         try:
@@ -203,7 +200,7 @@ def installed_versions() -> dict[str, str]:
 
 
 def _write_batch(writer: RecordWriter, batch: bytes) -> bool:
-    """Write the items of a batch; one that cannot be written costs itself alone. Say whether one is told seldom."""
+    """Write the items of a batch, and count those that fail as lost; return whether an urgent event is among them."""
     try:
         items = unpack_items(batch)
     except (pickle.UnpicklingError, AttributeError, ImportError, LookupError, TypeError, ValueError) as error:
@@ -218,7 +215,7 @@ def _write_batch(writer: RecordWriter, batch: bytes) -> bool:
 
 
 def send_status(**what: Any) -> None:
-    """Tell the run something, unless there is nobody any more to hear it."""
+    """Send a status line to the run; ignored if the run has closed the pipe."""
     try:
         os.write(sys.stdout.fileno(), json.dumps(what).encode() + b"\n")
     except OSError:
@@ -226,7 +223,7 @@ def send_status(**what: Any) -> None:
 
 
 def main() -> int:
-    """Write a record for the process that has started this one."""
+    """Write a record for the parent process."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the run hears them, ends, and so ends this
     os.set_blocking(sys.stdout.fileno(), False)  # a run that does not listen is not waited for

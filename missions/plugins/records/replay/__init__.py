@@ -1,1 +1,1 @@
-"""A recorded run once more: looked at, decided again, seen again."""
+"""Replay of recorded runs: player, rerun of decisions, rerun of perception."""

@@ -1,4 +1,4 @@
-"""The pictures of a record with what was seen in them, and what the robot did meanwhile."""
+"""Pictures of a record with percepts, the running leaves and the robot's face drawn in."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
@@ -22,7 +22,7 @@ from perception.api import Box, View
 
 
 class RecordedFace:
-    """Knows what the screen of a record showed: as it was told to, and as it was when it was asked."""
+    """Content of the robot's screen over time, from commands and from reported states."""
 
     def __init__(self, record: RunRecord) -> None:
         changes: list[tuple[float, ScreenContent | Mapping[str, object]]] = [
@@ -34,7 +34,7 @@ class RecordedFace:
             (moment.t, value)
             for moment in record.tick_records
             for part, what, _, value in moment.answers
-            if (part, what) == ("screen", "shown") and isinstance(value, ScreenContent)
+            if (part, what) == ("screen", "content") and isinstance(value, ScreenContent)
         ]
         self._states: list[tuple[float, ScreenContent]] = []
         state = ScreenContent()
@@ -48,30 +48,30 @@ class RecordedFace:
             self._states.append((time, state))
 
     def __bool__(self) -> bool:
-        """Whether there is a face in the record."""
+        """Return whether the record has a face."""
         return bool(self._states)
 
     def at(self, time: float, size: tuple[int, int]) -> Image:
-        """Return the face as an image of ``size`` (width, height): (height, width, 3) BGR."""
+        """Return the face at ``time`` (s) as an image of ``size`` (width, height): (height, width, 3) BGR."""
         place = bisect_right(self._states, time, key=lambda state: state[0]) - 1
         shown = self._states[place][1] if place >= 0 else ScreenContent()
         return face_image(face_expression(shown, time), shown.text, size)
 
 
 CAPTION_HEIGHT = 28
-"""Pixels of the strip below a picture that says what happens."""
+"""Height of the caption in pixels."""
 
 CAPTION_SCALE = 0.45
-"""The size of its letters, in the measure of OpenCV."""
+"""Font scale of the caption, as OpenCV defines it."""
 
 STAMP_TOLERANCE = 1e-3
-"""Seconds within which a view is of a picture: half of what one picture takes at 500 a second."""
+"""Maximum difference in seconds between the stamps of a view and its picture: half a frame at 500 Hz."""
 
 
 def annotate_frames(record: RunRecord) -> Iterator[tuple[float, Image]]:
-    """Yield the time of each picture of a record, and the picture with marks and a caption, beside the robot's face.
+    """Yield the time (s) of each picture, and the picture with labels and a caption, beside the robot's face.
 
-    A picture that cannot be decoded is left out.
+    Pictures that cannot be decoded are left out.
     """
     views = [view for _, view in record.views() if view.looked is not None]
     stamps = [view.looked or 0.0 for view in views]
@@ -89,7 +89,7 @@ def annotate_frames(record: RunRecord) -> Iterator[tuple[float, Image]]:
 
 
 def resample_frames(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Image]:
-    """Yield pictures at ``rate`` a second, each for as long as it was the newest, so that the film takes that time."""
+    """Yield pictures at a constant ``rate`` (Hz); each one is repeated until the next."""
     shown, begun, number = None, 0.0, 0
     for stamp, picture in pictures:
         if shown is None:
@@ -103,7 +103,7 @@ def resample_frames(pictures: Iterator[tuple[float, Image]], rate: float) -> Ite
 
 
 def labelled_boxes(view: View) -> Iterator[tuple[Box, str]]:
-    """Yield the boxes of what one picture shows, with labels; what is only remembered is not in it."""
+    """Yield box and label of the percepts that are visible in a view, without remembered ones."""
     found = [
         *((face, f"face {face.id}") for face in view.faces),
         *((thing, thing.name) for thing in view.things),
@@ -113,7 +113,7 @@ def labelled_boxes(view: View) -> Iterator[tuple[Box, str]]:
 
 
 class _CaptionSource:
-    """Says what the robot did at any time."""
+    """Captions with time, tick and running leaves."""
 
     def __init__(self, record: RunRecord) -> None:
         self._record = record

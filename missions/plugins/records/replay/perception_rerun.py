@@ -1,8 +1,7 @@
-"""Today's perception on the pictures of a record: does it find what was found then?
+"""Run today's perception on recorded pictures, and compare the results.
 
-It is not the same run over again: a picture has been through JPEG, and of those that were searched then not all were
-kept. So tracks are compared, not ids and single pictures: what was followed then counts as found when the pictures that
-show it have it at the same place now, most of the time.
+The result cannot be the same in every picture: pictures are JPEGs, and not all searched frames were recorded. So tracks
+are compared. A track is found if most of its pictures have it at the same position in the other search.
 """
 
 from bisect import bisect_left
@@ -23,17 +22,17 @@ from perception.api import Gaze, Image, Marker, Percept, Thing, View
 from perception.tracks import MIN_DETECTIONS
 
 MIN_OVERLAP = 0.5
-"""Intersection over union from which on two boxes are of one thing."""
+"""Minimum intersection over union of two boxes of one object."""
 
 MIN_FOUND_SHARE = 0.5
-"""The share of its pictures in which what was followed must be found."""
+"""Minimum share of its pictures in which a track must be found."""
 
 
 @dataclass(slots=True)
 class ComparedTrack:
-    """Something that was followed: what it is, in how many pictures, and in how many of them it is in both searches.
+    """A tracked percept: label, number of pictures, and number of those in which the other search has it too.
 
-    ``start`` is when it was seen first, in seconds of the run.
+    ``start`` is the time of its first picture (s).
     """
 
     label: str
@@ -43,7 +42,7 @@ class ComparedTrack:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether it is in more pictures than it takes until anything is believed."""
+        """Whether it is in more pictures than the tracker needs for a confirmation."""
         return self.picture_count > MIN_DETECTIONS
 
     @property
@@ -54,7 +53,7 @@ class ComparedTrack:
 
 @dataclass(frozen=True, slots=True)
 class PerceptionComparison:
-    """What became of a record's pictures: how many there were, what was followed then, and what is followed now."""
+    """Number of compared pictures, and the recorded and current tracks."""
 
     picture_count: int
     recorded: tuple[ComparedTrack, ...]
@@ -62,19 +61,19 @@ class PerceptionComparison:
 
     @property
     def lost_tracks(self) -> tuple[ComparedTrack, ...]:
-        """What was followed then and is not found now."""
+        """Recorded tracks that are not found now."""
         return tuple(track for track in self.recorded if track.is_missed)
 
     @property
     def new_tracks(self) -> tuple[ComparedTrack, ...]:
-        """What is followed now and was not found then."""
+        """Current tracks that were not found then."""
         return tuple(track for track in self.current if track.is_missed)
 
 
 def rerun_perception(record: RunRecord, camera: CameraKeys, interests: Interests) -> PerceptionComparison:
-    """Search the pictures of ``record`` for ``interests``, with the lens and the detector of ``camera``.
+    """Search the pictures of ``record`` for ``interests``, with the lens and detector of ``camera``.
 
-    Raises what the detector raises, such as FileNotFoundError for its model.
+    Raises the exceptions of the detector, such as FileNotFoundError for its model.
     """
     then, now = _TrackCollector(), _TrackCollector()
     before = {view.looked: view for _, view in record.views() if view.looked is not None}
@@ -90,7 +89,7 @@ def rerun_perception(record: RunRecord, camera: CameraKeys, interests: Interests
 
 
 class _TrackCollector:
-    """The tracks of one search, as its views come."""
+    """Collects the tracks of one search from its views."""
 
     def __init__(self) -> None:
         self._tracks: dict[tuple[str, int], ComparedTrack] = {}
@@ -99,7 +98,7 @@ class _TrackCollector:
         return iter(self._tracks.values())
 
     def add(self, view: View, other: View) -> None:
-        """Take in what one picture shows, and what the ``other`` search found in it."""
+        """Add the percepts of one view, compared with the view of the ``other`` search."""
         others = list(_visible_percepts(other))
         for percept in _visible_percepts(view):
             what = _percept_label(percept)
@@ -112,14 +111,14 @@ class _TrackCollector:
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """A picture of the record: a ``perception.api.Frame``."""
+    """A recorded picture as a ``perception.api.Frame``."""
 
     image: Image
     stamp: float
 
 
 def _current_views(record: RunRecord, camera: CameraKeys, interests: Interests) -> Iterator[View]:
-    """Yield what today's eyes make of each picture."""
+    """Yield the view of each picture, by today's perception."""
     clock, found, gaze = ManualClock(), list[View](), _GazeHistory(record)
     vision = make_vision(
         gaze.at,
@@ -141,7 +140,7 @@ def _current_views(record: RunRecord, camera: CameraKeys, interests: Interests) 
 
 
 class _GazeHistory:
-    """Which way the camera looked at any time of a record."""
+    """Direction of the camera over time, from a record."""
 
     def __init__(self, record: RunRecord) -> None:
         names = ("base.heading", "head.pan", "head.tilt")
@@ -155,7 +154,7 @@ class _GazeHistory:
 
 
 def _interpolate(times: Sequence[float], values: Sequence[float], time: float) -> float:
-    """Return the value at a time between two; 0 where there is none at all."""
+    """Return the value at ``time``, linearly interpolated; 0 without values."""
     place = bisect_left(times, time)
     if not 0 < place < len(times):
         return values[min(place, len(values) - 1)] if values else 0.0
@@ -165,13 +164,13 @@ def _interpolate(times: Sequence[float], values: Sequence[float], time: float) -
 
 
 def _matching_stamp(stamps: Sequence[float], stamp: float) -> float | None:
-    """Return the one of rising ``stamps`` that is this one, as far as a file keeps it."""
+    """Return the element of rising ``stamps`` within ``STAMP_TOLERANCE`` of ``stamp``."""
     place = bisect_left(stamps, stamp - STAMP_TOLERANCE)
     return stamps[place] if place < len(stamps) and stamps[place] <= stamp + STAMP_TOLERANCE else None
 
 
 def _visible_percepts(view: View) -> Iterable[Percept]:
-    """Return what the picture of a view shows, without what is only remembered."""
+    """Return the percepts visible in a view, without remembered ones."""
     return (each for each in (*view.faces, *view.things, *view.markers) if each.stamp == view.looked)
 
 

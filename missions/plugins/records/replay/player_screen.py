@@ -1,4 +1,4 @@
-"""What a record shows at one moment, on a terminal: the tree and its statuses, the variables, what happened last."""
+"""Terminal screen of the player: the tree with statuses, variables, and the last events."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,13 +27,13 @@ from missions.trees.value_text import percept_name, value_text, variable_text
 from perception.api import Percept
 
 MAX_EVENTS = 3
-"""As many of the last events are shown."""
+"""Maximum number of events shown."""
 
 MAX_VARIABLES = 6
-"""More are only counted."""
+"""Maximum number of variables shown; further ones are counted."""
 
 SHOWN_COMMANDS = frozenset({"latch", "enable", "tune", "tone", "light", "relax", "follow", "recover"})
-"""Commands worth a line; where base, head and arm go, and what is said, is told otherwise or all the time."""
+"""Commands that are shown as events; motion and speech are shown elsewhere or too frequent."""
 
 
 class PlayerScreen:
@@ -46,7 +46,7 @@ class PlayerScreen:
         self._variables = [event for event in record.events if isinstance(event, VariableSet)]
 
     def draw(self, player: RecordPlayer, height: int) -> Group:
-        """Return what there is to see where the ``player`` is, in ``height`` lines at most."""
+        """Return the screen at the player's time, in at most ``height`` lines."""
         time = player.time
         below = [*self._variable_lines(time), *self._event_lines(time), self._footer(player)]
         tree, focus = self._tree(time)
@@ -62,7 +62,7 @@ class PlayerScreen:
         return Text.assemble((f"{self._record.header.mission}  ", "bold"), place)
 
     def _tree(self, time: float) -> tuple[list[Text], int]:
-        """Return a line for each node, and which of them it is about now."""
+        """Return a line for each node, and the index of the last running one."""
         now = node_states(self._record, time)
         scene = ViewState(t=time, nodes={key: replace(each, reason=one_line(each.reason)) for key, each in now.items()})
         rows = list(_rows(self._drawing.root))
@@ -70,7 +70,7 @@ class PlayerScreen:
         return [Text("  " * depth) + node_label(box, scene) for depth, box in rows], max(running, default=0)
 
     def _variable_lines(self, time: float) -> list[Text]:
-        """Return a line for each variable that has a value."""
+        """Return a line for each variable with a value."""
         values = variables_at(self._variables, time)
         lines = [f"  {name} = {value_text(value)}" for name, value in values.items()]
         more = [f"  and {len(lines) - MAX_VARIABLES} more"] if len(lines) > MAX_VARIABLES else []
@@ -91,9 +91,9 @@ class PlayerScreen:
 
 
 def event_lines(record: RunRecord, start: float) -> Iterator[str]:
-    """Yield what happened from ``start`` on, a line for each change of a node and each event worth one.
+    """Yield a line for each status change and notable event from ``start`` (s) on.
 
-    A variable that holds somebody who was seen is told again once it is somebody else, not in each new place.
+    A variable that holds a percept is printed again only when its name changes.
     """
     held: dict[tuple[str, str], str] = {}
     for event in record.events:
@@ -116,12 +116,12 @@ def event_lines(record: RunRecord, start: float) -> Iterator[str]:
 
 
 def node_states(record: RunRecord, time: float) -> Mapping[str, NodeState]:
-    """Return how each node stands at ``time``, as pictures take it."""
+    """Return the status of each node at ``time`` (s), as drawings use it."""
     return {key: state_after(change) for key, change in record.statuses(time).items()}
 
 
 def variables_at(events: Sequence[VariableSet], time: float) -> Mapping[str, object]:
-    """Return the values that variables have at ``time``; those of a mission inside with the key of its node."""
+    """Return the values of variables at ``time`` (s); those of a sub-mission begin with the key of its node."""
     values: dict[str, object] = {}
     for event in events:
         if event.t > time:
@@ -131,12 +131,12 @@ def variables_at(events: Sequence[VariableSet], time: float) -> Mapping[str, obj
 
 
 def running_leaves(root: TreeBox) -> list[TreeBox]:
-    """Return the nodes at the bottom of the tree that are running."""
+    """Return the running leaves of a tree."""
     return [box for box in root.walk() if box.status in ACTIVE and not box.children]
 
 
 def event_text(event: Event) -> str:
-    """Return an event in words; nothing for those that happen all the time."""
+    """Return an event as text; empty for frequent ones."""
     match event:
         case Logged():
             return _log_text(event)
@@ -154,7 +154,7 @@ def event_text(event: Event) -> str:
 
 
 def _log_text(line: Logged) -> str:
-    """Return a line of the log: of speech, who said it, and what."""
+    """Return a log line; of speech, the speaker and the words."""
     who, told, words = line.text.partition(": ")
     if line.level == "voice":
         return f'robot: "{line.text}"'
@@ -168,6 +168,6 @@ def _rows(root: TreeBox, depth: int = 0) -> Iterator[tuple[int, TreeBox]]:
 
 
 def _visible_rows(rows: Sequence[Text], focus: int, height: int) -> Sequence[Text]:
-    """Return as many rows as there is room for, with the one that it is about two thirds down."""
+    """Return the rows that fit, with the row ``focus`` two thirds down."""
     start = min(max(0, focus - height * 2 // 3), max(0, len(rows) - height))
     return rows[start : start + height]

@@ -1,4 +1,4 @@
-"""A player for a record: where in it the player is, and what each key does."""
+"""Player state: current time, speed, and the action of each key."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
@@ -8,10 +8,10 @@ from missions.plugins.records.recording.run_record import RunRecord
 from missions.trees.states import TIME_TOLERANCE
 
 JUMP_TIME = 5.0
-"""Seconds that an arrow key jumps."""
+"""Seconds skipped by an arrow key."""
 
 SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-"""How many times as fast as it was; of any other speed, the next in this row is taken when it changes."""
+"""Speeds that the arrow keys select, relative to real time."""
 
 KEY_HELP = "space play  ←→ jump  ↑↓ speed  , . tick  f F failure  / n N search  0-9 tenth  q quit"
 
@@ -19,9 +19,9 @@ BACKSPACE_KEYS = ("\x7f", "\b")
 
 
 class RecordPlayer:
-    """Goes through a record: ``time`` is where it is, in seconds of the run.
+    """Position and speed of playback; ``time`` is in seconds of the run.
 
-    ``note`` is what there is to say of the last key, ``typing`` the text to search for while it is typed.
+    ``note`` is the message of the last key, ``typing`` the search text while it is typed.
     """
 
     def __init__(self, record: RunRecord, *, at: float = 0.0, speed: float = 1.0) -> None:
@@ -52,13 +52,13 @@ class RecordPlayer:
         }
 
     def advance(self, seconds: float) -> None:
-        """Let so many seconds pass; at the end it pauses."""
+        """Advance by ``seconds`` of real time; pauses at the end."""
         if self.playing:
             self.time = self._clamp(self.time + seconds * self.speed)
             self.playing = self.time < self.end
 
     def press(self, key: str) -> bool:
-        """Do what a key asks for; False when that is to end."""
+        """Handle a key; return False to quit."""
         if self.typing is not None:
             self._type_key(key)
             return True
@@ -91,7 +91,7 @@ class RecordPlayer:
             self.speed = others[0 if faster else -1]
 
     def _jump(self, times: Sequence[float], what: str, *, back: bool = False) -> None:
-        """Pause at the next of some rising ``times``, or at the one before; never at the one that is shown."""
+        """Pause at the next or the previous one of some rising ``times``, other than the current time."""
         if back:
             place = bisect_left(times, self.time - TIME_TOLERANCE) - 1
         else:
@@ -99,10 +99,10 @@ class RecordPlayer:
         if 0 <= place < len(times):
             self.time, self.playing = self._clamp(times[place]), False
         else:
-            self.note = f"no {what} {'before' if back else 'after'} this"
+            self.note = f"no {what} {'before' if back else 'after'} this time"
 
     def _type_key(self, key: str) -> None:
-        """Take in one key of a text to search for."""
+        """Handle a key of the search text."""
         text = self.typing or ""
         if key in ("escape", "end"):
             self.typing = None

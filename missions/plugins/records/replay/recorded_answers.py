@@ -1,4 +1,4 @@
-"""What a robot answered at each moment of a record, given out again to whoever asks the same."""
+"""Recorded replies of a robot's parts, returned again to equal queries."""
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -13,14 +13,14 @@ from missions.executive.tick_record import Answer, Question
 
 @dataclass(frozen=True, slots=True)
 class RecordedCommand:
-    """What a part was told, and what came of it."""
+    """A command to a part, and its result."""
 
     name: str
     arguments: tuple[object, ...]
     result: object = None
 
     def matches(self, name: str, arguments: tuple[object, ...]) -> bool:
-        """Whether it is the same command."""
+        """Return whether it is the same command."""
         # In words, too: what is not a number is not equal to itself.
         return self.name == name and (self.arguments == arguments or repr(self.arguments) == repr(arguments))
 
@@ -32,16 +32,16 @@ NO_PARTS: Mapping[str, str] = MappingProxyType({})
 
 
 class NoRecordedAnswerError(DriverError):
-    """A part was asked what the record has no answer to."""
+    """The record has no reply to a query."""
 
 
 class RecordedAnswers:
-    """Answers for the parts of a robot, moment after moment.
+    """Replies for the parts of a robot, tick by tick.
 
-    A question that was asked several times in a moment, between commands, is answered in that order; one that was not
-    asked in it, as the last time before. ``unheard(question)`` is told of one that has no answer at all,
-    ``otherwise(part, then, now)`` of a command that is not as it was then; one of the two is None where there is none.
-    ``others`` are the kinds of further parts.
+    Repeated queries within a tick get their recorded replies in order; a query that was not recorded in the tick gets
+    the last known reply. ``on_unanswered(query)`` is called for a query without any reply, and
+    ``on_different_command(part, recorded, current)`` for a different command, with None for a missing one.
+    ``other_kinds`` are the kinds of further parts by name.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class RecordedAnswers:
         self._commands: dict[str, deque[RecordedCommand]] = {}
 
     def begin_tick(self, answers: Iterable[Answer]) -> None:
-        """Begin a moment."""
+        """Load the replies of a tick."""
         self._answers, self._commands = defaultdict(deque), defaultdict(deque)
         for part, what, arguments, value in answers:
             if what in command_names(self._other_kinds.get(part, part)):
@@ -68,7 +68,7 @@ class RecordedAnswers:
                 self._answers[part, what, arguments].append(value)
 
     def end_tick(self) -> None:
-        """End the moment: what was commanded in it then, and not now, is told; what was not asked now is remembered."""
+        """End the tick: report recorded commands that were not repeated, and keep unused replies."""
         for part, left in self._commands.items():
             for told in left:
                 self._on_different_command(part, told, None)
@@ -77,7 +77,7 @@ class RecordedAnswers:
                 self._store(question, values[-1])
 
     def answer(self, part: str, query: str, *arguments: object) -> Any:
-        """Return what ``part`` answered, or raise the error that it answered with. Raises NotHeardError."""
+        """Return the recorded reply of ``part``, or raise the recorded error. Raises NoRecordedAnswerError."""
         question = part, query, arguments
         values = self._answers.get(question)
         if values:
@@ -85,11 +85,11 @@ class RecordedAnswers:
         known: Hashable = question if question in self._latest else (part, query)
         if known not in self._latest:
             self._on_unanswered(f"{part}.{query}")
-            raise NoRecordedAnswerError(f"{part}: the record has never heard its {query}")
+            raise NoRecordedAnswerError(f"{part}: no recorded reply to {query}")
         return _return_or_raise(self._latest[known])
 
     def command(self, part: str, name: str, accept: Callable[[], object], *arguments: object) -> Any:
-        """Return what came of a command then; of one that is not as it was then, what ``accept`` returns."""
+        """Return the recorded result of a command; for a different command, the result of ``accept``."""
         row = self._commands.get(part)
         then = row.popleft() if row else None
         if then is not None and then.matches(name, arguments):

@@ -1,7 +1,7 @@
-"""Decides a mission again: the tree of today is told what the recorded one was told, moment after moment.
+"""Repeat the decisions of a mission: the current tree gets the recorded inputs, tick by tick.
 
-Nothing moves, and no device is open. The first status that is another than then ends it: what the robot would have been
-told from there on is nowhere recorded.
+Nothing moves, and no device is opened. The rerun ends at the first different status, since the inputs of a robot that
+behaves differently are not recorded.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -45,15 +45,15 @@ from missions.trees.drawing_builder import drawing_of
 # A robot that answers out of a record: no device is behind it, and nothing moves.
 
 JointGroups = Mapping[str, tuple[str, ...]]
-"""Groups of joints."""
+"""Joint names by group."""
 
 NO_PARTS: Mapping[str, tuple[str, JointGroups]] = MappingProxyType({})
 
 SECONDS_PER_LETTER = 0.06
-"""Seconds that a letter takes to say, where nobody knows how long it took."""
+"""Estimated speaking time of a letter, for speech that is not recorded."""
 
 SOUND_DURATION = 1.0
-"""The same for a sound."""
+"""Estimated duration in seconds of a sound that is not recorded."""
 
 
 def recorded_robot(
@@ -65,9 +65,9 @@ def recorded_robot(
     groups: JointGroups,
     other_parts: Mapping[str, tuple[str, JointGroups]] = NO_PARTS,
 ) -> Robot:
-    """Return a robot of these parts that answers out of ``memory``; ``current`` tells the time of the record.
+    """Return a robot whose ``parts`` reply from ``answers``; ``now`` returns the time of the record (s).
 
-    ``others`` are the kinds of further parts, with the groups of the joints of those that are arms.
+    ``other_parts`` are the kinds of further parts, with the joint groups of arms.
     """
     fields: dict[str, Any] = {}
     further = {
@@ -84,10 +84,10 @@ def recorded_robot(
 
 
 class ReplayedPart:
-    """A part with any ``protocol`` that answers out of ``memory``, behind its proxy; see ``drivers.api.marks``.
+    """A part of any ``protocol`` that replies from ``answers``, behind its proxy; see ``drivers.api.marks``.
 
-    A command that is not as it was then is answered as its mark says: of a velocity, with what is within the limits.
-    ``part`` is its name in answers.
+    A command that differs from the record gets the reply that its mark declares: for a velocity, the limited velocity.
+    ``part`` is its name in the record.
     """
 
     def __init__(self, name: str, protocol: type, answers: RecordedAnswers, part: str) -> None:
@@ -105,44 +105,44 @@ class ReplayedPart:
                     setattr(self, each.name, partial(self._command, each.name, each.command.default_reply))
 
     def open(self) -> None:
-        """Do nothing: there is nothing to open."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Do nothing: there is nothing to close."""
+        """Do nothing."""
 
     def __getattr__(self, name: str) -> Any:
-        """Return a property as it was then."""
+        """Return the recorded value of a property."""
         if name not in self._properties:
             raise AttributeError(f"{self.name} has no {name}")
         return self._answers.answer(self._part, name)
 
     def _command(self, what: str, otherwise: Callable[..., object], *given: object, **named: object) -> Any:
-        """Return what came of a command then; a proxy gives all its arguments, in the protocol's order."""
+        """Return the recorded result of a command; a proxy passes all arguments, in the protocol's order."""
         arguments = (*given, *named.values())
         return self._answers.command(self._part, what, partial(otherwise, self, *arguments), *arguments)
 
 
 class ReplayedVoice(ReplayedPart):
-    """A voice that is as long about its words as it was then."""
+    """A voice whose utterances take the recorded time."""
 
     def __init__(self, answers: RecordedAnswers, now: Callable[[], float]) -> None:
         super().__init__("voice", Device, answers, "voice")
         self._now = now
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Say nothing; what comes back is done when it was then, or after about the time that other words take."""
+        """Say nothing; return an utterance with the recorded, else an estimated, duration."""
         return self._utterance(
             self._command("say", reply_none, text, *non_default_manner(manner, priority)),
             SECONDS_PER_LETTER * len(text),
         )
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Play nothing, as ``say`` does."""
+        """Play nothing; return an utterance as ``say`` does."""
         _, otherwise = non_default_manner(DEFAULT_STYLE, priority)
         return self._utterance(self._command("play", reply_none, str(path), otherwise), SOUND_DURATION)
 
     def speaking(self) -> Utterance | None:
-        """What was heard then."""
+        """Return the recorded utterance in progress."""
         number: int | None = self._answers.answer("voice", "speaking")
         return None if number is None else _RecordedUtterance(self._answers, number)
 
@@ -151,7 +151,7 @@ class ReplayedVoice(ReplayedPart):
 
 
 class _RecordedUtterance:
-    """Words that were said then, by their number."""
+    """A recorded utterance, by its number."""
 
     def __init__(self, answers: RecordedAnswers, number: int) -> None:
         self._number = number
@@ -159,33 +159,28 @@ class _RecordedUtterance:
         self._answers = answers
 
     def done(self) -> bool:
-        """See drivers.api.Utterance."""
         return bool(self._ask("done", self._number))
 
     def cancel(self) -> None:
-        """See drivers.api.Utterance."""
         self._answers.command("voice", "cancel", reply_none, self._number)
 
     @property
     def cancelled(self) -> bool:
-        """See drivers.api.Utterance."""
         return bool(self._ask("cancelled", self._number))
 
     @property
     def started(self) -> float | None:
-        """See drivers.api.Utterance."""
         found: float | None = self._ask("started", self._number)
         return found
 
     @property
     def mouth(self) -> Sequence[MouthShape]:
-        """See drivers.api.Utterance."""
         found: Sequence[MouthShape] = self._ask("mouth", self._number)
         return found
 
 
 class _EstimatedUtterance:
-    """Words that nobody said: they begin at once, and are done after some ``seconds``."""
+    """An utterance that is not recorded: starts at once, and ends after ``seconds``."""
 
     mouth: Sequence[MouthShape] = ()
     cancelled = False
@@ -196,46 +191,44 @@ class _EstimatedUtterance:
         self._until = now() + seconds
 
     def done(self) -> bool:
-        """See drivers.api.Utterance."""
         return self._now() >= self._until
 
     def cancel(self) -> None:
-        """See drivers.api.Utterance."""
         self.cancelled = self.cancelled or not self.done()
         self._until = self._now()
 
 
 class RerunSource(Protocol):
-    """What a mission is decided again from: ``missions.plugins.records.recording.run_record.RunRecord``, or one in memory."""
+    """Source of a rerun: a ``missions.plugins.records.recording.run_record.RunRecord``, or a record in memory."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether it was brought to its end; else the last tick may be there in part."""
+        """Whether the record was closed; otherwise its last tick may be incomplete."""
         ...
 
     @property
     def tick_records(self) -> Sequence[TickRecord]:
-        """Every moment, with the answers that were given in it."""
+        """All tick records, with their replies."""
         ...
 
     @property
     def events(self) -> Sequence[Event]:
-        """All that happened."""
+        """All events."""
         ...
 
 
 @runtime_checkable
 class TreeSource(Protocol):
-    """A record that holds the tree of then, which today's may differ from; one in memory is of today's plan."""
+    """A record with its own tree, which the current one may differ from; a record in memory uses the current plan."""
 
     def drawing(self) -> TreeDrawing:
-        """Return the tree as it was then."""
+        """Return the recorded tree."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class CommandDifference:
-    """A command that is not as it was then: ``recorded`` or ``current`` is None where there is none. ``place`` is who gives it."""
+    """A command that differs from the record: ``recorded`` or ``current`` is None if missing; ``place`` is its leaf."""
 
     tick: int
     t: float
@@ -247,11 +240,11 @@ class CommandDifference:
 
 @dataclass(frozen=True, slots=True)
 class RerunResult:
-    """How the decisions of today compare with those of then, in so many ``ticks``.
+    """Result of a rerun over ``ticks`` ticks.
 
-    ``difference`` is the first status that is another one, ``command`` the first command that is. ``unanswered`` says what
-    was asked that the record has no answer to, and by whom. ``reworded_count`` counts statuses that are the same for a reason
-    in other words, of which ``first_reworded`` is the first. ``nodes`` says how many nodes were compared.
+    ``difference`` is the first different status, ``command`` the first different command. ``unanswered`` is the first
+    query without a recorded reply, with tick and leaf. ``reworded_count`` counts equal statuses with another reason;
+    ``first_reworded`` is the first of these. ``nodes`` is the number of compared nodes.
     """
 
     ticks: int
@@ -264,7 +257,7 @@ class RerunResult:
 
     @property
     def is_identical(self) -> bool:
-        """Whether all was decided as it was then."""
+        """Whether all decisions are as recorded."""
         return self.difference is None and self.command is None and not self.unanswered
 
 
@@ -277,9 +270,9 @@ def rerun(
     lag: float | None = None,
     substitute: Substitute = keep_leaf,
 ) -> RerunResult:
-    """Decide ``plan`` again as on the record, on a robot of ``config``, until the first difference.
+    """Repeat the decisions of ``record`` with ``plan``, on a robot of ``config``, up to the first difference.
 
-    ``substitute`` puts mocks in the place of leaves, as when it was recorded; ``lag`` is what was known of the base's.
+    ``substitute`` replaces leaves by the mocks of the recorded run; ``lag`` is the recorded delay of the base (s).
     """
     again = _Rerun(record, plan, config, seed, lag, substitute)
     ticks = [list(moments) for _, moments in groupby(record.tick_records, key=lambda moment: moment.tick)]
@@ -291,7 +284,7 @@ def rerun(
 
 
 class _Rerun:
-    """The tree of today, and who compares what it does."""
+    """The current tree, with the comparison of its statuses and commands."""
 
     def __init__(
         self,
@@ -340,11 +333,11 @@ class _Rerun:
 
     @property
     def is_over(self) -> bool:
-        """Whether there is nothing more to be known."""
+        """Whether the rerun can go no further."""
         return self.result.difference is not None or bool(self.result.unanswered)
 
     def repeat_tick(self, tick_records: Sequence[TickRecord]) -> None:
-        """Do again what was done at the moments of one tick."""
+        """Repeat the tick records of one tick."""
         for moment in tick_records:
             self._clock.advance_to(moment.t)
             self._answers.begin_tick(moment.answers)
@@ -361,14 +354,14 @@ class _Rerun:
         )
 
     def _note_unanswered(self, query: str) -> None:
-        """Note the first question that the record has no answer to."""
+        """Store the first query without a recorded reply."""
         if not self.result.unanswered:
-            by = "" if self._run.active_leaf is None else f"{self._run.active_leaf.label} asks for "
+            by = "" if self._run.active_leaf is None else f"{self._run.active_leaf.label} queries "
             when = f"in tick {self._run.tick}, at {self._run.now():.2f} s"
             self.result = replace(self.result, unanswered=f"{when}, {by}{query}")
 
     def _note_command(self, part: str, recorded: RecordedCommand | None, current: RecordedCommand | None) -> None:
-        """Note the first command that is another one."""
+        """Store the first different command."""
         if self.result.command is None:
             leaf, tick, time = self._run.active_leaf, self._run.tick, self._run.now()
             by = "" if leaf is None or current is None else leaf.label
@@ -376,4 +369,4 @@ class _Rerun:
 
 
 def _ignore_command(*_: object) -> None:
-    """Tell nobody of a command: the memory knows of it."""
+    """Ignore a command event: ``RecordedAnswers`` compares the commands."""

@@ -1,7 +1,6 @@
-"""The files that a record is decided again with: today's where they are still there, else those that it holds.
+"""Files of a rerun: today's files where they still exist, else those in the record.
 
-A record may come from anybody. Python is never run because a record says so, nor from where it says: only what the user
-names, or what the record holds once the user trusts it.
+A record may come from anyone. Python code is run only if the user names it, or trusts the code in the record.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,10 +23,10 @@ from missions.plugins.records.recording.record_header import RecordHeader
 from missions.plugins.records.recording.validation import InvalidRecordError
 
 IGNORED_PREFIXES = ("world/", "test/")
-"""What the decisions do not depend on: a record knows what the robot was told, not why."""
+"""Files that do not affect decisions: a record has the inputs of the robot, so worlds and tests do not matter."""
 
 NEW_FILES_FOLDER = "new"
-"""The folder for what is written when a mission is decided again."""
+"""Folder for files that a mission writes during a rerun."""
 
 FOLDERS_BY_KIND: Mapping[str, tuple[str, ...]] = {
     "gesture": ("gesture/", "move/"),
@@ -36,15 +35,14 @@ FOLDERS_BY_KIND: Mapping[str, tuple[str, ...]] = {
     "controller": ("controller/",),
     "object": ("object/",),
 }
-"""Where the files of each kind of thing are among those of a record."""
+"""Folders of the record with the files of each kind."""
 
 
 class RerunFiles:
-    """The files of a record, unpacked into ``folder``, beside those of today.
+    """Recorded files, unpacked into ``folder``, and today's files.
 
-    ``recorded`` takes them all from the record. What a mission writes when it is decided again goes into ``folder``.
-    ``code`` are files of the user's with leaves of their own; without any, those of the record are run, but only if
-    ``trusted``.
+    ``recorded`` uses only recorded files. Files that a mission writes go into ``folder``. ``code`` are the user's files
+    with leaves; without them those of the record are used, but only if ``trusted``.
     """
 
     def __init__(
@@ -65,46 +63,46 @@ class RerunFiles:
         self._trusted = trusted
 
     def unpack(self) -> None:
-        """Write the record's files, and make room for what missions write.
+        """Write the recorded files, and create the folder for new ones.
 
-        Raises InvalidRecordError for a file that would take the place of another, OSError.
+        Raises InvalidRecordError for two files of one name, OSError.
         """
         (self._folder / NEW_FILES_FOLDER).mkdir(parents=True, exist_ok=True)
         for name, data in self._files.items():
             path = self._unpacked_path(name)
             if path.exists():
-                raise InvalidRecordError(f"two files of the record go by one name: {name}")
+                raise InvalidRecordError(f"two files of the record have the same name: {name}")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
 
     def foreign_code(self) -> Sequence[str]:
-        """Return a line for each file of Python of the record, which deciding it again would run: size, and origin."""
+        """Return a line with size and origin for each recorded Python file that a rerun would execute."""
         names = () if self._code else self._header.behaviours
         return [
-            f"{name}, {len(self._files.get(name, b''))} bytes, of {self._header.paths.get(name, 'nobody knows where')}"
+            f"{name}, {len(self._files.get(name, b''))} bytes, from {self._header.paths.get(name, 'an unknown folder')}"
             for name in names
         ]
 
     def changed_files(self) -> Iterator[str]:
-        """Say of each file that is another today, or gone, what has become of it."""
+        """Yield a line for each file that has changed or is gone."""
         for name, data in self._files.items():
             path = self._header.paths.get(name)
             if path is None or name.startswith(IGNORED_PREFIXES):
                 continue
             if not is_file(Path(path)):
-                yield f"{path} is gone since"
+                yield f"{path} no longer exists"
             elif not _has_content(Path(path), data):
-                yield f"{path} has changed since"
+                yield f"{path} has changed since the run"
 
     def robot(self) -> RobotConfig:
-        """Return the robot. Raises InvalidFileError, or UnknownNameError where neither file nor name helps."""
+        """Return the robot. Raises InvalidFileError, or UnknownNameError if neither file nor name is found."""
         name = next((name for name in self._files if name.startswith("robot/")), None)
         return load_robot(find_file("robots", self._header.robot) if name is None else self._path_of(name))
 
     def plan(self, robot: RobotConfig, mission: str | None = None) -> Plan:
-        """Return the mission, or another one, with the params of the record.
+        """Return the recorded mission, or ``mission``, with the recorded params.
 
-        Raises InvalidFileError with all that is wrong with it, or UnknownNameError.
+        Raises InvalidFileError with all errors in it, or UnknownNameError.
         """
         path = self._path_of(self._header.file) if mission is None else find_mission(mission)
         return load_plan(
@@ -120,22 +118,22 @@ class RerunFiles:
         )
 
     def display_name(self, file: str) -> str:
-        """Return the name of a file that a mission was read from, for people."""
+        """Return the name of a mission file for people."""
         path = Path(file)
         return f"{path.relative_to(self._folder)} as recorded" if path.is_relative_to(self._folder) else file
 
     def _leaves(self) -> Sequence[Path]:
-        """Return the files with leaves of the user's own that may be run."""
+        """Return the files with user leaves that may be executed."""
         recorded = self._header.behaviours if self._trusted else ()
         return self._code or [self._unpacked_path(name) for name in recorded]
 
     def _path_of(self, name: str) -> Path:
-        """Return where a file of the record is to be read: today's place of it, unless it is not there."""
+        """Return the path to read a recorded file from: today's path, or the unpacked file."""
         today = Path(self._header.paths.get(name, ""))
         return self._unpacked_path(name) if self._recorded or not is_file(today) else today
 
     def _unpacked_path(self, name: str) -> Path:
-        """Return where a file of the record is unpacked; nothing in a name leads out of the folder."""
+        """Return the unpacked path of a recorded file; always inside the folder."""
         return self._folder / path_inside(name)
 
     def _find_mission(self, name: str, beside: Path) -> Path:
@@ -150,7 +148,7 @@ class RerunFiles:
             return found
 
     def _lookups(self) -> Mapping[str, Lookup]:
-        """Return how things are found; what is recorded anew is not written over what was recorded then."""
+        """Return the lookups of files by kind; new moves do not overwrite recorded ones."""
         held = {kind: partial(self._find_thing, LOOKUPS[kind], holders) for kind, holders in FOLDERS_BY_KIND.items()}
         new = {"new move": lambda name: new_move_file(str(self._folder / NEW_FILES_FOLDER / Path(name).name))}
         return {**LOOKUPS, **held, **new, "file": Path}  # files are only handed on
@@ -167,7 +165,7 @@ class RerunFiles:
             return look_up(str(found))
 
     def _recorded_file(self, folders: tuple[str, ...], name: str) -> Path | None:
-        """Return the file of the record that a mission means by ``name``, which may be that of the file or its stem."""
+        """Return the unpacked file that a mission calls ``name``, by file name or stem; None without one."""
         held = [PurePosixPath(each) for holder in folders for each in self._files if each.startswith(holder)]
         wanted = PurePosixPath(name).name
         fitting = [each for each in held if each.name == wanted] + [each for each in held if each.stem == wanted]
@@ -175,7 +173,7 @@ class RerunFiles:
 
 
 def _has_content(path: Path, data: bytes) -> bool:
-    """Say whether a file holds ``data`` and no more."""
+    """Return whether a file has exactly this content."""
     try:
         return read_regular(path, len(data)) == data
     except OSError:

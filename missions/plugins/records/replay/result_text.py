@@ -1,4 +1,4 @@
-"""What a re-run, and a second look at the pictures, have brought, in words."""
+"""Results of reruns as text."""
 
 from collections.abc import Callable, Iterator
 
@@ -8,16 +8,16 @@ from missions.plugins.records.replay.rerun_files import RerunFiles
 from missions.plugins.records.replay.status_comparison import NodePlace, StatusDifference
 
 FileNamer = Callable[[str], str]
-"""Returns the name of a mission's file for people."""
+"""Returns the name of a mission file for people."""
 
-END_OF_RECORD_NOTE = "What the robot would have been told from here on is nowhere recorded."
+END_OF_RECORD_NOTE = "Later inputs are not recorded for a robot that behaves differently."
 
 
 def rerun_lines(result: RerunResult, sources: RerunFiles) -> Iterator[str]:
-    """Yield what a re-run has brought, a line for each thing; ``sources`` know what the mission's files are called."""
+    """Yield the result of a rerun as lines; ``sources`` has the names of the mission files."""
     counts = f"{result.ticks} ticks decided again, {result.nodes} nodes compared"
     if not result.nodes:
-        yield "no node of the mission is in the recorded tree: there is nothing to compare"
+        yield "no node of the mission is in the recorded tree: nothing to compare"
         return
     if result.is_identical:
         yield f"{counts}: no difference"
@@ -30,14 +30,14 @@ def rerun_lines(result: RerunResult, sources: RerunFiles) -> Iterator[str]:
     if result.difference is not None:
         yield END_OF_RECORD_NOTE
     if result.first_reworded is not None:
-        yield f"same status, other words: {result.reworded_count}, the first in tick {result.first_reworded.tick}"
+        yield f"same status, other reason: {result.reworded_count}, the first in tick {result.first_reworded.tick}"
         yield from _difference_lines(result.first_reworded, sources.display_name)
 
 
 def perception_lines(comparison: PerceptionComparison) -> Iterator[str]:
-    """Yield what a second look at the pictures of a record has brought."""
+    """Yield the result of a perception rerun as lines."""
     kept = [track for track in comparison.recorded if track.is_confirmed and not track.is_missed]
-    counts = f"{len(kept)} found as then, {len(comparison.lost_tracks)} lost, {len(comparison.new_tracks)} new"
+    counts = f"{len(kept)} found as before, {len(comparison.lost_tracks)} lost, {len(comparison.new_tracks)} new"
     yield f"{comparison.picture_count} pictures searched again: {counts}"
     for sign, tracks in (("lost", comparison.lost_tracks), ("new", comparison.new_tracks), ("found", kept)):
         yield from (f"  {sign:<6} {_track_text(track)}" for track in tracks)
@@ -45,10 +45,10 @@ def perception_lines(comparison: PerceptionComparison) -> Iterator[str]:
 
 def _verdict(result: RerunResult) -> str:
     if result.unanswered:
-        return f"the record ends what can be known: {result.unanswered}, which it has never heard"
+        return f"stopped {result.unanswered}, which has no recorded reply"
     if result.difference is not None:
         return f"first difference in tick {result.difference.tick}, at {result.difference.t:.2f} s"
-    return "the same statuses, but not the same commands"
+    return "the same statuses, but different commands"
 
 
 def _difference_lines(difference: StatusDifference, file_name: FileNamer) -> Iterator[str]:
@@ -63,7 +63,7 @@ def _place_text(place: NodePlace, file_name: FileNamer) -> str:
 
 def _command_lines(difference: CommandDifference) -> Iterator[str]:
     by = f", by {difference.place}" if difference.place else ""
-    yield f"  first other command: tick {difference.tick}, at {difference.t:.2f} s, {difference.part}{by}"
+    yield f"  first different command: tick {difference.tick}, at {difference.t:.2f} s, {difference.part}{by}"
     yield f"    then  {difference.recorded or 'none'}"
     yield f"    now   {difference.current or 'none'}"
 

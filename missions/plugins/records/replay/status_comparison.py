@@ -1,4 +1,4 @@
-"""What each node did then and does now, tick by tick, until one does something else."""
+"""Compare recorded and current node statuses, tick by tick, up to the first difference."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ from missions.trees.drawing import TreeDrawing
 
 @dataclass(frozen=True, slots=True)
 class NodePlace:
-    """A node where it stands: its key in the tree, and its line in the file. A modifier has no name of its own."""
+    """A node of a tree: its key, and its file and line. A modifier has no name of its own."""
 
     key: str
     kind: str
@@ -26,7 +26,7 @@ class NodePlace:
 
     @property
     def identity(self) -> tuple[str, str]:
-        """What it is known by again, wherever it stands."""
+        """Kind and name, which identify a node wherever it stands."""
         return self.kind, self.name
 
     def __str__(self) -> str:
@@ -35,7 +35,7 @@ class NodePlace:
 
 
 def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
-    """Return the places of a tree, from its root on in the order of the file."""
+    """Return the places of a tree in the order of the file, the root first."""
     found = []
     for box in drawing.root.walk():
         found += [NodePlace(badge.key, badge.kind, "", box.file, badge.line) for badge in box.badges]
@@ -44,10 +44,10 @@ def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
 
 
 def pair_nodes(recorded: Sequence[NodePlace], current: Sequence[NodePlace]) -> Mapping[str, str]:
-    """Return the keys of nodes of today by the keys that they had then; those that are in one tree only are left out.
+    """Return the current key of each recorded key; nodes that only one tree has are left out.
 
-    The trees are read from above as two texts, each node a word: so what was put in, taken out or wrapped into
-    something shifts no other. A node that has only got another name, in a piece of the same length, is the same.
+    The trees are compared as two sequences of nodes, so an inserted, removed or wrapped node shifts no other. A renamed
+    node in a sequence of equal length is the same node.
     """
     pairs: dict[str, str] = {}
     matcher = SequenceMatcher(
@@ -61,12 +61,12 @@ def pair_nodes(recorded: Sequence[NodePlace], current: Sequence[NodePlace]) -> M
 
 
 IDLE = "idle"
-"""The status of a node before its first change."""
+"""Status of a node before its first change."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeStatus:
-    """A status, and why."""
+    """A status and its reason."""
 
     status: str
     reason: str = ""
@@ -77,7 +77,7 @@ class NodeStatus:
 
 @dataclass(frozen=True, slots=True)
 class StatusDifference:
-    """A node that did something else: in which tick, at which time (s), where it stands in either tree."""
+    """A node with another status: tick, time (s), and its place in each tree."""
 
     tick: int
     t: float
@@ -88,10 +88,10 @@ class StatusDifference:
 
 
 class StatusComparison:
-    """Compares the ``changes`` of a record with those of a tree that is ticked again: a listener of its events.
+    """Compares the ``changes`` of a record with those of the current tree: a listener of its events.
 
-    ``recorded`` is the recorded tree, ``current`` the one at ``root``. Nodes that are in one of them only are not compared.
-    ``reworded_count`` counts the changes to the same status for a reason in other words, ``first_reworded`` is the first of these.
+    ``recorded`` is the recorded tree, ``current`` the one at ``root``. Nodes that only one of them has are not
+    compared. ``reworded_count`` counts equal statuses with another reason; ``first_reworded`` is the first of these.
     """
 
     def __init__(self, changes: Iterable[NodeChanged], recorded: TreeDrawing, current: TreeDrawing, root: Node) -> None:
@@ -110,12 +110,12 @@ class StatusComparison:
         self._last_states: dict[str, NodeStatus] = {}
 
     def __call__(self, event: Event) -> None:
-        """Hear what a node does now."""
+        """Collect a current status change."""
         if isinstance(event, NodeChanged):
             self._current_changes.append(event)
 
     def finish_tick(self, tick: int, t: float) -> StatusDifference | None:
-        """Compare all that was done in a tick that is over now, at ``t`` seconds; return the difference there is."""
+        """Compare all changes of a tick that ended at ``t`` (s); return the likely cause of a difference, or None."""
         then, now = _states_by_node(self._recorded_changes.pop(tick, ())), _states_by_node(self._current_changes)
         self._current_changes = []
         now = {self._old_keys[key]: states for key, states in now.items() if key in self._old_keys}
@@ -137,7 +137,7 @@ class StatusComparison:
     def _first_difference(
         self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus], tick: int, t: float
     ) -> StatusDifference:
-        """Return where the changes of one node differ first; where there is none on one side, it stays as it is."""
+        """Return the first difference of one node; the side without a change keeps its status."""
         node = self._nodes[self.pairs[key]]
         stays = recorded[-1] if recorded else self._last_states.get(key, NodeStatus(IDLE))
         stands = NodeStatus(plain_status(status_word(node)), node.reason)
@@ -147,7 +147,7 @@ class StatusComparison:
         return StatusDifference(tick, t, self._recorded_places[key], self._current_places[node.key], was, does)
 
     def _rank(self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus]) -> tuple[bool, bool, int]:
-        """Put first what is more likely the cause: nodes that were not only halted, leaves, what stands further up."""
+        """Return a sort key: likely causes first, so not only halted nodes, leaves, and nodes further up."""
         only_halted = all(state.status == IDLE for state in (*recorded, *current))
         return only_halted, not self._recorded_places[key].is_leaf, self._order[key]
 
@@ -157,7 +157,7 @@ class StatusComparison:
 
 
 def _states_by_node(changes: Iterable[NodeChanged]) -> dict[str, list[NodeStatus]]:
-    """Return the changes of each node, in order. What was skipped succeeded in records from before that had a word."""
+    """Return the status changes of each node, in order. Older records have success instead of skipped."""
     found: dict[str, list[NodeStatus]] = defaultdict(list)
     for change in changes:
         found[change.node].append(NodeStatus(plain_status(change.status), change.reason))

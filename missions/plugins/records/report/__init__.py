@@ -1,1 +1,1 @@
-"""A recorded run on one page: for people who were not there."""
+"""Report of a recorded run on one page."""

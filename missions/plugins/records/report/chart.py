@@ -1,6 +1,6 @@
-"""Charts as SVG in a page: as wide as their place, with lines that are told apart without colour.
+"""Charts as inline SVG, readable without colour.
 
-What is along them is in per cent of their width, so the page's script moves one mark of time over all of them.
+Horizontal positions are percentages, so the page's script can move one time marker over all charts.
 """
 
 from collections.abc import Sequence
@@ -11,17 +11,17 @@ from missions.plugins.records.report.slider import SliderTimes
 from missions.plugins.records.report.traces import BaseRoute, Chart, ChartLine, Points, split_at_gaps, thin_points
 
 GRID_STEPS = (1.0, 2.0, 5.0, 10.0)
-"""What a grid goes by, times a power of ten."""
+"""Steps of a grid, times a power of ten."""
 
 GRID_ROWS, GRID_COLUMNS = 3, 6
-"""About so many lines has a grid, from bottom to top and from left to right."""
+"""Approximate number of vertical grid lines, as ``GRID_ROWS`` is of horizontal ones."""
 
 VIEW_SIZE = 1000
-"""How wide and how high the inside of a drawing is, in its own measure."""
+"""Width and height of the view box of a plot."""
 
 
 def round_numbers(low: float, high: float, count: int) -> list[float]:
-    """Return about ``count`` round numbers from ``low`` to ``high``, evenly spaced; at least two, to make a scale."""
+    """Return about ``count`` evenly spaced round numbers from ``low`` to ``high``; at least two if they differ."""
     span = high - low
     if span <= 0:
         return [low]
@@ -35,12 +35,12 @@ def round_numbers(low: float, high: float, count: int) -> list[float]:
 
 
 def percent_along(time: float, slider: SliderTimes) -> str:
-    """Return where a time is along the page: "12.5%"."""
+    """Return the horizontal position of a time, such as "12.5%"."""
     return f"{100 * (time - slider.start) / slider.span:.3f}%"
 
 
 def time_axis(slider: SliderTimes) -> Markup:
-    """Return the times below or above what is drawn over time."""
+    """Return the time axis of a chart."""
     times = round_numbers(slider.start, slider.end, GRID_COLUMNS)
     marks = [
         tag(
@@ -56,7 +56,7 @@ def time_axis(slider: SliderTimes) -> Markup:
 
 
 def chart_figure(chart: Chart, slider: SliderTimes) -> Markup:
-    """Return a chart with its title and legend; the script writes into its ``output`` what a line has at a time."""
+    """Return a chart with title and legend; the script writes current values into its ``output`` elements."""
     low, high = _value_range(chart)
     legend = [
         tag(
@@ -81,7 +81,7 @@ def chart_figure(chart: Chart, slider: SliderTimes) -> Markup:
 
 
 def route_figure(route: BaseRoute) -> Markup:
-    """Return the way of the base from above: ahead is up, as it began. The script moves ``.robot`` along it."""
+    """Return the path of the base from above, with the initial heading up. The script moves ``.robot`` along it."""
     points = [(-y, -x) for x, y, _ in route.poses]
     left, right, top, bottom = _bounding_box(points)
     size = max(right - left, bottom - top)
@@ -97,20 +97,20 @@ def route_figure(route: BaseRoute) -> Markup:
         ),
         class_="route",
         role="img",
-        aria_label=f"The way of the base from above, {route.length:.1f} m long",
+        aria_label=f"Path of the base from above, {route.length:.1f} m long",
     )
     caption = tag(
         "figcaption",
-        tag("b", "Way of the base, from above"),
-        tag("span", tag("span", "○ start, ahead is up"), tag("span", f"━ {rule:g} m"), class_="lines"),
+        tag("b", "Path of the base, from above"),
+        tag("span", tag("span", "○ start, initial heading up"), tag("span", f"━ {rule:g} m"), class_="lines"),
     )
     return tag("figure", caption, plot, class_="chart")
 
 
 def route_markup(route: BaseRoute, radius: float, min_distance: float = 0.01) -> Markup:
-    """Return the way, where it began, and the robot as a disc of that ``radius`` (m): ahead is up, in metres.
+    """Return path, start and robot (a disc of ``radius`` metres) in metres, with the initial heading up.
 
-    Points that are no further apart than ``least`` are one.
+    Points closer together than ``min_distance`` (m) are merged.
     """
     points = [(-y, -x) for x, y, _ in route.poses]
     path = " ".join(f"{x:.3f},{y:.3f}" for x, y in _thin_route(points, min_distance))
@@ -129,25 +129,25 @@ def route_markup(route: BaseRoute, radius: float, min_distance: float = 0.01) ->
 
 
 def _round_below(value: float) -> float:
-    """Return the largest round number that is not above ``value``."""
+    """Return the largest round number up to ``value``."""
     power = 10.0 ** floor(log10(value))
     return max(each * power for each in GRID_STEPS if each * power <= value)
 
 
 def to_plan_view(pose: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return where a place (x, y, heading) is in the drawing, and by how many degrees a sign on it is turned."""
+    """Return a pose (x, y, heading in rad) in drawing coordinates: x, y and rotation in degrees."""
     x, y, heading = pose
     return round(-y, 4), round(-x, 4), round(-degrees(heading), 1)
 
 
 def _robot_transform(pose: tuple[float, float, float]) -> str:
-    """Return how the sign of the robot is put to a place; the script does the same."""
+    """Return the SVG transform of the robot symbol; the script computes the same."""
     x, y, angle = to_plan_view(pose)
     return f"translate({x} {y}) rotate({angle})"
 
 
 def _value_range(chart: Chart) -> tuple[float, float]:
-    """Return from where to where a chart goes: 0 is in it, unless all is far from it, as a full battery is."""
+    """Return the value range of a chart with margins; it includes 0, except for a nearly constant percentage."""
     low, high = min(chart.values), max(chart.values)
     if low < 0.8 * high or chart.unit != "%":
         low, high = min(low, 0.0), max(high, 0.0)
@@ -164,7 +164,7 @@ def _line_path(line: ChartLine, slider: SliderTimes, low: float, high: float) ->
 
 
 def _path_data(points: Points, span: float, low: float, high: float) -> str:
-    """Return a stretch of a line; one value alone is a dot, by the roundness of its ends."""
+    """Return the path of one segment; a single value becomes a dot, by its round line caps."""
     places = [
         f"{VIEW_SIZE * time / span:.1f} {VIEW_SIZE * (high - value) / (high - low):.1f}" for time, value in points
     ]
@@ -172,7 +172,7 @@ def _path_data(points: Points, span: float, low: float, high: float) -> str:
 
 
 def _grid_line(value: float, low: float, high: float) -> Markup:
-    """Return a line of the grid with its number beside it."""
+    """Return a horizontal grid line with its number."""
     height = f"{100 * (high - value) / (high - low):.2f}%"
     return join(
         tag("line", x1=0, x2="100%", y1=height, y2=height, class_="zero" if value == 0 else "grid"),
@@ -181,7 +181,7 @@ def _grid_line(value: float, low: float, high: float) -> Markup:
 
 
 def _legend_line(line: ChartLine) -> Markup:
-    """Return a piece of the line, for the legend."""
+    """Return a sample of a line for the legend."""
     stroke = tag("line", x1=0, x2=28, y1=5, y2=5, class_=_line_class(line))
     return tag("svg", stroke, width=28, height=10, aria_hidden="true")
 
@@ -196,12 +196,12 @@ def _line_summary(line: ChartLine, unit: str) -> str:
 
 
 def _text_anchor(place: float) -> str:
-    """Return how a text stands at a place from 0 to 1, so that it does not stick out."""
+    """Return the text anchor at a position from 0 to 1, so that the text stays inside."""
     return "start" if place < 0.03 else "end" if place > 0.97 else "middle"
 
 
 def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, float, float]:
-    """Return what holds all points: left, right, top, bottom; at least half a metre, and not too narrow."""
+    """Return left, right, top and bottom of the points; at least half a metre, and not too narrow."""
     (left, right), (top, bottom) = ((min(each), max(each)) for each in zip(*points, strict=True))
     width, height = max(right - left, 0.5, 0.8 * (bottom - top)), max(bottom - top, 0.5, 0.5 * (right - left))
     x, y = (left + right) / 2, (top + bottom) / 2
@@ -209,7 +209,7 @@ def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, 
 
 
 def _thin_route(points: Sequence[tuple[float, float]], min_distance: float) -> list[tuple[float, float]]:
-    """Return the points that can be told from those before them."""
+    """Return the points that are more than ``min_distance`` (m) from the one before."""
     kept = [points[0]]
     for point in points[1:]:
         if dist(point, kept[-1]) > min_distance:

@@ -1,7 +1,7 @@
-"""How joints kept to their goals: by how much each was off, when most, what its motor did, and how warm it was.
+"""Joint statistics: error, work of the motor, load and temperature.
 
-A joint counts while it is stiff, has a goal, and its servo was heard of. One that is still on its way is off by what is
-left of the way. The joints of a further arm have its name before theirs, as in the record.
+A joint counts while torque is on, it has a goal, and its servo replies. The error of a moving joint is its remaining
+way. Names of a further arm's joints begin with the arm's name, as in the record.
 """
 
 import re
@@ -25,25 +25,25 @@ from missions.trees.value_text import seconds_text
 JOINT_TOPIC = "/state/arm"
 
 PHYSICS_OPTION = "--physics"
-"""The option with which simulated servos bear a load; without it, what they tell of one is made up."""
+"""Option with which simulated servos have a real load; without it, reported loads are invented."""
 
 MAX_JOINTS = 100
-"""Joints that are told of: no robot has as many, but a file may say anything."""
+"""Maximum number of joints: more than any robot has, but a damaged file may claim more."""
 
 MAX_CHARTS = 24
-"""Of more joints, those that moved most have a chart."""
+"""Maximum number of joint charts; joints that moved most are chosen."""
 
 MAX_NAME_LENGTH = 40
-"""Letters of a joint's name that are shown."""
+"""Maximum number of characters of a joint name."""
 
 MIN_CHART_TRAVEL = 0.5
-"""Degrees that a joint must have moved for a chart."""
+"""Minimum travel of a joint with a chart, in degrees."""
 
 
 class JointLogSample(NamedTuple):
-    """A joint at time ``t`` (s): angles in radians, ``load`` in -1..1 of the stall torque, ``temperature`` in degC.
+    """State of a joint at time ``t`` (s): rad, rad/s, ``load`` in -1..1 of the stall torque, ``temperature`` in degC.
 
-    ``goal`` is None where it has none, or is limp.
+    ``goal`` is None without a goal or with torque off.
     """
 
     t: float
@@ -56,11 +56,11 @@ class JointLogSample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
-    """What came of one joint: angles in degrees, None for what is not known.
+    """Statistics of one joint: angles in degrees, None for unknown values.
 
-    ``rms`` is the root of the mean square of its error, ``worst`` the greatest one with its sign (beyond the goal is
-    +), at ``worst_at`` (s). ``energy`` (J) is what its motor did, ``load`` its greatest in -1..1 of the stall torque,
-    ``hottest`` in degC.
+    ``rms`` is the root mean square of its error, ``worst`` the largest error (position minus goal), at ``worst_at``
+    (s). ``energy`` is the work of its motor (J), ``load`` the largest one in -1..1 of the stall torque, ``hottest`` in
+    degC.
     """
 
     name: str
@@ -74,7 +74,7 @@ class JointFigures:
 
 
 def joint_samples(record: RunRecord) -> Mapping[str, Sequence[JointLogSample]]:
-    """Return the samples of each joint, in order of time; nothing for a robot without. Raises InvalidRecordError."""
+    """Return the samples of each joint in order of time; empty without joints. Raises InvalidRecordError."""
     found: dict[str, list[JointLogSample]] = {}
     for told in record.read(lambda _, data: list(_samples(data)), JOINT_TOPIC):
         for name, sample in told:
@@ -88,7 +88,7 @@ def joint_samples(record: RunRecord) -> Mapping[str, Sequence[JointLogSample]]:
 
 
 def joint_figures(record: RunRecord, tracks: Mapping[str, Sequence[JointLogSample]]) -> list[JointFigures]:
-    """Return what came of each joint."""
+    """Return the statistics of each joint."""
     felt = not record.header.simulate or PHYSICS_OPTION in record.header.command
     torques = _stall_torques(record) if tracks and felt else {}
     return [
@@ -97,7 +97,7 @@ def joint_figures(record: RunRecord, tracks: Mapping[str, Sequence[JointLogSampl
 
 
 def joint_charts(tracks: Mapping[str, Sequence[JointLogSample]]) -> list[Chart]:
-    """Return a chart of each joint that moved: its goal, and where it was."""
+    """Return a chart of goal and position of each joint that moved."""
     moved = {name: _travel(track) for name, track in tracks.items() if track}
     drawn = sorted(moved, key=lambda name: -moved[name])[:MAX_CHARTS]
     return [
@@ -118,44 +118,44 @@ def joint_charts(tracks: Mapping[str, Sequence[JointLogSample]]) -> list[Chart]:
 
 
 def combined_rms(joints: Sequence[JointFigures]) -> float | None:
-    """Return the root of the mean square of all joints' errors, in degrees; None where none is known."""
+    """Return the root mean square of all joint errors, in degrees; None if unknown."""
     known = [(each.rms, each.samples) for each in joints if each.rms is not None]
     count = sum(samples for _, samples in known)
     return sqrt(fsum(rms**2 * samples for rms, samples in known) / count) if count else None
 
 
 def worst_joint(joints: Sequence[JointFigures]) -> JointFigures | None:
-    """Return the joint that was off the most."""
+    """Return the joint with the largest error."""
     known = [each for each in joints if each.worst is not None]
     return max(known, key=lambda each: abs(each.worst or 0.0), default=None)
 
 
 def total_energy(joints: Sequence[JointFigures]) -> float | None:
-    """Return what all motors did, in joules; None where no load is known."""
+    """Return the work of all motors, in joules; None if no load is known."""
     known = [each.energy for each in joints if each.energy is not None]
     return fsum(known) if known else None
 
 
 def joint_sentences(joints: Sequence[JointFigures]) -> Iterator[str]:
-    """Yield what there is to say of all joints together."""
+    """Yield sentences about all joints together."""
     rms, worst, energy = combined_rms(joints), worst_joint(joints), total_energy(joints)
     if rms is not None and worst is not None:
         yield (
-            f"The joints were {rms:.2f}° off their goals (root mean square), "
-            f"and {abs(worst.worst or 0.0):.1f}° at most: {worst.name}, at {seconds_text(worst.worst_at or 0.0)}."
+            f"Joint error: {rms:.2f}° root mean square, "
+            f"{abs(worst.worst or 0.0):.1f}° at most ({worst.name}, at {seconds_text(worst.worst_at or 0.0)})."
         )
     if energy is not None:
-        yield f"Their motors did {energy:.0f} J."
+        yield f"Work of the motors: {energy:.0f} J."
 
 
 def short_name(name: str) -> str:
-    """Return a joint's name on one line, cut where it is long."""
+    """Return a joint name on one line, shortened to ``MAX_NAME_LENGTH``."""
     text = one_line(name)
     return text if len(text) <= MAX_NAME_LENGTH else f"{text[: MAX_NAME_LENGTH - 1]}…"
 
 
 def _samples(data: Any) -> Iterator[tuple[str, JointLogSample]]:
-    """Yield what a message tells of joints that were heard of; numbers that no joint has are left out."""
+    """Yield the valid samples of a message; implausible numbers are left out."""
     for name, told in islice(data["joints"].items(), MAX_JOINTS):
         if told["quality"] != "good":
             continue
@@ -187,7 +187,7 @@ def _figures_of_joint(
 
 
 def _energy(track: Sequence[JointLogSample], torque: float) -> float:
-    """Return the joules that a motor put in: its torque times its speed, where it drove and was not driven."""
+    """Return the work of a motor in joules: torque times speed, while it drives the joint."""
     power = [max(torque * each.load * each.velocity, 0.0) for each in track]
     times = [each.t for each in track]
     return fsum(
@@ -198,7 +198,7 @@ def _energy(track: Sequence[JointLogSample], torque: float) -> float:
 
 
 def _stall_torques(record: RunRecord) -> Mapping[str, float]:
-    """Return the stall torques (Nm) of joints' servos, as far as the robot file in the record tells."""
+    """Return the stall torques (Nm) of the servos by joint, from the robot file in the record."""
     for name, data in record.files.items():
         if name.startswith("robot/"):
             try:
@@ -215,11 +215,11 @@ def _stall_torques(record: RunRecord) -> Mapping[str, float]:
 
 
 def _file_stem(name: str, number: int) -> str:
-    """Return what the files of a joint's plots are called: no name of a stranger's leads out of a folder."""
+    """Return a safe file name stem for a joint; a record may hold any name."""
     return f"joint_{name}" if re.fullmatch(r"[a-z0-9_.]{1,40}", name) else f"joint_number_{number}"
 
 
 def _travel(track: Sequence[JointLogSample]) -> float:
-    """Return by how many degrees a joint moved, or was to."""
+    """Return the range of positions and goals of a joint, in degrees."""
     angles = [angle for each in track for angle in (each.position, each.goal) if angle is not None]
     return degrees(max(angles) - min(angles))

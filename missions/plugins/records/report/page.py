@@ -1,4 +1,4 @@
-"""The report of a recorded run: one page that tells how it went, and shows any moment of it."""
+"""The report page: the result of a recorded run, and its state at any time."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -43,11 +43,11 @@ from missions.trees.value_text import node_names, seconds_text
 # The plan of the world that a run took place in, with the way of the robot on it; none for a run in the real world.
 
 WORLD_PREFIX = "world/"
-"""What the names of world files in a record begin with."""
+"""Prefix of world files in a record."""
 
 
 def recorded_world(record: RunRecord) -> WorldConfig | None:
-    """Return the world that a record was made in; None where it has none that can be read."""
+    """Return the world of a simulated record; None without a readable world file."""
     found = []
     for name, data in record.files.items():
         if name.startswith(WORLD_PREFIX):
@@ -60,7 +60,7 @@ def recorded_world(record: RunRecord) -> WorldConfig | None:
 
 
 def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
-    """Return the plan, as the world was at the beginning; the script moves ``.robot`` along the way on it."""
+    """Return the plan of the world at the start of the run; the script moves ``.robot`` along the path on it."""
     config = recorded_world(record)
     if config is None:
         return join()
@@ -72,7 +72,7 @@ def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
         # The way is drawn as it is without a plan, ahead being up: here ahead is where the robot looked at first.
         put = f"translate({frame.x:g} {frame.y:g}) rotate({90 - frame.heading:.3f}) scale({UNITS_PER_METRE})"
         way = tag("g", route_markup(route, BASE_RADIUS), transform=put)
-        label = f"The way of the base, {route.length:.1f} m long"
+        label = f"Path of the base, {route.length:.1f} m long"
         size = f"0 0 {frame.width:g} {frame.height:g}"
         drawn = join(drawn, tag("svg", way, viewBox=size, class_="on-plan", role="img", aria_label=label))
     return tag("div", drawn, class_="plan card")
@@ -81,14 +81,14 @@ def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
 PLAY_LABEL = "\N{BLACK RIGHT-POINTING TRIANGLE} Play"
 
 SPEEDS = (1, 2, 5, 20)
-"""How fast a run may be played, in times of how fast it was."""
+"""Playback speeds relative to real time."""
 
 ASSET_FOLDER = files(__name__.rpartition(".")[0])
-"""The folder of ``report.css`` and ``report.js``."""
+"""Folder of ``report.css`` and ``report.js``."""
 
 
 def report_page(study: RecordStudy) -> str:
-    """Return the report. It opens at the beginning of the run; without a script it shows its end."""
+    """Return the report as HTML. With JavaScript it opens at the beginning of the run, without at its end."""
     record, moments, texts = study.record, study.slider, TextTable()
     named = variable_histories(record, study.drawing, moments, texts)
     states = {key: state_after(change) for key, change in record.statuses(moments.end).items()}
@@ -99,14 +99,14 @@ def report_page(study: RecordStudy) -> str:
     body = join(
         _header(study),
         _timebar(moments),
-        _section("At this moment", shown),
+        _section("State", shown),
         _floor_section(study),
         _section("Timeline", timeline_markup(study.lanes, moments)),
         _sight_section(study),
         _motion_section(study),
         _joint_section(study),
         _section("Faults and reflexes", faults_table(record, moments)),
-        _section("Said and logged", log_table(record, moments)),
+        _section("Speech and log", log_table(record, moments)),
         _section("About this record", record_facts(record), _mission_source(study)),
     )
     data = {**_script_data(study, texts), "variables": [variable.rows for variable in named]}
@@ -121,7 +121,7 @@ def _header(study: RecordStudy) -> Markup:
     badge = join(" ", tag("span", sign, result, class_=f"verdict {result}")) if result else ""
     facts = [
         record.header.robot,
-        record.header.world or ("simulated" if record.header.simulate else "the real world"),
+        record.header.world or ("simulated" if record.header.simulate else "real world"),
         start_text(record),
     ]
     return tag(
@@ -159,9 +159,9 @@ def _timebar(positions: SliderTimes) -> Markup:
 
 
 def _floor_section(study: RecordStudy) -> Markup:
-    """Return the section with the plan and the way on it; none for a run in the real world."""
+    """Return the section with plan and path; empty for a run in the real world."""
     drawn = floor_plan(study.record, study.route)
-    return _section("Where it went", drawn) if drawn else drawn
+    return _section("Path", drawn) if drawn else drawn
 
 
 def _section(title: str, *content: str) -> Markup:
@@ -169,7 +169,7 @@ def _section(title: str, *content: str) -> Markup:
 
 
 def _current_picture(pictures: Sequence[ReportPicture]) -> Markup:
-    """Return the place of the picture that the robot had at that moment."""
+    """Return the picture at the selected time."""
     if not pictures:
         return join()
     newest = pictures[-1]
@@ -195,12 +195,12 @@ def _variable_table(histories: Sequence[VariableHistory], slider: SliderTimes, t
                 tag("td", said[row[1]] if row is not None else "", data_variable=number),
             )
         )
-    table = tag("table", tag("tbody", *rows), class_="variables") if rows else tag("p", "It has none.", class_="none")
+    table = tag("table", tag("tbody", *rows), class_="variables") if rows else tag("p", "No variables.", class_="none")
     return tag("div", tag("h3", "Variables, in SI units"), table, class_="card")
 
 
 def _sight_section(study: RecordStudy) -> Markup:
-    """Return the section of what was seen; none without a camera."""
+    """Return the section of pictures and percepts; empty without a camera."""
     if not (study.pictures or study.sightings):
         return join()
     shots = [
@@ -210,9 +210,9 @@ def _sight_section(study: RecordStudy) -> Markup:
         )
         for picture in study.pictures
     ]  # fmt: skip
-    strip = tag("div", *shots, class_="strip") if shots else tag("p", "There are no pictures in it.", class_="none")
+    strip = tag("div", *shots, class_="strip") if shots else tag("p", "No pictures.", class_="none")
     found = sightings_table(study.sightings, study.slider) if study.sightings else ""
-    return _section("What it saw", strip, found)
+    return _section("Pictures and percepts", strip, found)
 
 
 def _motion_section(study: RecordStudy) -> Markup:
@@ -225,7 +225,7 @@ def _motion_section(study: RecordStudy) -> Markup:
 
 
 def _joint_section(study: RecordStudy) -> Markup:
-    """Return the section of the joints; none for a robot that has none."""
+    """Return the section of the joints; empty for a robot without joints."""
     if not study.joints:
         return join()
     drawn = [chart_figure(each, study.slider) for each in study.joint_charts]
@@ -234,11 +234,11 @@ def _joint_section(study: RecordStudy) -> Markup:
 
 
 def _mission_source(study: RecordStudy) -> Markup:
-    """Return the mission's file, to be unfolded."""
+    """Return the mission file, collapsed."""
     data = study.record.files.get(study.record.header.file)
     if data is None:
         return join()
-    return tag("details", tag("summary", "The mission as it was"), tag("pre", data.decode(errors="replace")))
+    return tag("details", tag("summary", "Mission file"), tag("pre", data.decode(errors="replace")))
 
 
 def _image(picture: ReportPicture) -> Markup:
@@ -251,7 +251,7 @@ def _caption(picture: ReportPicture) -> str:
 
 
 def _failure_rows(study: RecordStudy) -> list[tuple[int, str, str]]:
-    """Return where nodes failed, which was the first there, and that in words."""
+    """Return slider position, node key and text of the first failure at each position."""
     names = node_names(study.drawing)
     found = []
     for place, first in failure_positions(study.record, study.slider):
@@ -262,7 +262,7 @@ def _failure_rows(study: RecordStudy) -> list[tuple[int, str, str]]:
 
 
 def _script_data(study: RecordStudy, texts: TextTable) -> Mapping[str, object]:
-    """Return what the script needs, as the top of report.js says."""
+    """Return the data of the script; report.js documents them."""
     moments = study.slider
     lines = {
         f"{drawn.key}/{number}": [

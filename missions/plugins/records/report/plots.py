@@ -1,4 +1,4 @@
-"""The traces and the timeline of a record as pictures for papers: PNG at 300 dpi. Needs the extra ``plots``."""
+"""Charts, path and timeline of a record as PNG files at 300 dpi. Needs the extra ``plots``."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from missions.trees.drawing import Status
 DPI = 300
 
 FIGURE_WIDTH = 6.3
-"""Inches: the text of a page of A4."""
+"""Width in inches: the text width of an A4 page."""
 
 REQUESTED_COLOUR, MEASURED_COLOUR, GRID_COLOUR = "#b3400a", "#0067a8", "#8a8f98"
 
@@ -29,23 +29,23 @@ BAR_STYLES: dict[Status, tuple[str, str]] = {
     "skipped": ("#56616d", ""),
     "idle": ("#8a8f98", "\\\\\\\\"),
 }
-"""The colour and the hatching of a bar by how it ended: they are told apart in print too."""
+"""Colour and hatching of a bar by outcome, also readable in black and white."""
 
 OUTCOME_LABELS: dict[Status, str] = {
     "success": "success",
     "failure": "failure",
-    "running": "at work",
+    "running": "running",
     "suspended": "suspended",
     "skipped": "skipped",
     "idle": "interrupted",
 }
 
 MAX_NAME_LENGTH = 34
-"""Letters of a node's name."""
+"""Maximum number of characters of a node name."""
 
 
 def draw_plots(study: RecordStudy, folder: Path) -> Iterator[Path]:
-    """Draw all that there is to draw into a folder, and yield where each picture is. Raises OSError."""
+    """Draw all plots into a folder, and yield their paths. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     begin, end = study.slider.start, study.slider.start + study.slider.span
     for chart in (*study.charts, *study.joint_charts):
@@ -82,7 +82,7 @@ def _draw_line(axes: Axes, line: ChartLine) -> None:
 
 
 def _draw_route(axes: Axes, route: BaseRoute) -> None:
-    """Draw the way with ahead up and left at the left, as the robot saw it when it began."""
+    """Draw the path of the base, with the initial heading up."""
     xs, ys, _ = zip(*route.poses, strict=True)
     axes.plot(ys, xs, color=MEASURED_COLOUR, linewidth=1.2)
     axes.plot(ys[0], xs[0], "o", color="black", markerfacecolor="white", label="start")
@@ -121,7 +121,7 @@ def _new_figure(height: float) -> tuple[Figure, Axes]:
 
 
 def _simplify_axes(axes: Axes) -> None:
-    """Take away what does not help to read it."""
+    """Remove frame lines, and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="both", color=GRID_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

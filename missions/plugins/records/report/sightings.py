@@ -1,4 +1,4 @@
-"""What the robot saw: pictures, as many as fit a page, and everything that it followed from picture to picture."""
+"""Pictures for the report, and a summary of all tracked percepts."""
 
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -16,18 +16,18 @@ from perception.annotate import annotate
 from perception.api import UNKNOWN, Box, Face, Percept, View
 
 Views = Sequence[tuple[float, View]]
-"""What perception found, and when it said so."""
+"""Views, with the times of their reports (s)."""
 
 MAX_PICTURE_WIDTH = 320
-"""Pixels that a picture is wide on the page, at most."""
+"""Maximum width of a picture in pixels."""
 
 JPEG_QUALITY = 80
-"""Of the JPEG, out of 100."""
+"""JPEG quality in percent."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportPicture:
-    """A picture with marks around what was found in it: when it was taken, as JPEG, its size, and what it shows."""
+    """A picture with labelled percepts: time (s), JPEG, size in pixels, and caption."""
 
     time: float
     jpeg: bytes
@@ -38,10 +38,9 @@ class ReportPicture:
 
 @dataclass(frozen=True, slots=True)
 class SightingSummary:
-    """Something that was followed: from when to when (s), in how many views, and how near it came (m, or None).
+    """A tracked percept: first and last time (s), number of views, and smallest distance (m, or None).
 
-    ``count`` is how often it came into view anew; ``person`` whether it is a person whose name is known, ``face``
-    whether it is a face without a name.
+    ``count`` is the number of appearances. ``person`` marks a person with a known name, ``face`` a face without a name.
     """
 
     name: str
@@ -55,7 +54,7 @@ class SightingSummary:
 
 
 def select_pictures(record: RunRecord, views: Views, max_count: int) -> list[ReportPicture]:
-    """Return at most so many pictures: those before failures, as far as they fill half of them, the others evenly."""
+    """Return at most ``max_count`` pictures: up to half before failures, the others evenly spread."""
     stamps = [stamp for stamp, _ in record.frames()] if max_count else []
     wanted = choose_frames(stamps, max_count, {failure.t for failure in record.failures()})
     if not wanted:
@@ -72,7 +71,7 @@ def select_pictures(record: RunRecord, views: Views, max_count: int) -> list[Rep
 
 
 def choose_frames(stamps: Sequence[float], max_count: int, failures: Collection[float]) -> set[int]:
-    """Return the numbers of at most so many pictures."""
+    """Return the indices of at most ``max_count`` frames: up to half before failures, the others evenly spread."""
     places = sorted({bisect_right(stamps, time) - 1 for time in failures} - {-1})
     found = {places[number] for number in spread_evenly(len(places), max_count // 2)}
     others = [number for number in range(len(stamps)) if number not in found]
@@ -80,14 +79,14 @@ def choose_frames(stamps: Sequence[float], max_count: int, failures: Collection[
 
 
 def spread_evenly(count: int, max_count: int) -> list[int]:
-    """Return at most so many of the first ``count`` numbers, spread evenly, the first and the last among them."""
+    """Return at most ``max_count`` of the first ``count`` numbers, evenly spread, including the first and last."""
     if count <= max_count:
         return list(range(count))
     return [round(number * (count - 1) / max(1, max_count - 1)) for number in range(max_count)]
 
 
 def summarise_sightings(views: Views) -> list[SightingSummary]:
-    """Return all that was followed, in the order in which it came into view."""
+    """Return all tracked percepts in order of appearance."""
     found: dict[tuple[str, int], SightingSummary] = {}
     called: dict[tuple[str, int], str] = {}
     for time, view in views:
@@ -110,7 +109,7 @@ def summarise_sightings(views: Views) -> list[SightingSummary]:
 
 
 def _merge_by_name(sightings: Iterable[SightingSummary]) -> list[SightingSummary]:
-    """Return what was seen with each name once, however often it came into view."""
+    """Merge the sightings of each name."""
     named: dict[str, SightingSummary] = {}
     for each in sightings:
         before = named.get(each.name)
@@ -130,7 +129,7 @@ def _merge_by_name(sightings: Iterable[SightingSummary]) -> list[SightingSummary
 
 
 def _visible_percepts(view: View | None) -> Iterator[Percept]:
-    """Yield what a picture shows; what is only remembered is not in it."""
+    """Yield the percepts visible in a view, without remembered ones."""
     if view is not None:
         yield from (each for each in (*view.faces, *view.things, *view.markers) if each.stamp == view.looked)
 

@@ -1,6 +1,6 @@
-"""The moments that the slider of a report stops at, and all that its script must know to show any of them.
+"""Positions of the report's time slider, and the data of its script.
 
-Whatever happens belongs to a place on the slider: its number, counted from 0. So a tick shows as a whole or not at all.
+Every event has a position on the slider, counted from 0. So a tick is shown completely or not at all.
 """
 
 from bisect import bisect_left
@@ -14,47 +14,47 @@ from missions.trees.drawing_builder import one_line
 from missions.trees.value_text import variable_text
 
 ChangeRows = dict[str, list[tuple[int, ...]]]
-"""By key, what is new at which place."""
+"""New values by key, each with its slider position."""
 
 _STATUS_NUMBERS: Mapping[str, int] = {status: number for number, status in enumerate(SIGNS)}
-"""By which number the script is told a status."""
+"""Number of each status in the script."""
 
 
 @dataclass(frozen=True, slots=True)
 class SliderTimes:
-    """The places on the slider: ``times`` in seconds of the run, rising, and how many ``ticks`` there were by then."""
+    """Slider positions: their ``times`` (s of the run, rising), and the number of ``ticks`` at each."""
 
     times: Sequence[float]
     ticks: Sequence[int]
 
     @property
     def start(self) -> float:
-        """When the record begins."""
+        """Start of the record (s)."""
         return self.times[0]
 
     @property
     def end(self) -> float:
-        """When the record ends."""
+        """End of the record (s)."""
         return self.times[-1]
 
     @property
     def span(self) -> float:
-        """How long it is, in seconds; a little where it is nothing, so that one can divide by it."""
+        """Duration in seconds, at least 1 ms, so that it can divide."""
         return max(self.end - self.start, 1e-3)
 
     def position(self, time: float) -> int:
-        """Return the first place at which something of ``time`` is known; the last one for all that comes after it."""
+        """Return the first position at or after ``time``, or the last one."""
         return min(bisect_left(self.times, time), len(self.times) - 1)
 
 
 class TextTable:
-    """Texts that occur again and again, by number."""
+    """Numbered texts without duplicates."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}
 
     def index(self, text: str) -> int:
-        """Return the number of a text, which is the same for the same text."""
+        """Return the number of a text; equal texts have the same number."""
         return self._numbers.setdefault(text, len(self._numbers))
 
     def all(self) -> list[str]:
@@ -63,9 +63,9 @@ class TextTable:
 
 
 def slider_times(record: RunRecord) -> SliderTimes:
-    """Return the moments of a record: its beginning, every tick, everything that nodes did besides, and its end.
+    """Return the slider positions of a record: its beginning, every tick, every other status change, and its end.
 
-    It begins with the first tick: before that the robot's parts were got ready, which may take long.
+    It begins with the first tick, since getting the robot ready may take long.
     """
     ticks = {event.t: event.tick for event in record.events if isinstance(event, Ticked)}
     other = [event.t for event in record.events if isinstance(event, NodeChanged)]
@@ -80,7 +80,7 @@ def slider_times(record: RunRecord) -> SliderTimes:
 
 
 def status_changes(record: RunRecord, slider: SliderTimes, texts: TextTable) -> ChangeRows:
-    """Return what each node and modifier was from which place on: the numbers of its status and of its reason."""
+    """Return the status and reason numbers of each node and modifier, by position."""
     rows: ChangeRows = {}
     for time, change in record.status_history:
         row = slider.position(time), _STATUS_NUMBERS[change.status], texts.index(one_line(change.reason))
@@ -89,7 +89,7 @@ def status_changes(record: RunRecord, slider: SliderTimes, texts: TextTable) -> 
 
 
 def failure_positions(record: RunRecord, slider: SliderTimes) -> list[tuple[int, NodeChanged]]:
-    """Return each place at which nodes have failed, and which was the first to fail there."""
+    """Return each position with failures, and the first failure there."""
     found: dict[int, NodeChanged] = {}
     for change in record.failures():
         found.setdefault(slider.position(change.t), change)
@@ -98,7 +98,7 @@ def failure_positions(record: RunRecord, slider: SliderTimes) -> list[tuple[int,
 
 @dataclass(frozen=True, slots=True)
 class VariableHistory:
-    """A variable of the mission, or of the one inside it that is called ``submission``; ``rows`` are its values."""
+    """Values of a variable of the mission, or of ``submission``; ``rows`` are positions and text numbers."""
 
     submission: str
     name: str
@@ -108,7 +108,7 @@ class VariableHistory:
 def variable_histories(
     record: RunRecord, drawing: TreeDrawing, slider: SliderTimes, texts: TextTable
 ) -> list[VariableHistory]:
-    """Return all variables with their values in words: the place from which on, and the number of the text."""
+    """Return all variables with their values as text numbers by position."""
     inner = {box.key: box.mission for box in drawing.root.walk() if box.mission}
     found: dict[tuple[str, str], list[tuple[int, ...]]] = {}
     for event in record.events:
@@ -123,10 +123,10 @@ def variable_histories(
 
 
 def value_at(rows: Sequence[tuple[int, ...]], position: int) -> tuple[int, ...] | None:
-    """Return what holds at a place: the newest of ``rows`` up to it."""
+    """Return the last row up to a position; None without one."""
     return next((row for row in reversed(rows) if row[0] <= position), None)
 
 
 def round_times(times: Iterable[float]) -> list[float]:
-    """Return times in tenths of milliseconds: shorter, and more than a reader needs."""
+    """Return times rounded to 0.1 ms, which makes the page smaller."""
     return [round(time, 4) for time in times]

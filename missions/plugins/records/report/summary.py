@@ -1,4 +1,4 @@
-"""A run in words: how it went and why, what took long, what failed, and what is not in the record."""
+"""Summary of a run in words: result, cause, durations, failures, and missing data."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ from missions.trees.value_text import NodeName, count_text, node_names, seconds_
 # All that a report tells of a record, found once: for its words, its page and its pictures for papers.
 
 MAX_PICTURES = 60
-"""Pictures of the camera in a report, where nobody says how many."""
+"""Default number of camera pictures in a report."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """What was found in a ``record``; see the modules that these values come from."""
+    """All results of the analysis of a ``record``; see the modules of these types."""
 
     record: RunRecord
     drawing: TreeDrawing
@@ -55,7 +55,7 @@ class RecordStudy:
 
 
 def study_record(record: RunRecord, *, max_pictures: int = 0) -> RecordStudy:
-    """Read a record through. Raises InvalidRecordError for one that is damaged or has no drawing of its tree."""
+    """Analyse a record. Raises InvalidRecordError if it is damaged or has no tree."""
     drawing, moments, views = record.drawing(), slider_times(record), list(record.views())
     changes = [event for event in record.events if isinstance(event, NodeChanged)]
     lanes = leaf_lanes(drawing, changes, record.statuses(moments.end), moments.end)
@@ -77,42 +77,42 @@ def study_record(record: RunRecord, *, max_pictures: int = 0) -> RecordStudy:
 
 
 MIN_MOTION = 0.01
-"""Metres and radians together that are no movement: reports tremble."""
+"""Minimum sum of metres and radians that counts as motion: odometry is noisy."""
 
 MAX_START_DELAY = 2.0
-"""Seconds that a robot may take to get ready before that is worth a sentence."""
+"""Start delay in seconds above which the summary mentions it."""
 
 RESULT_PHRASES = {
     "success": "It succeeded",
     "failure": "It failed",
     "interrupted": "It was stopped",
-    "error": "It was ended by an error",
+    "error": "It ended with an error",
 }
-"""How results are put into sentences."""
+"""Beginning of the sentence about each result."""
 
 MAX_NAMES = 4
-"""As many things that were seen are named."""
+"""Maximum number of names in a sentence."""
 
 
 def verdict(record: RunRecord) -> tuple[str, str]:
-    """Return the result in a word, empty where it is not recorded, and all of it in a sentence."""
+    """Return the result as a word, empty if not recorded, and as a sentence."""
     end = record.run_end()
     if end is None:
-        piece = f"This is a piece of a record, from {seconds_text(record.cut_start)} on" if record.cut_start else ""
+        piece = f"This record was cut at {seconds_text(record.cut_start)}" if record.cut_start else ""
         cut_off = f"The record ends at {seconds_text(record.end_time)}, before the mission did"
-        full = ", since it had reached its limit (--record-limit)" if record.limit_reached else ""
-        return "", f"{piece or cut_off}{full}: how the mission ended is not in it."
+        full = ", since the size limit was reached (--record-limit)" if record.limit_reached else ""
+        return "", f"{piece or cut_off}{full}; the result of the mission is not recorded."
     why = f": {end.reason}" if end.reason else ""
     did = RESULT_PHRASES.get(end.result, f"It ended ({end.result})")
     return end.result, f"{did} after {seconds_text(end.seconds)} and {count_text(end.ticks, 'tick')}{why}."
 
 
 def summary_sentences(study: RecordStudy) -> Iterator[str]:
-    """Yield what there is to say of a record, the most important first."""
+    """Yield the sentences of the summary, the most important first."""
     record = study.record
     yield verdict(record)[1]
     if record.cut_start is None and study.slider.start > MAX_START_DELAY:
-        yield f"Its first tick was at {seconds_text(study.slider.start)}: so long the robot took to get ready."
+        yield f"The robot took {seconds_text(study.slider.start)} to get ready."
     yield from _failure_sentences(record, study.drawing)
     yield from _busiest_leaf_sentence(study.lanes, study.drawing)
     yield _fault_sentence(record)
@@ -125,7 +125,7 @@ def summary_sentences(study: RecordStudy) -> Iterator[str]:
 
 
 def reported_faults(record: RunRecord) -> list[FaultRaised]:
-    """Return what parts of the robot had to say of themselves, without their coming up when all began."""
+    """Return the fault events of the robot's parts, without their first connection."""
     told = [event for event in record.events if isinstance(event, FaultRaised)]
     gone: set[str] = set()
     kept = []
@@ -138,25 +138,25 @@ def reported_faults(record: RunRecord) -> list[FaultRaised]:
 
 
 def _failure_sentences(record: RunRecord, drawing: TreeDrawing) -> Iterator[str]:
-    """Say which node the run failed by, and which actions failed besides: conditions that say no are none of them."""
+    """Yield the node that caused the failure, and the number of other failed actions; conditions do not count."""
     names, found, cause = node_names(drawing), record.failures(), _failure_cause(record)
     if cause is not None:
         node = names.get(cause.node, NodeName(cause.name, f"line {cause.line}"))
-        yield f"What it failed by was {node.title} ({node.place}), at {seconds_text(cause.t)}."
+        yield f"Cause of the failure: {node.title} ({node.place}), at {seconds_text(cause.t)}."
     actions = {box.key for box in drawing.root.walk() if not box.children and box.symbol != CONDITION_SYMBOL}
     others = [change for change in found if change.node in actions and change is not cause]
-    besides = " besides" if cause is not None else ""
+    subject = "other action" if cause is not None else "action"
     if not others:
-        yield f"No action failed{besides}."
+        yield f"No {subject} failed."
         return
     first = others[0]
     node, why = names[first.node], f": {first.reason}" if first.reason else ""
-    began = f"first {node.title} ({node.place}), at {seconds_text(first.t)}{why}"
-    yield f"Actions failed{besides} {_count_text(len(others))}, {began}."
+    details = f"first {node.title} ({node.place}), at {seconds_text(first.t)}{why}"
+    yield f"{subject.capitalize()}s failed {_count_text(len(others))}, {details}."
 
 
 def _failure_cause(record: RunRecord) -> NodeChanged | None:
-    """Return the change that the mission failed by: the deepest of those that handed its reason up in the end."""
+    """Return the change that caused the mission to fail: the deepest of those whose reason the mission has."""
     end, cause = record.run_end(), None
     if end is None or end.result != "failure":
         return None
@@ -175,8 +175,8 @@ def _busiest_leaf_sentence(lanes: Sequence[Lane], drawing: TreeDrawing) -> Itera
     lane = max(lanes, key=lambda each: each.busy_seconds, default=None)
     if lane is not None and lane.busy_seconds > 0:
         node = node_names(drawing)[lane.box.key]
-        times = f" in {len(lane.bars)} goes" if len(lane.bars) > 1 else ""
-        yield f"Most of the time went into {node.title}: {seconds_text(lane.busy_seconds)}{times} ({node.place})."
+        times = f" in {len(lane.bars)} runs" if len(lane.bars) > 1 else ""
+        yield f"Longest action: {node.title}, {seconds_text(lane.busy_seconds)}{times} ({node.place})."
 
 
 def _fault_sentence(record: RunRecord) -> str:
@@ -185,7 +185,8 @@ def _fault_sentence(record: RunRecord) -> str:
         return "No part of the robot reported a fault."
     first = found[0]
     detail = f": {first.detail_without_part}" if first.detail else ""
-    return f"{count_text(len(found), 'fault report')}, first at {seconds_text(first.t)}: {first.part} {first.what}{detail}."
+    count = count_text(len(found), "fault report")
+    return f"{count}, first at {seconds_text(first.t)}: {first.part} {first.what}{detail}."
 
 
 def _lateness_sentence(record: RunRecord) -> Iterator[str]:
@@ -194,21 +195,21 @@ def _lateness_sentence(record: RunRecord) -> Iterator[str]:
     if late:
         worst, time = max(late)
         yield (
-            f"{len(late)} of {count_text(len(ticks), 'tick')} came more than a tick late, "
-            f"worst by {1000 * worst:.0f} ms at {seconds_text(time)}."
+            f"{len(late)} of {count_text(len(ticks), 'tick')} were more than a tick late, "
+            f"at most {1000 * worst:.0f} ms at {seconds_text(time)}."
         )
     elif ticks:
-        yield f"No tick was late: all {len(ticks)} came in time."
+        yield f"No tick was late ({count_text(len(ticks), 'tick')})."
 
 
 def _motion_sentences(study: RecordStudy) -> Iterator[str]:
     if study.route.length + study.route.rotation > MIN_MOTION:
-        yield f"The base drove {study.route.length:.1f} m and turned {degrees(study.route.rotation):.0f}° in all."
+        yield f"The base drove {study.route.length:.1f} m and turned {degrees(study.route.rotation):.0f}° in total."
     if study.tracking_errors:
         worst = max(study.tracking_errors, key=lambda miss: miss.largest)
         yield (
-            f"What it followed was {tracking_rms(study.tracking_errors):.1f}° from the middle of the picture (root mean square), "
-            f"and {worst.largest:.1f}° at most, at {seconds_text(worst.time)}."
+            f"Tracking error: {tracking_rms(study.tracking_errors):.1f}° root mean square, "
+            f"{worst.largest:.1f}° at most, at {seconds_text(worst.time)}."
         )
 
 
@@ -231,18 +232,18 @@ def _sight_sentence(study: RecordStudy) -> Iterator[str]:
         whom = f" {first.name}" if len(study.sightings) > 1 else ""
         yield f"It saw {said}: first{whom} at {seconds_text(first.first)}."
     elif study.views:
-        yield "It saw nobody and nothing that it knows."
+        yield "It saw no face, object or marker."
     else:
         eyes = study.record.header.eyes
-        yield "What it saw is not in this record." if eyes else "There is no camera in this record."
+        yield "Its percepts are not recorded." if eyes else "It used no camera."
 
 
 def _people_text(number: int) -> str:
-    return f"{number} {'person' if number == 1 else 'people'} whom it knows"
+    return f"{number} known {'person' if number == 1 else 'people'}"
 
 
 def _names_text(sightings: Sequence[SightingSummary]) -> str:
-    """Return names with how often each came into view, the most frequent first where they are too many."""
+    """Return names with their numbers of appearances; of too many, the most frequent."""
     chosen = sightings if len(sightings) <= MAX_NAMES else sorted(sightings, key=lambda each: -each.count)[:MAX_NAMES]
     names = [each.name + (f" ({_count_text(each.count)})" if each.count > 1 else "") for each in chosen]
     return ", ".join(names) + (f", {len(sightings) - len(chosen)} more" if len(sightings) > len(chosen) else "")
@@ -252,6 +253,6 @@ def _loss_sentences(record: RunRecord) -> Iterator[str]:
     lost = record.lost_counts()
     if lost:
         told = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
-        yield f"Not all of it was recorded: {count_text(sum(lost.values()), 'message')} lost ({told})."
+        yield f"The record is incomplete: {count_text(sum(lost.values()), 'message')} lost ({told})."
     if not record.is_complete:
-        yield "The record was not closed properly: what came after its last message is lost."
+        yield "The record was not closed: everything after its last message is lost."

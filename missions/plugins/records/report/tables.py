@@ -1,4 +1,4 @@
-"""The tables of a report: faults, what was logged, what was seen, and what the record says of itself."""
+"""Tables of a report: faults, log, percepts, facts about the record, joints."""
 
 import csv
 import io
@@ -19,15 +19,15 @@ from missions.plugins.records.report.summary import reported_faults
 from missions.trees.value_text import count_text, seconds_text
 
 MAX_ROWS = 400
-"""Of more the page would get slow; `mission record replay` shows them all."""
+"""Maximum number of rows, so that the page stays fast; `mission record replay` shows all."""
 
 
 LogRow = tuple[float, str, str]
-"""When, what, and the words."""
+"""Time (s), subject, and text."""
 
 
 def faults_table(record: RunRecord, slider: SliderTimes) -> Markup:
-    """Return what was wrong with parts of the robot, and what its base felt."""
+    """Return the table of faults and reflexes."""
     rows: list[LogRow] = [
         (
             event.t,
@@ -37,27 +37,27 @@ def faults_table(record: RunRecord, slider: SliderTimes) -> Markup:
         for event in reported_faults(record)
     ]
     rows += [
-        (event.t, event.what.replace("_", " "), f"{event.where} {'' if event.on else '(over)'}".strip())
+        (event.t, event.what.replace("_", " "), f"{event.where} {'' if event.on else '(ended)'}".strip())
         for event in record.events
         if isinstance(event, ReflexFired)
     ]
-    return _log_markup(sorted(rows, key=lambda row: row[0]), slider, "No faults, and the base felt nothing.")
+    return _log_markup(sorted(rows, key=lambda row: row[0]), slider, "No faults and no reflexes.")
 
 
 def log_table(record: RunRecord, slider: SliderTimes) -> Markup:
-    """Return what was said, notified and logged."""
+    """Return the table of speech, notices and log lines."""
     rows = [(event.t, *_speaker_and_text(event)) for event in record.events if isinstance(event, Logged | Notified)]
-    return _log_markup(rows, slider, "Nothing was said or logged.")
+    return _log_markup(rows, slider, "No speech and no log lines.")
 
 
 def _speaker_and_text(event: Logged | Notified) -> tuple[str, str]:
-    """Return who speaks, or what sort of line it is, and the words."""
+    """Return the speaker, or the log level, and the text."""
     match event:
         case Logged(level="voice"):
             return "the robot", event.text
         case Logged(level="person"):
             who, told, words = event.text.partition(": ")
-            return (who, words) if told else ("somebody", event.text)
+            return (who, words) if told else ("a person", event.text)
         case Logged():
             return event.level, event.text
         case _:
@@ -65,8 +65,8 @@ def _speaker_and_text(event: Logged | Notified) -> tuple[str, str]:
 
 
 def sightings_table(sightings: Sequence[SightingSummary], slider: SliderTimes) -> Markup:
-    """Return all that was followed from picture to picture."""
-    heads = ("What", "Came", "From", "To", "Found in", "Nearest")
+    """Return the table of tracked percepts."""
+    heads = ("Percept", "Appeared", "From", "To", "Found in", "Nearest")
     rows = [
         tag(
             "tr",
@@ -85,18 +85,18 @@ def sightings_table(sightings: Sequence[SightingSummary], slider: SliderTimes) -
 
 
 def record_facts(record: RunRecord) -> Markup:
-    """Return what was run, how, and on what."""
+    """Return mission, robot, settings and versions of a record."""
     terms = (join(tag("dt", name), tag("dd", text)) for name, text in _facts(record) if text)
     return tag("dl", *terms, class_="about")
 
 
 def time_button(time: float, slider: SliderTimes) -> Markup:
-    """Return a time that takes the slider there."""
+    """Return a time as a button that moves the slider there."""
     return tag("button", seconds_text(time), type="button", data_place=slider.position(time), class_="link")
 
 
 def start_text(record: RunRecord) -> str:
-    """Return when the run began, in words."""
+    """Return the start time of the run as text."""
     return f"{datetime.fromisoformat(record.header.started).astimezone():%A, %d %B %Y, %H:%M:%S}"
 
 
@@ -118,35 +118,35 @@ def _hidden_rows_note(count: int) -> Markup:
 def _facts(record: RunRecord) -> Iterator[tuple[str, str]]:
     head = record.header
     yield "record", record.path.name
-    yield "began", start_text(record)
+    yield "started", start_text(record)
     yield "mission", f"{head.mission} ({head.file})"
     yield "params", ", ".join(f"{name}: {text}" for name, text in head.values.items())
     yield "robot", head.robot
     yield (
         "world",
-        ", ".join(filter(None, (head.world, head.simulate and f"simulated ({head.simulate})"))) or "the real one",
+        ", ".join(filter(None, (head.world, head.simulate and f"simulated ({head.simulate})"))) or "real",
     )
     yield "eyes", head.eyes
     yield "rate", f"{head.rate:g} Hz"
     yield "seed", str(head.seed)
-    yield "replaced", ", ".join(head.mocks)
-    yield "made by", ", ".join(f"{name} {version}" for name, version in head.versions.items())
+    yield "mocks", ", ".join(head.mocks)
+    yield "versions", ", ".join(f"{name} {version}" for name, version in head.versions.items())
     yield "command", shlex.join(head.command)
 
 
 # How joints kept to their goals, as tables: on a page, on a terminal, and for other programs.
 
-JOINT_HEADINGS = ("joint", "rms deg", "at most deg", "at s", "motor J", "load %", "degC", "samples")
-"""The columns on a terminal."""
+JOINT_HEADINGS = ("joint", "rms deg", "max deg", "at s", "motor J", "load %", "degC", "samples")
+"""Columns of the joint table on a terminal."""
 
 UNKNOWN = "-"
 
-NO_JOINTS = "no joint was heard of in this record"
+NO_JOINTS = "no joint states in this record"
 
 
 def joints_table(joints: Sequence[JointFigures], slider: SliderTimes) -> Markup:
-    """Return the table of a report; a click goes to when a joint was off the most."""
-    heads = ("Joint", "Off its goal (rms)", "At most", "At", "Its motor did", "Load at most", "Hottest")
+    """Return the joint table of a report; the time of the largest error is a button."""
+    heads = ("Joint", "Error (rms)", "Largest error", "At", "Motor work", "Largest load", "Hottest")
     rows = [
         tag(
             "tr",
@@ -165,7 +165,7 @@ def joints_table(joints: Sequence[JointFigures], slider: SliderTimes) -> Markup:
 
 
 def lines_of(joints: Sequence[JointFigures]) -> Iterator[str]:
-    """Yield the same as lines for a terminal."""
+    """Yield the joint table as lines for a terminal."""
     if not joints:
         yield NO_JOINTS
         return
@@ -188,12 +188,12 @@ def lines_of(joints: Sequence[JointFigures]) -> Iterator[str]:
 
 
 def as_json(joints: Sequence[JointFigures]) -> Mapping[str, object]:
-    """Return the same for programs: degrees, joules, loads in -1..1 of the stall torque, degC."""
+    """Return the joint table for JSON: degrees, joules, loads in -1..1 of the stall torque, degC."""
     return {"rms": combined_rms(joints), "energy": total_energy(joints), "joints": [asdict(each) for each in joints]}
 
 
 def as_csv(joints: Sequence[JointFigures]) -> str:
-    """Return the same for a spreadsheet."""
+    """Return the joint table as CSV."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([field.name for field in fields(JointFigures)])

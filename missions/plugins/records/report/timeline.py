@@ -1,4 +1,4 @@
-"""When each leaf was at work, and how that ended: what the timeline of a report shows."""
+"""Timeline of leaves: their runs and results."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,16 +8,15 @@ from missions.trees.drawing import ACTIVE, Status, TreeBox, TreeDrawing
 from missions.trees.states import STATUSES
 
 MAX_BARS = 400
-"""So many bars of one leaf can be told apart; shorter ones beside each other are shown as one."""
+"""Maximum number of distinguishable bars of a leaf; shorter neighbours are merged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A time from ``start`` to ``end`` (s) in which a leaf was at work; both are the same where it answered at once.
+    """A run of a leaf from ``start`` to ``end`` (s); both are equal if it returned at once.
 
-    ``outcome`` is how that ended: "idle" where it was interrupted, "running" where the record ends before it did. The
-    time in which the leaf was suspended is part of it.
-    ``count`` is how many are shown as this one; then it failed if any of them did.
+    ``outcome`` is its result: "idle" if it was interrupted, "running" if the record ends before. Time in which the leaf
+    was suspended is included. ``count`` is the number of merged runs; merged runs failed if any of them did.
     """
 
     start: float
@@ -29,7 +28,7 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A leaf that was at work, and when; ``submission`` is the mission inside the mission that it is in, if any."""
+    """A leaf and its runs; ``submission`` is the name of its sub-mission, if any."""
 
     box: TreeBox
     submission: str
@@ -37,16 +36,16 @@ class Lane:
 
     @property
     def busy_seconds(self) -> float:
-        """How long it was at work in all, in seconds."""
+        """Total running time (s)."""
         return sum(bar.end - bar.start for bar in self.bars)
 
 
 def leaf_lanes(
     drawing: TreeDrawing, changes: Iterable[NodeChanged], last: Mapping[str, NodeChanged], end: float
 ) -> list[Lane]:
-    """Return a lane for each leaf that was ever asked, in the order of the tree.
+    """Return a lane for each leaf that was ticked, in the order of the tree.
 
-    ``end`` is when the record ends, ``last`` how each node stands then.
+    ``end`` is the end of the record (s), ``last`` the final change of each node.
     """
     by_node: dict[str, list[NodeChanged]] = {}
     for change in changes:
@@ -59,7 +58,7 @@ def leaf_lanes(
 
 
 def merge_bars(bars: Sequence[Bar], span: float) -> list[Bar]:
-    """Return bars to be drawn over ``span`` seconds: what could not be told apart is one."""
+    """Return bars for a chart of ``span`` seconds, with indistinguishable ones merged."""
     found: list[Bar] = []
     for bar in bars:
         last = found[-1] if found else None
@@ -73,7 +72,7 @@ def merge_bars(bars: Sequence[Bar], span: float) -> list[Bar]:
 
 
 def count_outcomes(bars: Sequence[Bar]) -> Mapping[Status, int]:
-    """Return how often it ended in which way."""
+    """Return the number of runs by outcome."""
     counts: dict[Status, int] = {}
     for bar in bars:
         counts[bar.outcome] = counts.get(bar.outcome, 0) + 1

@@ -1,4 +1,4 @@
-"""The timeline as a table: a row for each leaf with its bars, and how long it was at work in all."""
+"""The timeline as an HTML table: a row per leaf with its bars and total running time."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,25 +11,25 @@ from missions.trees.value_text import count_text, seconds_text
 
 OUTCOME_LABELS = {
     "idle": "interrupted",
-    "running": "still at work",
+    "running": "still running",
     "suspended": "suspended",
     "success": "success",
     "skipped": "skipped",
     "failure": "failure",
 }
-"""What the end of a bar is called."""
+"""Label of each outcome of a bar."""
 
 SIGN_WIDTH = 0.028
-"""What a sign takes of the width of the timeline; one that would stand on another is left out."""
+"""Width of a sign as a share of the timeline; overlapping signs are left out."""
 
 
 def timeline_markup(lanes: Sequence[Lane], slider: SliderTimes) -> Markup:
-    """Return the timeline."""
+    """Return the timeline table."""
     head = tag(
         "tr",
         tag("th", "Node", scope="col"),
         tag("td", time_axis(slider), class_="bars"),
-        tag("th", "In all", scope="col", class_="total"),
+        tag("th", "Total", scope="col", class_="total"),
     )
     rows = [_row(lane, slider) for lane in lanes]
     return tag("table", tag("thead", head), tag("tbody", *rows), class_="timeline")
@@ -38,7 +38,7 @@ def timeline_markup(lanes: Sequence[Lane], slider: SliderTimes) -> Markup:
 def _row(lane: Lane, slider: SliderTimes) -> Markup:
     box = lane.box
     ended = ", ".join(f"{count} {OUTCOME_LABELS[status]}" for status, count in count_outcomes(lane.bars).items())
-    told = f"{box.title}: {count_text(len(lane.bars), 'time')}, {seconds_text(lane.busy_seconds)} in all; {ended}"
+    told = f"{box.title}: {count_text(len(lane.bars), 'time')}, {seconds_text(lane.busy_seconds)} in total; {ended}"
     svg = tag("svg", *_bar_markup(lane.bars, slider), role="img", aria_label=told)
     within = tag("small", f"in {lane.submission}") if lane.submission else ""
     name = tag("button", box.title, type="button", data_node=box.key, title=f"{box.file}:{box.line}", class_="link")
@@ -74,5 +74,5 @@ def _bar_markup(bars: Sequence[Bar], slider: SliderTimes) -> Iterator[Markup]:
 
 
 def _end_sign(outcome: Status) -> str:
-    """Return the sign at the end of a bar: none where nobody knows how it would have ended."""
+    """Return the sign at the end of a bar; empty if the outcome is unknown."""
     return SIGNS[outcome] if outcome in ("success", "failure") else ""

@@ -1,4 +1,4 @@
-"""What a robot did over time, as lines to be drawn: speed, head, battery and the way of its base."""
+"""Time series of a run for charts: speed, head, battery, tracking error, and the path of the base."""
 
 import re
 from bisect import bisect_right
@@ -26,14 +26,14 @@ FOLLOWED_PERCEPTS = {
     "track_object": "things",
     "track_robot": "markers",
 }
-"""The leaves that follow something, and which percepts of a view."""
+"""Leaves that track a percept, and the field of a view with their candidates."""
 
 _VARIABLE = re.compile(r"\$\{\s*(\w+)\s*\}")
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingError:
-    """How far from the camera's axis something was that was followed, at ``time`` (s); degrees, left and down are +."""
+    """Angle of a tracked percept from the camera axis at ``time`` (s), in degrees; left and down are positive."""
 
     time: float
     horizontal: float
@@ -41,12 +41,12 @@ class TrackingError:
 
     @property
     def largest(self) -> float:
-        """The larger of both."""
+        """The larger absolute value of both."""
         return max(abs(self.horizontal), abs(self.vertical))
 
 
 def tracking_errors(record: RunRecord, views: Views, lanes: Sequence[Lane]) -> list[TrackingError]:
-    """Return the tracking error in each new view that shows what was followed then."""
+    """Return the tracking error of each view that shows the target."""
     following = sorted(
         ((bar.start, bar.end, lane.box) for lane in lanes if lane.box.kind in FOLLOWED_PERCEPTS for bar in lane.bars),
         key=lambda each: each[:2],
@@ -68,12 +68,12 @@ def tracking_errors(record: RunRecord, views: Views, lanes: Sequence[Lane]) -> l
 
 
 def tracking_rms(errors: Sequence[TrackingError]) -> float:
-    """Return the root of the mean square of how far it was off, in degrees; 0 without any."""
+    """Return the root mean square of the errors, in degrees; 0 without any."""
     return sqrt(fsum(miss.largest**2 for miss in errors) / len(errors)) if errors else 0.0
 
 
 def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float) -> int | None:
-    """Return the id of what the file says it is to begin with: ``face: ${person}``."""
+    """Return the percept id of the argument that names the target, such as ``face: ${person}``; None without one."""
     for text in box.arguments.values():
         named = _VARIABLE.fullmatch(text)
         known = [
@@ -92,7 +92,7 @@ def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float
 
 
 def _followed_percept(box: TreeBox, view: View, target: int | None) -> Percept | None:
-    """Return what is followed of that which a picture has just shown."""
+    """Return the target in a view; the first candidate if there is no target yet."""
     fresh = [percept for percept in _candidates(box, view) if percept.stamp == view.looked]
     same = next((percept for percept in fresh if percept.id == target), None)
     return same or (fresh[0] if fresh and target is None else None)
@@ -111,21 +111,21 @@ Points = Sequence[tuple[float, float]]
 """Times (s) and values, in order of time."""
 
 MAX_GAP = 1.0
-"""Seconds without a value after which a line has a gap: nothing is known of what was in between."""
+"""Seconds without a value after which a line is interrupted."""
 
 CHART_COLUMNS = 600
-"""So many columns has a drawn chart: of each, no more is drawn than can be seen."""
+"""Horizontal resolution of a chart."""
 
 MIN_ROUTE_LENGTH = 0.05
-"""Metres of a way that need no picture: a base that turns on the spot trembles."""
+"""Minimum path length with a picture, in metres: odometry of a base that turns on the spot is noisy."""
 
 MIN_VALUE_RANGE = 1e-6
-"""Values that are no further from each other than this tell nothing that needs a chart."""
+"""Minimum range of values with a chart."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChartLine:
-    """One line of a chart. What was ``requested`` for is drawn with dashes, below what was measured."""
+    """A line of a chart. ``requested`` marks setpoints, which are dashed and below the measurements."""
 
     name: str
     points: Points
@@ -134,7 +134,7 @@ class ChartLine:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Lines over time in one ``unit``; ``key`` names it in files."""
+    """Lines over time in one ``unit``; ``key`` is its file name."""
 
     key: str
     title: str
@@ -149,40 +149,40 @@ class Chart:
 
 @dataclass(frozen=True, slots=True)
 class BaseRoute:
-    """The way of the base seen from above: ``poses`` x, y (m) and heading (rad), and when it was there."""
+    """Path of the base: ``poses`` as x, y (m) and heading (rad), and their times (s)."""
 
     times: Sequence[float]
     poses: Sequence[tuple[float, float, float]]
 
     @property
     def length(self) -> float:
-        """How far it drove, in metres, as far as its reports tell."""
+        """Path length in metres, by odometry."""
         return sum(dist(one[:2], other[:2]) for one, other in pairwise(self.poses))
 
     @property
     def rotation(self) -> float:
-        """How far it turned, to the left and to the right together, in radians."""
+        """Total rotation in both directions, in radians."""
         return sum(abs(remainder(other[2] - one[2], tau)) for one, other in pairwise(self.poses))
 
 
 def make_charts(record: RunRecord, errors: Sequence[TrackingError], begin: float = 0.0) -> list[Chart]:
-    """Return a chart of all that a record tells of from ``begin`` on (s), but for what stays as it is."""
+    """Return the charts of a record from ``begin`` (s) on; constant values have no chart."""
     found = [
         _requested_and_measured("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float, begin),
-        _requested_and_measured("turn", "Turning", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
+        _requested_and_measured("turn", "Turn rate", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
         _requested_and_measured(
-            "pan", "Head to the side (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin
+            "pan", "Head pan (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin
         ),
         _requested_and_measured(
-            "tilt", "Head up and down (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin
+            "tilt", "Head tilt (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin
         ),
         Chart(
             "tracking",
             "Tracking error, from the middle of the picture",
             "°",
             [
-                ChartLine("to the side", [(miss.time, miss.horizontal) for miss in errors]),
-                ChartLine("up and down", [(miss.time, miss.vertical) for miss in errors], requested=True),
+                ChartLine("horizontal", [(miss.time, miss.horizontal) for miss in errors]),
+                ChartLine("vertical", [(miss.time, miss.vertical) for miss in errors], requested=True),
             ],
         ),
         Chart(
@@ -193,7 +193,7 @@ def make_charts(record: RunRecord, errors: Sequence[TrackingError], begin: float
 
 
 def base_route(record: RunRecord) -> BaseRoute:
-    """Return the way of the base, which is empty where nobody knows it."""
+    """Return the path of the base; empty if unknown."""
     series = [record.series(f"base.{name}") for name in ("x", "y", "heading")]
     known = [dict(zip(times, values, strict=True)) for times, values in series]
     times = [time for time in series[0][0] if all(time in each for each in known)]
@@ -201,7 +201,7 @@ def base_route(record: RunRecord) -> BaseRoute:
 
 
 def split_at_gaps(points: Points) -> Iterator[Points]:
-    """Yield the stretches of a line between its gaps."""
+    """Yield the segments of a line between its gaps."""
     stretch: list[tuple[float, float]] = []
     for point in points:
         if stretch and point[0] - stretch[-1][0] > MAX_GAP:
@@ -213,7 +213,7 @@ def split_at_gaps(points: Points) -> Iterator[Points]:
 
 
 def thin_points(points: Points, begin: float, span: float) -> list[tuple[float, float]]:
-    """Return no more points than can be seen: of each column the first and last, the lowest and highest."""
+    """Return the points that affect the drawing: first, last, lowest and highest of each column."""
     found: list[tuple[float, float]] = []
     for _, column in groupby(points, key=lambda point: int((point[0] - begin) / span * CHART_COLUMNS)):
         inside = list(column)
@@ -234,14 +234,14 @@ def _requested_and_measured(
     begin: float,
 ) -> Chart:
     lines = [
-        ChartLine("asked", _series_points(record, requested, convert, begin), requested=True),
+        ChartLine("setpoint", _series_points(record, requested, convert, begin), requested=True),
         ChartLine("measured", _series_points(record, measured, convert, begin)),
     ]
     return Chart(key, title, unit, [line for line in lines if line.points])
 
 
 def _series_points(record: RunRecord, name: str, convert: Callable[[float], float], begin: float) -> Points:
-    """Return a line from ``begin`` on, and first what held then."""
+    """Return a series from ``begin`` (s), starting with the value valid at that time."""
     times, values = record.series(name)
     first = max(0, bisect_right(times, begin) - 1)
     return [(max(time, begin), convert(value)) for time, value in zip(times[first:], values[first:], strict=True)]

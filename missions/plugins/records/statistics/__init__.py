@@ -1,1 +1,1 @@
-"""Figures of recorded runs: how often, how long, how late."""
+"""Statistics of recorded runs: counts, durations, delays."""

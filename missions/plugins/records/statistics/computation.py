@@ -1,4 +1,4 @@
-"""From a record to its figures: nothing of this is measured for its own sake while a robot runs."""
+"""Computation of statistics from a record."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,19 +18,19 @@ TICK_LATE, TICK_WORK = "tick: late", "tick: at work"
 PICTURE_SEARCH, PICTURE_TO_PERCEPTS = "picture: searched in", "picture to percepts"
 
 MOTION_COMMANDS = frozenset({("base", "drive"), ("head", "look"), ("arm", "move")})
-"""What sets an actuator moving."""
+"""Commands that start an actuator."""
 
 _COUNTERS: Any = Mapping[str, Mapping[str, int]]
 
 BASE_COMMAND = ("base", "command")
-"""The figures of how long a command to the base waits for the renewal that sends it; others are sent at once."""
+"""Bus operation of base commands, which wait for the next report; other commands are sent at once."""
 
 DURATION_PREFIX, TIME_SUFFIX = "longest_", "_us"
-"""Around the names of the counters that are times; see ``drivers.transport.history``."""
+"""Prefix of maximum times, and suffix of times, in counter names; see ``drivers.transport.history``."""
 
 
 def compute_stats(record: RunRecord) -> Stats:
-    """Return the figures of a record. Raises InvalidRecordError."""
+    """Return the statistics of a record. Raises InvalidRecordError."""
     head, moments = record.header, record.tick_records
     ticks = [moment for moment in moments if moment.kind == "tick"]
     start = record.cut_start or 0.0
@@ -68,7 +68,7 @@ def compute_stats(record: RunRecord) -> Stats:
 
 
 def _read_messages(record: RunRecord) -> tuple[list[tuple[float, float, float]], list[Mapping[str, Mapping[str, int]]]]:
-    """Return of each view when it came, its stamp and the seconds of searching; and the devices' counters over time."""
+    """Return report time, stamp and search time (s) of each view, and the device counters over time."""
     seen: list[tuple[float, float, float]] = []
     devices: list[Mapping[str, Mapping[str, int]]] = []
     for message in record.container.messages(frozenset({"/percepts", "/state/devices"})):
@@ -90,7 +90,7 @@ def _picture_times(seen: Sequence[tuple[float, float, float]], *, real: bool) ->
 def _reaction_times(
     ticks: Sequence[TickRecord], waits: WireFigures | None, *, real: bool
 ) -> Iterator[tuple[str, Times]]:
-    """Yield for each actuator how old a picture was when the first command that knew of it had gone out."""
+    """Yield for each actuator the ages (s) of pictures when the first command based on them was sent."""
     found: dict[str, list[float]] = {}
     newest: dict[str, float] = {}
     for moment in ticks:
@@ -105,7 +105,7 @@ def _reaction_times(
 
 
 def _commands_after_look(answers: Sequence[Answer]) -> Mapping[str, float]:
-    """Return which parts were commanded after the tree had asked what is seen, and the stamp of the newest of that."""
+    """Return the parts that were commanded after a query of perception, and the newest stamp of its reply."""
     newest: float | None = None
     found: dict[str, float] = {}
     for part, what, _, value in answers:
@@ -118,7 +118,7 @@ def _commands_after_look(answers: Sequence[Answer]) -> Mapping[str, float]:
 
 
 def _stamps(value: object) -> Iterator[float]:
-    """Yield the stamps of an answer of the eyes: itself one, a thing that has one, or several of these."""
+    """Yield the stamps in a reply of perception: a stamp, a percept, or a sequence of these."""
     match value:
         case float() | int() if abs(value) < MAX_SECONDS:
             yield float(value)
@@ -143,7 +143,7 @@ def _wire_figures(
 def _counter_totals(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield what devices count; not what is a time, or a figure of the moment, which names its unit."""
+    """Yield the device counters that are neither times nor values with a unit."""
     for device, name, counted in _counter_growth(devices, since_begin=since_begin):
         if not name.endswith((TIME_SUFFIX, ")")) and f"{name.removesuffix('s')}{TIME_SUFFIX}" not in counted:
             yield (device, name), counted[name]
@@ -152,7 +152,7 @@ def _counter_totals(
 def _counter_growth(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[str, str, Mapping[str, int]]]:
-    """Yield every counter of every device with all by which that device's have grown over the record."""
+    """Yield device, counter name, and the growth of all counters of the device."""
     if not devices:
         return
     for device, last in devices[-1].items():

@@ -1,4 +1,4 @@
-"""The figures of runs, as plain values. Every single time is kept, so that quantiles of several runs are true."""
+"""Statistics of runs as plain values. All single times are kept, so quantiles of several runs are exact."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ NO_TIMES: Times = np.empty(0)
 
 
 class RunKind(NamedTuple):
-    """What kind of run it was: of which mission, on which robot, and how simulated ("" for the real one)."""
+    """Kind of a run: mission, robot, and kind of simulation ("" for hardware)."""
 
     mission: str
     robot: str
@@ -23,11 +23,11 @@ class RunKind(NamedTuple):
 
 
 MAX_KEY_DIGITS = 9
-"""Letters that no number of a node has."""
+"""Maximum number of digits plus one of each number in a node key."""
 
 
 class NodeLabel(NamedTuple):
-    """A node of a tree: its key, the word of its kind, what a person reads of it, and where it stands."""
+    """A node of a tree: key, kind, title, file and line."""
 
     key: str
     kind: str
@@ -37,14 +37,14 @@ class NodeLabel(NamedTuple):
 
     @property
     def sort_key(self) -> tuple[int, ...]:
-        """By which nodes are in the order of the file; keys that no tree has come first."""
+        """Sort key in the order of the file; invalid keys come first."""
         parts = self.key.split(".")
         return tuple(map(int, parts)) if all(part.isdecimal() and len(part) < MAX_KEY_DIGITS for part in parts) else ()
 
 
 @dataclass(frozen=True, slots=True)
 class TimeQuantiles:
-    """What many times have in common, in seconds."""
+    """Quantiles of times, in seconds."""
 
     count: int
     median: float
@@ -55,9 +55,9 @@ class TimeQuantiles:
 
 @dataclass(frozen=True, slots=True)
 class NodeFigures:
-    """What became of a node: in how many ticks it was at work, how its runs ended, and how long each of them took.
+    """Statistics of a node: ticks, results of its runs, and their durations.
 
-    ``unended`` counts the runs that the record does not see the end of; ``durations`` has these too, as far as they went.
+    ``unended`` counts runs that were still going at the end of the record; ``durations`` includes them.
     """
 
     ticks: int = 0
@@ -69,18 +69,18 @@ class NodeFigures:
 
     @property
     def runs(self) -> int:
-        """How often it was started."""
+        """Number of runs."""
         return self.success + self.failure + self.halted + self.unended
 
     @property
     def seconds(self) -> float:
-        """For how long it ran, in all."""
+        """Total running time (s)."""
         return float(self.durations.sum())
 
 
 @dataclass(frozen=True, slots=True)
 class WireFigures:
-    """How often something was done on a device's wire, how long that took in all, and the longest (s)."""
+    """Statistics of an operation on a bus: count, total time and longest time (s)."""
 
     count: int
     seconds: float
@@ -88,17 +88,16 @@ class WireFigures:
 
     @property
     def mean(self) -> float:
-        """Seconds that it takes."""
+        """Mean time (s); 0 without operations."""
         return self.seconds / self.count if self.count else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """The figures of one run or of several of a kind.
+    """Statistics of one or more runs of a kind.
 
-    ``seconds`` and ``ticks`` are of all together, ``overruns`` the scheduled ticks that were missed since one before
-    took too long. ``delays`` are single times by what they are of, ``wires`` by device and what is done there,
-    ``counts`` what devices count besides.
+    ``seconds`` and ``ticks`` are totals, ``overruns`` the ticks missed because an earlier one took too long. ``delays``
+    are single times by name, ``wires`` bus statistics by device and operation, ``counts`` all other device counters.
     """
 
     kind: RunKind
@@ -114,13 +113,13 @@ class Stats:
 
 
 def time_quantiles(times: Times) -> TimeQuantiles:
-    """Return what ``times``, one at least, have in common."""
+    """Return the quantiles of at least one time."""
     median, p95, p99 = (float(each) for each in np.quantile(times, [0.5, 0.95, 0.99]))
     return TimeQuantiles(len(times), median, p95, p99, float(times.max()))
 
 
 def merge_stats(found: Iterable[Stats]) -> Sequence[Stats]:
-    """Return the figures of the runs of each kind together, in the order in which the kinds come."""
+    """Return the statistics merged by kind of run, in order of first appearance."""
     by_kind: dict[RunKind, Stats] = {}
     for stats in found:
         before = by_kind.get(stats.kind)

@@ -1,7 +1,7 @@
-"""What became of each node of a recorded tree, from the changes of its status.
+"""Statistics of each node of a recorded tree, from its status changes.
 
-A record has no word of a node that is asked again and answers as before, nor whether one that is halted was asked in
-that tick before. But both follow from what the composites and modifiers above it do, so those are counted too.
+A record does not contain ticks of a node that returns the same status again, nor whether a halted node was ticked
+before in the same tick. Both are inferred from the composites and modifiers above.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,17 +18,17 @@ from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel
 from missions.trees.drawing import ACTIVE, TreeBox, TreeDrawing
 
 REACTIVE_COMPOSITES: Mapping[str, str] = {word: kind.passes for word, kind in COMPOSITES.items() if kind.reactive}
-"""The composites that ask from their first child on at every tick, and the status that leads them to the next."""
+"""Composites that tick from their first child on every time, and the status that leads to the next child."""
 
 ALWAYS_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "always")
-"""The modifiers that always ask their node, and may answer otherwise."""
+"""Modifiers that always tick their node, and may return another status."""
 
 SOMETIMES_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "sometimes")
-"""The modifiers that ask their node, and answer as it does, or do not ask it."""
+"""Modifiers that either tick their node and return its status, or do not tick it."""
 
 
 class _Node(NamedTuple):
-    """A node of the tree, the one above it, and those that are asked before and after it there."""
+    """A node, its parent, and the keys of its earlier and later siblings."""
 
     place: NodeLabel
     parent: "_Node | None"
@@ -38,7 +38,7 @@ class _Node(NamedTuple):
 
 @dataclass(slots=True)
 class _Tally:
-    """What became of one node so far."""
+    """Running totals of one node."""
 
     status: str = "idle"
     since: float = 0.0
@@ -47,7 +47,7 @@ class _Tally:
     durations: list[float] = field(default_factory=list)
 
     def on_status(self, status: str, t: float) -> None:
-        """Take on a status."""
+        """Process a new status at time ``t`` (s)."""
         status = plain_status(status)
         ran = self.status in ACTIVE
         if status in ACTIVE:
@@ -57,12 +57,12 @@ class _Tally:
         self.status = status
 
     def end(self, status: str, seconds: float) -> None:
-        """Count a run that has ended."""
+        """Count a finished run."""
         self.ends[status] += 1
         self.durations.append(seconds)
 
     def figures(self, until: float) -> NodeFigures:
-        """Return what came of it by the end of the record."""
+        """Return the statistics at the end ``until`` of the record (s)."""
         left = [max(0.0, until - self.since)] if self.status in ACTIVE else []
         ends = self.ends
         times = np.asarray([*self.durations, *left], dtype=np.float64)
@@ -77,9 +77,10 @@ def node_figures(
     start: float,
     until: float,
 ) -> Mapping[NodeLabel, NodeFigures]:
-    """Return what became of each node, and of nodes that the drawing does not have, by kind and name.
+    """Return the statistics of each node; nodes outside of the drawing are included by kind and name.
 
-    ``changes`` and ``moments`` are in order. ``start`` is when the record begins: what ran by then counts from there.
+    ``changes`` and ``tick_records`` are in order. ``start`` is the start of the record (s): runs before count from
+    there.
     """
     nodes = {node.place.key: node for node in _walk_nodes(drawing.root, None, (), ())}
     for change in changes:
@@ -106,7 +107,7 @@ def node_figures(
 
 
 def _walk_nodes(box: TreeBox, parent: _Node | None, before: Sequence[str], after: Sequence[str]) -> Iterator[_Node]:
-    """Yield the modifiers of a box, itself, and all below: each behind the one above it."""
+    """Yield the modifiers of a box, the box, and all below it, parents first."""
     for badge in box.badges:
         title = f"{badge.kind}: {badge.text}".removesuffix(": ")
         parent = _Node(NodeLabel(badge.key, badge.kind, title, box.file, badge.line), parent, before, after)
@@ -120,7 +121,7 @@ def _walk_nodes(box: TreeBox, parent: _Node | None, before: Sequence[str], after
 
 
 def _may_be_ticked_again(node: _Node) -> bool:
-    """Say whether it may be asked though it has ended, and not been reset."""
+    """Return whether a node may be ticked after it ended, without a reset."""
     above = node.parent
     return above is not None and (
         above.place.kind in REACTIVE_COMPOSITES
@@ -132,7 +133,7 @@ def _may_be_ticked_again(node: _Node) -> bool:
 def _group_by_tick(
     changes: Sequence[NodeChanged], tick_records: Sequence[TickRecord]
 ) -> Iterator[tuple[TickRecord | None, Sequence[NodeChanged]]]:
-    """Yield the moments with the changes that came in each; first and last, with None, those of no moment there is."""
+    """Yield the tick records with their changes; first and last, with None, the changes outside of all tick records."""
     at = 0
     while at < len(changes) and (not tick_records or changes[at].tick < tick_records[0].tick):
         at += 1
@@ -148,14 +149,14 @@ def _group_by_tick(
 
 
 def _is_in_tick(change: NodeChanged, tick_record: TickRecord, following: TickRecord | None) -> bool:
-    """Say whether it came in this moment, and not in the next: the halting at the end may be in the same tick."""
+    """Return whether a change belongs to this tick record: the final halt may have the same tick number."""
     return change.tick <= tick_record.tick and (
         following is None or following.tick > tick_record.tick or change.t < following.t
     )
 
 
 def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequence[_Node]) -> None:
-    """Count a tick of the nodes that were ``touched``, and of those that were asked again."""
+    """Count a tick of the ``touched`` nodes, and of nodes that were ticked again."""
     for node in doubtful:
         key = node.place.key
         tally = tallies[key]
@@ -167,7 +168,7 @@ def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequ
 
 
 def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched: set[str], halted: set[str]) -> bool:
-    """Say whether a node that was halted in this tick was asked in it before."""
+    """Return whether a node that was halted in this tick was ticked before in it."""
     while node.parent is not None and node.parent.place.key in halted:  # all of these were halted by one above
         node = node.parent
     if node.parent is None or node.parent.place.key not in touched:
@@ -179,7 +180,7 @@ def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched:
 
 
 def _was_ticked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:
-    """Say whether a node that still has the result of before was asked in this tick; the one above it is known."""
+    """Return whether a node with an unchanged result was ticked in this tick; its parent is known."""
     if node.parent is None or node.parent.place.key not in touched:
         return False
     above = node.parent.place

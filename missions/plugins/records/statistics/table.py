@@ -1,4 +1,4 @@
-"""Figures of runs for people, as tables, and for programs, as JSON and CSV."""
+"""Statistics as tables, JSON and CSV."""
 
 import csv
 import io
@@ -10,27 +10,27 @@ from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel, 
 
 NODE_COLUMNS = ("node", "line", "ticks", "runs", "success", "failure", "halted", "total s", "median s", "95 % s")
 DELAY_COLUMNS = ("", "count", "median ms", "95 % ms", "99 % ms", "longest ms")
-WIRE_COLUMNS = ("on the wire", "count", "mean ms", "longest ms")
-COUNTER_COLUMNS = ("counted", "number")
+WIRE_COLUMNS = ("bus", "count", "mean ms", "longest ms")
+COUNTER_COLUMNS = ("counter", "count")
 
-LEFT_ALIGNED_COLUMNS = frozenset({"node", "", "on the wire", "counted"})
-"""The columns of words."""
+LEFT_ALIGNED_COLUMNS = frozenset({"node", "", "bus", "counter"})
+"""Columns of text."""
 
 CSV_COLUMNS = (
     *("mission", "robot", "simulate", "records", "key", "kind", "node", "file", "line"),
     *("ticks", "runs", "success", "failure", "halted", "unended", "seconds", "median", "p95", "p99", "longest"),
 )
-"""The columns of the CSV: times in seconds, empty for a node that never ran."""
+"""Columns of the CSV: times in seconds, empty for a node that never ran."""
 
 
 def lines_of(stats: Stats) -> Iterator[str]:
-    """Yield the figures of runs of one kind as lines for a terminal."""
+    """Yield the statistics of one kind of run as lines for a terminal."""
     kind = stats.kind
     simulated = f", simulated ({kind.simulate})" if kind.simulate else ""
     records = "1 record" if stats.records == 1 else f"{stats.records} records"
     results = ", ".join(f"{count} {result}" for result, count in stats.results.items())
     yield f"{kind.mission} on {kind.robot}{simulated}: {records} ({results})"
-    late = "" if kind.simulate == "fast" else f", {stats.overruns} missed since one before took too long"
+    late = "" if kind.simulate == "fast" else f", {stats.overruns} missed, since an earlier one took too long"
     yield f"{stats.seconds:.1f} s, {stats.ticks} ticks{late}"
     yield ""
     yield from _table(NODE_COLUMNS, [_node_row(place, node) for place, node in _sorted_nodes(stats)])
@@ -47,7 +47,7 @@ def lines_of(stats: Stats) -> Iterator[str]:
 
 
 def as_json(stats: Stats) -> Mapping[str, object]:
-    """Return the same for programs; times in seconds."""
+    """Return the statistics for JSON; times in seconds."""
     return {
         **stats.kind._asdict(),
         "records": stats.records,
@@ -74,7 +74,7 @@ def as_json(stats: Stats) -> Mapping[str, object]:
 
 
 def as_csv(found: Sequence[Stats]) -> str:
-    """Return a line for each node of each kind of run, under their headings."""
+    """Return a CSV line for each node of each kind of run."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)

@@ -1,1 +1,1 @@
-"""What a camera sees, live, as a page for a browser."""
+"""Live camera page for a browser."""

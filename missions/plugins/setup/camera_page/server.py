@@ -1,6 +1,6 @@
-"""The page that shows what a camera sees: for browsers of this computer that know its link, and while somebody looks.
+"""Server of the live camera page, for browsers of this computer that have its link.
 
-Pictures show people, and every user of a computer reaches its loopback address: the page stands behind a secret name.
+Every user of a computer can reach its loopback address, and pictures show people: so the path of the page is secret.
 """
 
 import base64
@@ -16,17 +16,17 @@ from drivers.screen.server import Document, PageServer
 
 HOST = "127.0.0.1"
 FIRST_PORT, PORT_COUNT = 8660, 20
-"""Where it is served, and how many ports it tries from there before any that is free."""
+"""Number of ports tried from ``FIRST_PORT`` on, before any free one."""
 
 JPEG_QUALITY, MAX_PICTURE_WIDTH = 75, 960
-"""Of the JPEG, and pixels of a picture's width at most."""
+"""Maximum width of a picture in pixels, as ``JPEG_QUALITY`` is in percent."""
 
 CONTENT_TYPES = {"": "text/html", "page.js": "text/javascript", "page.css": "text/css"}
-"""What there is below its name, and of which type."""
+"""Content types of the served files, by name."""
 
 
 class CameraPage:
-    """Serves the newest picture, with what is told of it, from ``open`` to ``close``."""
+    """Serves the newest picture and its description from ``open`` to ``close``."""
 
     def __init__(self) -> None:
         self._secret_path = f"/{secrets.token_urlsafe(24)}/"
@@ -39,16 +39,16 @@ class CameraPage:
 
     @property
     def link(self) -> str:
-        """Where a browser finds it; empty while it is closed."""
+        """URL of the page; empty while it is closed."""
         return self._server.address.rstrip("/") + self._secret_path if self._server.address else ""
 
     @property
     def has_viewers(self) -> bool:
-        """Whether a page listens: else nothing need be drawn."""
+        """Whether a browser is connected; otherwise nothing needs to be drawn."""
         return self._server.listeners > 0
 
     def open(self) -> None:
-        """Serve it. Raises OSError where this computer lets nobody listen."""
+        """Start the server. Raises OSError if no port can be opened."""
         for port in range(FIRST_PORT, FIRST_PORT + PORT_COUNT):
             try:
                 self._server.open(HOST, port)
@@ -58,12 +58,12 @@ class CameraPage:
         self._server.open(HOST, 0)
 
     def close(self) -> None:
-        """Say that it is over, and free the port. Safe more than once."""
+        """Tell the browsers, and close the port. Idempotent."""
         self._newest_event = json.dumps({"told": "the camera is closed"})
         self._server.close()
 
     def show(self, image: Image, caption: str) -> None:
-        """Show a picture, and in words what was found in it."""
+        """Show a picture with a caption."""
         shrunk = min(1.0, MAX_PICTURE_WIDTH / image.shape[1])
         small = image if shrunk == 1.0 else cv2.resize(image, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
         done, packed = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -1,4 +1,4 @@
-"""``mission doctor``: everything at once, at rest: the computer, what is plugged in, and each part of the robot."""
+"""``mission doctor``: check the computer, connected devices, and each part of the robot."""
 
 import json
 from collections.abc import Iterator
@@ -31,32 +31,33 @@ from missions.plugins.setup.doctor.movement_trials import try_movements
 from missions.plugins.setup.doctor.report import anonymise, private_words, report_text
 
 COMPUTER_PART = "computer"
-"""What is told as the part of findings that are of no part of the robot."""
+"""Part name of findings on the computer."""
 
 VERDICT_STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 
 
 @click.command(epilog="Example: mission doctor --robot turtlebot2_arm --report doctor.txt")
-@click.option("--robot", type=ROBOT, help="The robot to look at; else this computer's own, or the computer alone.")
-@click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=name_value_callback("base=/dev/ttyUSB0", empty=False),
-              help="Where a part is plugged in, instead of what the robot file says.")  # fmt: skip
-@click.option("--move", is_flag=True, help="Try what moves, a little, with a question before and after each.")
+@click.option("--robot", type=ROBOT, help="Robot to check; by default this computer's own, if it has one.")
+@click.option("--port", "ports", multiple=True, metavar="PART=PORT",
+              callback=name_value_callback("base=/dev/ttyUSB0", empty=False),
+              help="Port of a part, instead of the one in the robot file.")  # fmt: skip
+@click.option("--move", is_flag=True, help="Try small movements, with a question before and after each.")
 @click.option("--report", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-              help="Write it into FILE too, for asking others: without names and serial numbers.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
+              help="Also write a report for support questions, without names and serial numbers.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON.")
 @click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
-              help="The files of a recorded machine instead of this one's.")  # fmt: skip
+              help="Root folder of a recorded computer, instead of this one's.")  # fmt: skip
 def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | None, as_json: bool, root: Path) -> int:
-    """Look at everything at once, at rest: this computer, what is plugged in, and each part of the robot.
+    """Check this computer, its connected devices, and each part of the robot, at rest.
 
-    Each line is ok, a warning, or wrong, with what to try. Nothing moves without --move, and nothing is written into a
-    device. Exit code 0 is that nothing is wrong, 1 that something is, 2 a mistake in the command or a file.
+    Each line is ok, a warning, or wrong, with a command to try. Nothing moves without --move, and nothing is written to
+    a device. Exit codes: 0 nothing is wrong, 1 something is wrong, 2 an error in the command or a file.
     """
     machine, (config, whose) = HostMachine(root), _find_robot(robot)
     if unknown := sorted(set(ports) - set(config.sections if config else ())):
         raise click.UsageError(f"--port: the robot has no {' or '.join(unknown)}")
     if move and config is None:
-        raise click.UsageError("--move: which robot?\n  try: mission doctor --move --robot NAME")
+        raise click.UsageError("--move needs a robot\n  try: mission doctor --move --robot NAME")
     found = list[PartFinding]()
     with interruptible():
         for each in _check_all(machine, config, whose, robot or OWN_ROBOT, ports, found, move=move):
@@ -71,7 +72,7 @@ def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | N
 def _finish(
     machine: HostMachine, config: RobotConfig | None, found: list[PartFinding], file: Path | None, *, as_json: bool
 ) -> int:
-    """Say it all as JSON, or how much of it is wrong; write the report; return the exit code."""
+    """Print the JSON or the totals, write the report, and return the exit code."""
     wrong = sum(each.finding.verdict == "wrong" for each in found)
     if as_json:
         findings = [{"part": each.part, **asdict(each.finding)} for each in found]
@@ -82,12 +83,12 @@ def _finish(
     if file is not None:
         with report_write_errors(file, "--report"):
             save_file(file, report_text(machine, found))
-        click.echo(f"wrote {file}; look through it before you send it", err=as_json)
+        click.echo(f"wrote {file}; read it before you send it", err=as_json)
     return FAILURE if wrong else SUCCESS
 
 
 def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: list[PartFinding]) -> None:
-    """Keep what is not as it should be for the studio, whose viewers need not know whose computer this is."""
+    """Save the warnings and errors for the studio, without private words: its viewers may not know the owner."""
     ailing = [each for each in found if each.finding.verdict != "ok"]
     lines = [{"part": each.part, **asdict(each.finding)} for each in ailing]
     told = {"at": time_of_day().isoformat(timespec="seconds"), "robot": config.name if config else "", "ailing": lines}
@@ -97,9 +98,9 @@ def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: li
 
 
 def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
-    """Return the robot that is named, else this computer's own, None where there is none; and what to say of it.
+    """Return the named robot, else this computer's own, else None; and a finding about it.
 
-    Raises InvalidFileError, UnknownNameError for one that is named.
+    Raises InvalidFileError, UnknownNameError for a named robot.
     """
     if robot is not None:
         config = load_robot(find_file("robots", robot))
@@ -108,13 +109,13 @@ def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
     try:
         mine = load_defaults().robot
         if not mine:
-            return None, Finding("robot", "this computer has none of its own", fix="mission robot use NAME")
+            return None, Finding("robot", "this computer has no robot of its own", fix="mission robot use NAME")
         config = load_robot(find_file("robots", OWN_ROBOT))
     except (UnknownNameError, InvalidFileError) as error:
-        told = f"this computer's own, by {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"
+        told = f"this computer's own robot, set in {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"
         return None, failure("robot", told, cure)
     called = config.name if config.name == mine else f"{config.name} ({mine})"
-    told = f"{called}, this computer's own by {config_folder() / DEFAULTS_FILE}: {', '.join(config.sections)}"
+    told = f"{called}, this computer's own, set in {config_folder() / DEFAULTS_FILE}: {', '.join(config.sections)}"
     return config, Finding("robot", told)
 
 
@@ -128,7 +129,7 @@ def _check_all(
     *,
     move: bool,
 ) -> Iterator[PartFinding]:
-    """Yield all that is found, as it is found; ``found`` is what was yielded so far."""
+    """Yield all findings as they are made; ``found`` has those yielded so far."""
     clock, now = SystemClock(), time_of_day().timestamp()
     installed = Path(__file__).stat().st_mtime
     computer = check_machine(machine, scan_hardware(machine), now=now, installed_at=installed, folder=state_folder())
@@ -144,18 +145,18 @@ def _check_all(
 
 
 def _ask(question: str) -> bool:
-    """Ask a person; where nobody answers, as at the end of a pipe, nothing may move. Raises click.Abort at Ctrl-C."""
+    """Ask a yes/no question; at the end of the input the answer is no. Raises click.Abort at Ctrl-C."""
     try:
         return click.confirm(question, err=True)
     except click.Abort as error:
         if not isinstance(error.__context__, EOFError):
             raise
-        click.echo("no: nobody answers", err=True)
+        click.echo("no answer: nothing moves", err=True)
         return False
 
 
 def _print_finding(part_finding: PartFinding, *, new: bool) -> None:
-    """Print a finding; what is fine needs no cure but where a cure goes on from there."""
+    """Print a finding with its hint, after the name of a ``new`` part."""
     if new:
         click.echo(part_finding.part)
     finding = part_finding.finding

@@ -1,4 +1,4 @@
-"""Verdict on a base from a small trial: motors, encoders and gyro against what a person saw. Pure arithmetic."""
+"""Verdict on a base from a small trial: motors, encoders and gyro, compared with the motion that a person saw."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,29 +16,29 @@ from drivers.base.gyro_drift import drift
 # The leaf that tries a base: at rest, a little to its left and back, a little ahead and back.
 
 REST_TIME = 2.0
-"""Seconds in which the drift of a gyro is measured."""
+"""Seconds at rest in which the drift of a gyro is measured."""
 
 STEP_TIME, SETTLING_TIME = 0.5, 1.0
-"""Seconds of each movement, and seconds after it until its odometry has come."""
+"""Seconds after each movement until its odometry has arrived; ``STEP_TIME`` is that of the movement."""
 
 TURN_ANGLE, DRIVE_DISTANCE = radians(10), 0.05
-"""Radians and metres that are commanded in each movement at most, whatever is measured."""
+"""Maximum commanded distance of each movement in metres, as ``TURN_ANGLE`` is the angle in radians."""
 
 MAX_MOTION_RATIO = 3.0
-"""A base that moves by so many times what it was commanded is stopped at once."""
+"""Ratio of measured to commanded motion above which the base is stopped."""
 
 SILENCE_TIMEOUT, TIMEOUT = 2.0, 20.0
-"""Seconds without reports, and in all, after which the trial ends."""
+"""Maximum duration of the trial in seconds; ``SILENCE_TIMEOUT`` is the maximum time without reports."""
 
 WHEEL_TRACK = 0.23
-"""Metres between the wheels of a base whose odometry comes as a pose: only signs count."""
+"""Assumed distance between the wheels (m) if odometry is only a pose; only its sign matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class InstrumentReadings:
     """Motion by the instruments.
 
-    Metres of the left and the right wheel, the radians that these make, and those of the gyro (None without one).
+    Metres of the left and the right wheel, their rotation in radians, and that of the gyro (None without one).
     """
 
     left: float = 0.0
@@ -52,8 +52,8 @@ class InstrumentReadings:
 class BaseTrial:
     """Measurements of a trial: at ``rest``, after the ``turn`` to the left, and after the way ``ahead``.
 
-    ``measured`` is False for a base that measures nothing. ``counted`` says that its wheels are counted; otherwise its
-    odometry was taken apart. ``faults`` are the reasons for which its driver stopped it meanwhile.
+    ``measured`` is False for dead reckoning. ``counted`` is True with wheel encoders; otherwise wheel motion is
+    computed from the pose. ``faults`` are the reasons of stops by the driver.
     """
 
     rest: InstrumentReadings = InstrumentReadings()
@@ -71,7 +71,7 @@ TRIAL_STEPS: tuple[tuple[str, Velocity, float], ...] = (
     ("ahead", Velocity(DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
     ("", Velocity(-DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
 )
-"""The name under which a step is kept, its velocity, and how long it takes."""
+"""Name of the measurement, velocity and duration (s) of each step."""
 
 
 class TrialPhase(Enum):
@@ -96,9 +96,9 @@ TRANSITIONS: Final = {
 
 
 class TryBase(Leaf):
-    """Move the base a little, each movement bounded in time and in what is commanded; note what is measured.
+    """Move the base a little, with limited time and distance for each movement, and record the measurements.
 
-    Running for 8 s, then succeeds. Fails when the base does not report, and while it is stopped.
+    Running for 8 s, then succeeds. Fails if the base does not report.
     """
 
     tag = "try_base"
@@ -114,20 +114,18 @@ class TryBase(Leaf):
     _reported_at = 0.0
 
     def initialise(self) -> None:
-        """Begin at rest."""
         self.trial = BaseTrial()
         self._index, self._phase = 0, TrialPhase.READY
         self._reported_at = self.run.now()
 
     def update(self) -> Status:
-        """Go on with the present step."""
         now, reading = self.run.now(), self.robot.base.state()
         if self.elapsed > TIMEOUT:
-            return self.fail(f"the trial has not ended within {TIMEOUT:g} s")
+            return self.fail(f"the trial timed out after {TIMEOUT:g} s")
         if reading.value is None or not reading.good:
             self.robot.base.stop()
             if now - self._reported_at > SILENCE_TIMEOUT:
-                return self.fail(f"no report of the base for {SILENCE_TIMEOUT:g} s")
+                return self.fail(f"no report from the base for {SILENCE_TIMEOUT:g} s")
             return self.wait("waiting for the base to report")
         self._reported_at = now
         if self._index == len(TRIAL_STEPS):
@@ -161,7 +159,7 @@ class TryBase(Leaf):
         return self.wait("next")
 
     def _drive(self, velocity: Velocity, now: float) -> None:
-        """Command a velocity, unless all that may be commanded has been."""
+        """Command a velocity, unless its whole distance has been commanded."""
         if velocity == ZERO_VELOCITY:
             return
         self._commanded += (abs(velocity.linear) / DRIVE_DISTANCE + abs(velocity.angular) / TURN_ANGLE) * (
@@ -174,7 +172,7 @@ class TryBase(Leaf):
             self.robot.base.drive(velocity)
 
     def _runs_away(self, moved: InstrumentReadings, velocity: Velocity) -> bool:
-        """Whether the instruments show far more motion than was commanded."""
+        """Return whether the instruments show far more motion than was commanded."""
         if velocity == ZERO_VELOCITY or not self.trial.measured:
             return False
         turned, way = abs(moved.gyro or 0.0), max(abs(moved.left), abs(moved.right))
@@ -186,7 +184,7 @@ class TryBase(Leaf):
         return True
 
     def _note_fault(self, velocity: Velocity) -> None:
-        """Keep the reason for which the driver has stopped the base, if it has."""
+        """Store the reason for which the driver has stopped the base, if any."""
         if velocity != ZERO_VELOCITY and (fault := self.robot.base.steering().fault):
             self._add_fault(fault)
 
@@ -198,13 +196,13 @@ class TryBase(Leaf):
         self._phase = TRANSITIONS[self._phase, event]
 
     def terminate(self, new_status: Status) -> None:
-        """Stand still, whatever comes."""
+        """Stop the base."""
         del new_status
         self.robot.base.stop()
 
 
 def read_instruments(state: BaseState) -> InstrumentReadings:
-    """Return the readings of a base's instruments; a pose without counters is taken apart into two wheels."""
+    """Return the readings of a base's instruments; without encoders, wheel motion is computed from the pose."""
     found: Odometers | None = state.odometers
     if found is not None:
         return InstrumentReadings(found.left, found.right, found.turn, found.gyro)
@@ -226,13 +224,13 @@ def _command_text(velocity: Velocity) -> str:
 
 
 MIN_WHEEL_SHARE = 0.2
-"""Share of the commanded way from which on a wheel counts as turned."""
+"""Minimum share of the commanded distance that counts as motion of a wheel."""
 
 MIN_GYRO_SHARE = 0.25
-"""Share of the commanded turn from which on a gyro counts as turned."""
+"""Minimum share of the commanded angle that counts as rotation by the gyro."""
 
 MAX_TURN_RATIO = 1.7
-"""Factor by which gyro and encoders may differ: wheels slip, tracks are estimates."""
+"""Maximum ratio of gyro and encoder rotation: wheels slip, and tracks are estimates."""
 
 
 class SeenMotion(Enum):
@@ -246,7 +244,7 @@ class SeenMotion(Enum):
 
 
 Signs = tuple[int, int]
-"""Directions in which the left and the right wheel turned: 1, -1, or 0."""
+"""Directions of the left and the right wheel: 1, -1, or 0."""
 
 _WHEELS: dict[SeenMotion, Signs] = {
     SeenMotion.LEFT: (-1, 1),
@@ -279,20 +277,20 @@ _MOTORS: dict[tuple[SeenMotion, SeenMotion], tuple[str, str]] = {
     ),
     (SeenMotion.LEFT, SeenMotion.LEFT): (
         "the left wheel does not turn",
-        "look at the left motor, its plug and its fuse",
+        "check the left motor, its plug and its fuse",
     ),
     (SeenMotion.LEFT, SeenMotion.RIGHT): (
         "the right wheel does not turn",
-        "look at the right motor, its plug and its fuse",
+        "check the right motor, its plug and its fuse",
     ),
 }
-"""Fault and cure by what was seen of the turn to the left, and of the way ahead."""
+"""Fault and fix, by the observed turn to the left and way ahead."""
 
 _ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
     (SeenMotion.LEFT, SeenMotion.LEFT): ((0, 1), (0, 1)),
     (SeenMotion.LEFT, SeenMotion.RIGHT): ((-1, 0), (1, 0)),
 }
-"""True directions of the wheels where only one turns."""
+"""True directions of the wheels if only one turns."""
 
 
 def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
@@ -301,7 +299,7 @@ def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterato
         yield drift(trial.rest.gyro, trial.rest.seconds)
     yield from _motor_findings(trial, turn, ahead)
     if not trial.measured:
-        yield Finding("odometry", "nothing measures how it moves: its pose is dead reckoning")
+        yield Finding("odometry", "no odometry: its pose is dead reckoning")
         return
     truth = _ONE_WHEEL.get((turn, ahead), (_WHEELS[turn], _WHEELS[ahead]))
     counted = _wheel_signs(trial.turn, TURN_ANGLE * WHEEL_TRACK / 2), _wheel_signs(trial.ahead, DRIVE_DISTANCE)
@@ -312,14 +310,14 @@ def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterato
     name = "encoders" if trial.counted else "odometry"
     if encoders:
         cure = "the plugs and the wires of the encoders" if trial.counted else "the node of its odometry"
-        yield failure(name, encoders, f"look at {cure}")
+        yield failure(name, encoders, f"check {cure}")
     else:
-        yield Finding(name, "count as the wheels turn")
+        yield Finding(name, "agree with the motion of the wheels")
     yield from _gyro_findings(trial, truth, encoders_right=not encoders)
 
 
 def encoder_fault(truth: tuple[Signs, Signs], counted: tuple[Signs, Signs]) -> str:
-    """Return what is wrong with encoders that ``counted`` so in the turn and on the way, or nothing."""
+    """Return the fault of encoders with these directions in turn and way, or an empty text."""
     moves = [(there, here) for there, here in zip(truth, counted, strict=True) if there != (0, 0)]
     if all(there == here for there, here in moves):
         return ""
@@ -328,9 +326,8 @@ def encoder_fault(truth: tuple[Signs, Signs], counted: tuple[Signs, Signs]) -> s
     for what, change in _ENCODER_FAULTS:
         if all(change(there) == here for there, here in moves):
             return what
-    return (
-        f"do not fit: {'; '.join(f'wheels {_signs_text(there)}, counted {_signs_text(here)}' for there, here in moves)}"
-    )
+    pairs = "; ".join(f"wheels {_signs_text(there)}, counted {_signs_text(here)}" for there, here in moves)
+    return f"do not match: {pairs}"
 
 
 _ENCODER_FAULTS = (
@@ -347,26 +344,26 @@ _ENCODER_FAULTS = (
 def _motor_findings(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
     stopped = f" (its driver stopped it: {'; '.join(dict.fromkeys(trial.faults))})" if trial.faults else ""
     if (turn, ahead) == (SeenMotion.LEFT, SeenMotion.AHEAD):
-        yield Finding("motors", "turn as they should")
+        yield Finding("motors", "turn as commanded")
     elif turn is ahead is SeenMotion.NONE:
-        cure = "is its E-stop pressed, or a motor switch off? look at the motors' supply"
+        cure = "is its E-stop pressed, or a motor switch off? check the motors' supply"
         yield failure("motors", f"it did not move{stopped}", cure)
     elif fault := _MOTORS.get((turn, ahead)):
         yield failure("motors", f"{fault[0]}{stopped}", fault[1])
     else:
         what = f"the turn to its left went {turn.value}, the way ahead went {ahead.value}{stopped}"
-        yield failure("motors", what, "look at the motors, their plugs, and what is in the way; then try again")
+        yield failure("motors", what, "check the motors, their plugs, and for obstacles; then try again")
 
 
 def _findings_without_motion(trial: BaseTrial, counted: tuple[Signs, Signs]) -> Iterator[Finding]:
-    """Judge the instruments of a base that did not move."""
+    """Yield findings on the instruments of a base that did not move."""
     if any(signs != (0, 0) for signs in counted):
         what = "counted, though the base did not move: its wheels slip, or hang in the air"
         yield warning("encoders" if trial.counted else "odometry", what, "put it on the floor, and try again")
 
 
 def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_right: bool) -> Iterator[Finding]:
-    """Compare the gyro with the true turn; where it differs from the encoders, say which is likely wrong."""
+    """Compare the gyro with the true turn; if it differs from the encoders, name the likely fault."""
     drift = 0.0 if trial.rest.gyro is None or not trial.rest.seconds else trial.rest.gyro / trial.rest.seconds
     for moved, (left, right), commanded in (
         (trial.turn, truth[0], TURN_ANGLE),
@@ -376,9 +373,9 @@ def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_rig
             continue
         turned, way = moved.gyro - drift * moved.seconds, 1.0 if right > left else -1.0
         if abs(turned) < MIN_GYRO_SHARE * commanded * abs(right - left) / 2:
-            yield failure("gyro", "shows no turn, though the base turned: it does not measure", "is it connected?")
+            yield failure("gyro", "shows no turn, though the base turned", "is it connected?")
         elif turned * way < 0:
-            yield failure("gyro", "shows the turn the other way round: its sign is swapped", "look how it is mounted")
+            yield failure("gyro", "shows the opposite turn: its sign is reversed", "check how it is mounted")
         elif encoders_right:
             yield _compare_turns(turned, moved.turn, commanded, counted=trial.counted)
         else:
@@ -387,7 +384,7 @@ def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_rig
 
 
 def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: bool) -> Finding:
-    """Compare the turn by the gyro with the one by the wheels, of the same sign."""
+    """Compare the rotation by gyro and wheels, of the same sign."""
     both = f"gyro {degrees(gyro):+.1f} deg, {'encoders' if counted else 'odometry'} {degrees(wheels):+.1f} deg"
     ratio = gyro / wheels if wheels else 0.0
     if 1 / MAX_TURN_RATIO <= ratio <= MAX_TURN_RATIO:
@@ -399,7 +396,7 @@ def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: boo
 
 
 def _wheel_signs(moved: InstrumentReadings, commanded: float) -> Signs:
-    """Return in which direction each wheel was counted."""
+    """Return the counted direction of each wheel."""
     left, right = (
         0 if abs(way) < MIN_WHEEL_SHARE * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right)
     )

@@ -1,4 +1,4 @@
-"""The leaf that tries a head with a camera: ahead, to its left, ahead, up, ahead; and the pictures of each pose."""
+"""Leaf that turns a head with a camera to known poses, and a log of the pictures."""
 
 from collections import deque
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from drivers.api import HeadPose, Image
 from perception.api import Frame
 
 TURN_ANGLE = radians(8)
-"""Radians of each turn."""
+"""Angle of each turn in radians."""
 
 TRIAL_POSES = (
     ("ahead", HeadPose(0.0, 0.0)),
@@ -23,24 +23,24 @@ TRIAL_POSES = (
     ("up", HeadPose(0.0, -TURN_ANGLE)),
     ("end", HeadPose(0.0, 0.0)),
 )
-"""Where it looks, one after the other."""
+"""Names and poses, in order."""
 
 SETTLING_TIME, DWELL_TIME = 0.6, 1.4
-"""Seconds after its arrival from which on pictures count, since cameras are late, and until which it stays."""
+"""Seconds in each pose; pictures count after ``SETTLING_TIME``, since cameras are late."""
 
 TURN_TIMEOUT = 6.0
-"""Seconds that a turn may take."""
+"""Maximum seconds of a turn."""
 
 PICTURE_WIDTH = 320
-"""Pixels to which pictures are reduced."""
+"""Width of the reduced pictures in pixels."""
 
 MAX_PICTURES = 300
 
 
 class TryHead(Leaf):
-    """Turn the head a little to each side, and note when it stood where.
+    """Turn the head a little to each side, and record the times in each pose.
 
-    Running for about 10 s, then succeeds. Fails when the head does not arrive.
+    Running for about 10 s, then succeeds. Fails if the head does not arrive.
     """
 
     tag = "try_head"
@@ -48,20 +48,18 @@ class TryHead(Leaf):
     drives = frozenset({"head"})
     senses = frozenset()
     still_times: dict[str, tuple[float, float]]
-    """From when to when the head stood in each pose, in seconds on the run's clock."""
+    """Start and end of the time in each pose (s on the run's clock)."""
     _index = 0
     _arrival: ArrivalDetector
     _started_at = 0.0
     _arrived_at: float | None = None
 
     def initialise(self) -> None:
-        """Begin with the first pose."""
         self.still_times = {}
         self._index = 0
         self._start_pose()
 
     def update(self) -> Status:
-        """Go on to the present pose, and stay there for a while."""
         self.robot.sight.looked()  # a camera that nobody asks rests
         if self._index == len(TRIAL_POSES):
             return SUCCESS
@@ -74,7 +72,7 @@ class TryHead(Leaf):
             elif self._arrival.stuck or now - self._started_at > TURN_TIMEOUT:
                 here = head.pose().value
                 return self.fail(
-                    f"the head does not come to {pose_text(goal)}" + (f": {pose_text(here)}" if here else "")
+                    f"the head does not reach {pose_text(goal)}" + (f": it is at {pose_text(here)}" if here else "")
                 )
             return self.wait(f"on its way to {pose_text(goal)}")
         if now - self._arrived_at >= DWELL_TIME:
@@ -87,28 +85,28 @@ class TryHead(Leaf):
         self._arrival, self._started_at, self._arrived_at = ArrivalDetector(), self.run.now(), None
 
     def terminate(self, new_status: Status) -> None:
-        """Stand still, whatever comes."""
+        """Stop the head."""
         if new_status is not SUCCESS:
             self.robot.head.stop()
 
 
 class PictureLog:
-    """The newest pictures, small and grey, with their stamps. Called on the camera's thread; read once that ended."""
+    """The newest pictures, small and grey, with their stamps. Filled on the camera's thread, read after that ended."""
 
     def __init__(self) -> None:
         self._pictures: deque[tuple[float, Image]] = deque(maxlen=MAX_PICTURES)
 
     def __call__(self, frame: Frame, _: object) -> None:
-        """Keep a picture."""
+        """Store a picture."""
         self._pictures.append((frame.stamp, reduce_picture(frame.image)))
 
     def within(self, start: float, end: float) -> Image | None:
-        """Return the newest picture that was taken between two times; None without one."""
+        """Return the newest picture between two times; None without one."""
         return next((image for stamp, image in reversed(self._pictures) if start <= stamp <= end), None)
 
 
 def reduce_picture(image: Image) -> Image:
-    """Return a picture in shades of grey, ``PICTURE_WIDTH`` pixels wide."""
+    """Return a grey picture, ``PICTURE_WIDTH`` pixels wide."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     height = max(2, round(grey.shape[0] * PICTURE_WIDTH / grey.shape[1]))
     reduced: Image = np.asarray(cv2.resize(grey, (PICTURE_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8)
@@ -116,4 +114,4 @@ def reduce_picture(image: Image) -> Image:
 
 
 PictureLookup = Callable[[str], Image | None]
-"""Returns the picture that was taken in a pose of ``TRIAL_POSES``."""
+"""Returns the picture of a pose of ``TRIAL_POSES``."""

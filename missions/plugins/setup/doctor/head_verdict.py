@@ -1,6 +1,7 @@
-"""Verdict on a head from the pictures of its camera: does the picture move as it must when the head turns?
+"""Verdict on a head from its camera pictures: the direction in which the picture moves when the head turns.
 
-To its left, the scene moves to the right of the picture; up, it moves down. Pictures are compared by phase correlation.
+When the head turns left, the scene moves right in the picture; when it turns up, the scene moves down. Pictures are
+compared by phase correlation.
 """
 
 from collections.abc import Iterator
@@ -15,31 +16,31 @@ from drivers.api.driver import Finding, failure, warning
 from missions.plugins.setup.doctor.head_trial import PICTURE_WIDTH, TURN_ANGLE, PictureLookup
 
 MIN_TEXTURE = 4.0
-"""Grey levels (standard deviation, without noise) that a picture has at least that shows something."""
+"""Minimum contrast of a usable picture: standard deviation in grey levels, without noise."""
 
 MIN_RESPONSE = 0.06
-"""Share of the picture's energy in the peak of the correlation, from which on a shift is believed."""
+"""Minimum share of the energy in the correlation peak of a credible shift."""
 
 MIN_CORRELATION = 0.4
-"""Correlation from which on the whole picture has moved by a shift, and not just a person in it."""
+"""Minimum correlation at which the whole picture, not only a person in it, has shifted."""
 
 MAX_CONTRAST = 10.0
-"""Grey levels beyond which a contrast counts no more."""
+"""Grey levels at which contrast is clipped."""
 
 MIN_SHIFT_RATIO, MAX_SHIFT_RATIO = 0.5, 1.7
-"""Shares of the expected shift between which a shift is one of this turn."""
+"""Maximum ratio of measured to expected shift of a turn; ``MIN_SHIFT_RATIO`` is the minimum."""
 
 MAX_STILL_RATIO = 0.2
-"""Share of the expected shift up to which a picture has not moved."""
+"""Maximum ratio of measured to expected shift of a picture that has not moved."""
 
 SWAPPED_SERVOS = "the servos of pan and tilt are swapped"
 
-REVERSE_AXIS = "in the robot file, turn this axis round: `flip` of the servo, or `reverse` of the joint"
+REVERSE_AXIS = "in the robot file, reverse this axis: `flip` of the servo, or `reverse` of the joint"
 
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """Pixels by which a scene moved to the right and down, and how sure that is (0..1)."""
+    """Shift of the scene to the right and down in pixels, and its confidence (0..1)."""
 
     x: float
     y: float
@@ -47,7 +48,7 @@ class Shift:
 
 
 def judge_head(pictures: PictureLookup, field_of_view: float) -> Iterator[Finding]:
-    """Yield the findings on pan and tilt; ``field_of_view`` is that of the camera, in radians."""
+    """Yield the findings on pan and tilt; ``field_of_view`` of the camera is in radians."""
     expected = PICTURE_WIDTH / 2 / tan(field_of_view / 2) * tan(TURN_ANGLE)
     pan = _judge_axis(pictures, ("ahead", "left", "between"), expected, vertical=False)
     tilt = _judge_axis(pictures, ("between", "up", "end"), expected, vertical=True)
@@ -69,20 +70,20 @@ def judge_head(pictures: PictureLookup, field_of_view: float) -> Iterator[Findin
 
 
 def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: float, *, vertical: bool) -> Finding:
-    """Judge an axis by its turn there and back; ``across`` for the one that moves the picture down."""
+    """Judge an axis by its turn and return; ``vertical`` for the tilt axis."""
     name = "tilt" if vertical else "pan"
     before, turned, after = (pictures(pose) for pose in poses)
     if before is None or turned is None or after is None:
-        return warning(name, "cannot tell: no picture came in one of its poses", "is the camera plugged in?")
+        return warning(name, "direction unknown: no picture in one of its poses", "is the camera plugged in?")
     if min(_texture(each) for each in (before, turned, after)) < MIN_TEXTURE:
-        return _undecided(name, "the pictures show nothing to go by")
+        return _undecided(name, "the pictures have too little detail")
     there, back, rest = measure_shift(before, turned), measure_shift(turned, after), measure_shift(before, after)
     if min(there.response, back.response) < MIN_RESPONSE:
         return _undecided(name, "the pictures have too little in common")
     way, aside = (there.y, there.x) if vertical else (there.x, there.y)
     if hypot(there.x, there.y) < MAX_STILL_RATIO * expected:
         what = f"the picture did not move when the head turned by {TURN_ANGLE * 57.3:.0f} deg"
-        return warning(name, f"{what}: blocked, or the camera is not on the head", "look whether the head turns")
+        return warning(name, f"{what}: blocked, or the camera is not on the head", "check whether the head turns")
     off = hypot(there.x + back.x, there.y + back.y)
     agrees = min(overlap_correlation(before, turned, there), overlap_correlation(turned, after, back))
     if off > 0.3 * hypot(there.x, there.y) or hypot(rest.x, rest.y) > 0.3 * expected or agrees < MIN_CORRELATION:
@@ -99,7 +100,7 @@ def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: 
 
 
 def measure_shift(one: Image, other: Image) -> Shift:
-    """Return by how many pixels the scene moved from one grey picture to another of the same size."""
+    """Return the shift of the scene between two grey pictures of equal size."""
     if one.shape != other.shape:
         return Shift(0.0, 0.0, 0.0)
     window = cv2.createHanningWindow((one.shape[1], one.shape[0]), cv2.CV_32F)
@@ -108,7 +109,7 @@ def measure_shift(one: Image, other: Image) -> Shift:
 
 
 def overlap_correlation(one: Image, other: Image, moved: Shift) -> float:
-    """Return the correlation (-1..1) of two pictures where they overlap, once the shift between them is undone."""
+    """Return the correlation (-1..1) of the overlap of two pictures, with the shift undone."""
     x, y = round(moved.x), round(moved.y)
     height, width = one.shape[:2]
     if abs(x) >= width or abs(y) >= height:
@@ -120,12 +121,12 @@ def overlap_correlation(one: Image, other: Image, moved: Shift) -> float:
 
 
 def _limit_contrast(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
-    """Return a picture in which a person of strong contrast weighs no more than the room."""
+    """Return a picture in which a high-contrast person counts no more than the room."""
     return np.clip(_remove_brightness(image), -MAX_CONTRAST, MAX_CONTRAST)
 
 
 def _remove_brightness(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
-    """Return a picture whose noise and brightness matter less."""
+    """Return a picture with less noise and without brightness."""
     smooth = cv2.GaussianBlur(image, (0, 0), 1.5).astype(np.float32)
     return np.asarray(smooth - cv2.GaussianBlur(smooth, (0, 0), 20), np.float32)
 
@@ -135,4 +136,4 @@ def _texture(image: Image) -> float:
 
 
 def _undecided(name: str, why: str) -> Finding:
-    return warning(name, f"cannot tell whether it turns the right way: {why}", "let it look at a room with furniture")
+    return warning(name, f"direction unknown: {why}", "point it at a room with furniture")

@@ -1,4 +1,4 @@
-"""Trying what moves, a little, with a question before and after each: what a robot is told, and what a person saw."""
+"""Small trial movements of a robot's parts, with a question to the user before and after each."""
 
 import math
 import sys
@@ -31,23 +31,23 @@ from perception.api import Frame
 # The leaf that tries a joint: a little way to and fro, gently, from where it stands.
 
 TRAVEL = math.radians(4.0)
-"""How far a joint goes."""
+"""Travel of a joint in radians."""
 
 DURATION = 2.0
-"""Seconds for to and fro."""
+"""Seconds for the way back and forth."""
 
 SETTLING_TIME = 0.5
-"""Seconds after which what it did is known."""
+"""Seconds until the last measurements have arrived."""
 
 
 class NudgePath:
-    """A little way and back, without a jerk."""
+    """Smooth path a little way and back."""
 
     def __init__(self, start: Mapping[str, float], way: float) -> None:
         self._start, self._way = start, way
 
     def at(self, time: float) -> Mapping[str, float]:
-        """Return where the joint is to be."""
+        """Return the angle of each joint at ``time`` (s)."""
         share = math.sin(math.pi * min(max(time / DURATION, 0.0), 1.0)) ** 2
         return {joint: angle + self._way * share for joint, angle in self._start.items()}
 
@@ -55,8 +55,8 @@ class NudgePath:
 class Nudge(JointMotion):
     """Move a joint a little way and back.
 
-    Running for some seconds, then succeeds. Fails where the joint stands outside its limits, by more than it sags,
-    before it moves; and where it was not felt to move.
+    Running for some seconds, then succeeds. Fails if the joint is outside its limits by more than it sags before it
+    moves, or if it did not move.
     """
 
     tag = "nudge"
@@ -66,7 +66,7 @@ class Nudge(JointMotion):
     _moved = 0.0
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        """Return that the arm has no such joint."""
+        """Return an error if the arm has no such joint."""
         return reach.missing_joints((self.joint,))
 
     def moved_joints(self) -> tuple[str, ...]:
@@ -74,7 +74,7 @@ class Nudge(JointMotion):
         return (self.joint,)
 
     def update(self) -> Status:
-        """Look first whether the joint stands where it may."""
+        """Check the limits of the joint first."""
         here = positions(self.robot.arm).get(self.joint)
         if self._path is None and here is not None:
             limits = self.robot.arm.limits[self.joint]
@@ -84,29 +84,29 @@ class Nudge(JointMotion):
         return super().update()
 
     def path(self, start: Mapping[str, float]) -> NudgePath:
-        """Return the way to and fro: upwards, where there is room."""
+        """Return the path: upwards if the limits allow it."""
         self._begun, self._moved = start, 0.0
         room = self.robot.arm.limits[self.joint].upper - start[self.joint] >= TRAVEL
         return NudgePath(start, TRAVEL if room else -TRAVEL)
 
     def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
-        """Go on until it is back; then say whether it was felt to move."""
+        """Wait until it is back; then return whether it moved."""
         if self.joint in samples:
             self._moved = max(self._moved, abs(samples[self.joint].position - self._begun[self.joint]))
         if time < DURATION + SETTLING_TIME:
             return RUNNING
         if self._moved < TRAVEL / 4:
-            return self.fail(f"it was sent {math.degrees(TRAVEL):.0f} deg, and went {math.degrees(self._moved):.1f}")
+            return self.fail(f"commanded {math.degrees(TRAVEL):.0f} deg, moved {math.degrees(self._moved):.1f}")
         return SUCCESS
 
 
 Ask = Callable[[str], bool]
-"""Asks a person a question."""
+"""Asks the user a yes/no question."""
 
 
 @dataclass(frozen=True, slots=True)
 class MovementTrial:
-    """A movement: what it is ``about``, what it ``description``, the steps, whether that was seen, and the ``fix`` if not."""
+    """A trial movement: subject, description, steps, the question whether it was seen, and the fix if it was not."""
 
     about: str
     description: str
@@ -116,7 +116,7 @@ class MovementTrial:
 
     @property
     def source(self) -> SourceText:
-        """The mission."""
+        """Mission file of the steps."""
         steps = "".join(f"    - {step}\n" for step in self.steps)
         return SourceText("doctor", f"mission: doctor\ntree:\n  sequence:\n{steps}")
 
@@ -124,14 +124,14 @@ class MovementTrial:
 def try_movements(
     config: RobotConfig, robot_name: str, ports: Mapping[str, str], *, faulty_parts: frozenset[str], ask: Ask
 ) -> Iterator[PartFinding]:
-    """Yield what came of each movement; parts that are ``unwell`` are not tried."""
+    """Yield the finding of each movement; ``faulty_parts`` are not tried."""
     order = RunRequest("doctor", robot=robot_name, ports=ports)
     for part, section in config.sections.items():
         for trial in movement_trials(part, section):
             if part in faulty_parts:
-                cure = "mend what is wrong first"
-                yield PartFinding(part, warning(trial.about, "not tried, for something is wrong with it", cure))
-            elif not ask(f"{part}: {trial.description}. May it?"):
+                cure = "fix the fault first"
+                yield PartFinding(part, warning(trial.about, "not tried, because of its fault", cure))
+            elif not ask(f"{part}: {trial.description}. Continue?"):
                 yield PartFinding(part, Finding(trial.about, "not tried"))
             elif part == "head" and config.camera is not None and "camera" not in faulty_parts:
                 lens = config.camera.upright().field_of_view
@@ -143,24 +143,26 @@ def try_movements(
 
 
 def movement_trials(part: str, section: Section) -> Iterator[MovementTrial]:
-    """Yield what there is to try of a part."""
+    """Yield the trials of a part."""
     kind = section.driver.kind
     of, which = ("", "") if part == kind else (f", on: {part}", f" --{kind} {part}")
     if kind == "base":
-        does = "it turns by 10 degrees to its left and back, then goes 5 cm ahead and back; the floor around it is free"
+        does = (
+            "it turns by 10 degrees to its left and back, then goes 5 cm ahead and back; keep the floor around it free"
+        )
         yield MovementTrial("moving", does, (TryBase.tag,), "Did it turn to its left first?", "")
     elif kind == "head":
         poses = ((0, 0), (8, 0), (0, 0), (0, -8), (0, 0))
         steps = tuple(f"look: {{pan: {pan} deg, tilt: {tilt} deg{of}}}" for pan, tilt in poses)
         does = "it looks straight ahead, a little to its left, and a little up"
-        cure = "in the robot file, turn the axis round that went wrong; askew: mission head trim --robot ROBOT"
+        cure = "in the robot file, reverse the axis that went wrong; if it is askew: mission head trim --robot ROBOT"
         cure = cure.replace("ROBOT", f"ROBOT{which}")
         yield MovementTrial("looking", does, steps, "Did it look ahead, then to its left, then up?", cure)
     elif kind == "arm" and isinstance(section.keys, ArmKeys):
-        cure = "mission servo scan --robot ROBOT  (has it the ID of another joint?)"
+        cure = "mission servo scan --robot ROBOT  (do two joints have one ID?)"
         cure = cure.replace("ROBOT", f"ROBOT{which}")
         for joint in section.keys.limits:
-            does = f"{joint} goes 4 degrees to one side, and back; the {part} becomes stiff"
+            does = f"{joint} goes 4 degrees to one side, and back; the {part} is switched on"
             yield MovementTrial(
                 joint, does, (f"nudge: {{joint: {joint}{of}}}",), f"Did {joint} move, and nothing else?", cure
             )
@@ -176,7 +178,7 @@ def _run_trial(
     on_frame: Callable[[Frame, object], None] = ignore,
     extra_leaves: Mapping[str, type[Leaf]] = MappingProxyType({}),
 ) -> tuple[Result, Node]:
-    """Have a robot do something; return how that ended, and its tree. Raises KeyboardInterrupt."""
+    """Run a trial; return its result, and its tree. Raises KeyboardInterrupt."""
     own: dict[str, type[Leaf]] = {Nudge.tag: Nudge, TryBase.tag: TryBase, **extra_leaves}
     plan = check_plan(trial.source, {**LEAVES, **own}, LOOKUPS, robot=target_of(config))
     result, root = run_plan(plan, request, out=sys.stderr, on_frame=on_frame)
@@ -186,11 +188,11 @@ def _run_trial(
 
 
 def _try_base(trial: MovementTrial, config: RobotConfig, request: RunRequest, ask: Ask) -> Iterator[Finding]:
-    """Move a base a little, and judge its motors, encoders and gyro by what a person saw."""
+    """Move a base a little, and judge motors, encoders and gyro by the motion that the user saw."""
     result, root = _run_trial(trial, config, request)
     leaf = next(node for node in root.iterate() if isinstance(node, TryBase))
     if result.result != "success":
-        yield failure(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {request.robot}")
+        yield failure(trial.about, result.reason, f"fix that, then: mission doctor --move --robot {request.robot}")
         return
     turn = _ask_motion(ask, trial.question, SeenMotion.LEFT)
     ahead = _ask_motion(ask, "Then, did it go ahead first?", SeenMotion.AHEAD)
@@ -200,7 +202,7 @@ def _try_base(trial: MovementTrial, config: RobotConfig, request: RunRequest, as
 def _try_head(
     trial: MovementTrial, config: RobotConfig, request: RunRequest, ask: Ask, field_of_view: float
 ) -> Iterator[Finding]:
-    """Turn a head that carries a camera, and judge its axes by the pictures as well as by what a person saw."""
+    """Turn a head with a camera, and judge its axes by the pictures and by the motion that the user saw."""
     from missions.plugins.setup.doctor.head_trial import PictureLog, TryHead  # noqa: PLC0415 - OpenCV is imported for this alone
     from missions.plugins.setup.doctor.head_verdict import judge_head as judge_pictures  # noqa: PLC0415
 
@@ -208,19 +210,19 @@ def _try_head(
     by_camera = replace(trial, steps=(TryHead.tag,))
     result, root = _run_trial(by_camera, config, request, log, {TryHead.tag: TryHead})
     if result.result != "success":
-        yield failure(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {request.robot}")
+        yield failure(trial.about, result.reason, f"fix that, then: mission doctor --move --robot {request.robot}")
         return
     leaf = next(node for node in root.iterate() if isinstance(node, TryHead))
     yield from judge_pictures(lambda pose: log.within(*leaf.still_times[pose]), field_of_view)
     if ask(trial.question):
-        yield Finding(trial.about, "done, and seen")
+        yield Finding(trial.about, "done, and confirmed")
     else:
         cure = trial.fix.replace("ROBOT", str(request.robot))
-        yield failure(trial.about, "it has done something else than it was told", cure)
+        yield failure(trial.about, "the motion did not match the command", cure)
 
 
 def _ask_motion(ask: Ask, question: str, expected: SeenMotion) -> SeenMotion:
-    """Ask what a movement was: the expected one first, then the opposite, then all others."""
+    """Ask which movement was seen: the expected one first, then the opposite, then others."""
     if ask(question):
         return expected
     return next(
@@ -241,11 +243,11 @@ _MOTION_TEXTS = {
 
 
 def _try_part(trial: MovementTrial, config: RobotConfig, request: RunRequest, ask: Ask) -> Finding:
-    """Have a robot do something, and say what came of it."""
+    """Run a trial, and return its finding."""
     cure = trial.fix.replace("ROBOT", str(request.robot))
     result, _ = _run_trial(trial, config, request)
     if result.result != "success":
-        return failure(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {request.robot}")
+        return failure(trial.about, result.reason, f"fix that, then: mission doctor --move --robot {request.robot}")
     if not ask(trial.question):
-        return failure(trial.about, "it has done something else than it was told", cure)
-    return Finding(trial.about, "done, and seen")
+        return failure(trial.about, "the motion did not match the command", cure)
+    return Finding(trial.about, "done, and confirmed")

@@ -1,4 +1,4 @@
-"""The report of a check-up for asking others: what was found, without whose computer it is."""
+"""Anonymous report of ``mission doctor``, for support questions."""
 
 import os
 import platform
@@ -15,17 +15,17 @@ from drivers.finding.serial_ports import iter_usb_devices
 from missions.plugins.setup.checkup import PartFinding
 
 MIN_SERIAL_LENGTH = 4
-"""Letters that a serial number has at least: shorter ones are words."""
+"""Minimum length of a serial number: shorter ones may be words."""
 
 
 def report_text(machine: HostMachine, found: Iterable[PartFinding]) -> str:
-    """Return the whole of it as a text."""
+    """Return the report as text."""
     lines, known = list(_lines(machine, found)), private_words(machine)
     return "\n".join([*lines[:4], *(anonymise(line, known) for line in lines[4:])]) + "\n"
 
 
 def private_words(machine: HostMachine) -> dict[str, str]:
-    """Return what is not to be told, with what stands for it, longest first."""
+    """Return private words and their replacements, longest first."""
     names = {platform.node(): "HOST", machine.read_text("/etc/hostname"): "HOST", str(Path.home()): "~"}
     names |= dict.fromkeys((os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name), "USER")
     with suppress(KeyError):  # a user without a name
@@ -37,7 +37,7 @@ def private_words(machine: HostMachine) -> dict[str, str]:
 
 
 def anonymise(text: str, replacements: dict[str, str]) -> str:
-    """Return a text without what is known to be secret, and without what looks like it: keys, addresses, folders."""
+    """Return a text without private words, keys, addresses and folders."""
     for name, instead in replacements.items():
         text = re.sub(rf"(?<![A-Za-z0-9]){re.escape(name)}(?![A-Za-z0-9])", instead, text)
     for pattern, instead in _PRIVATE_PATTERNS:
@@ -54,7 +54,7 @@ _PRIVATE_PATTERNS = (
     (re.compile(r"\b\d{1,3}(?:\.\d{1,3}){3}\b"), "ADDRESS"),
     (re.compile(r"\b(?=\w*\d)(?=\w*[A-Za-z])\w{20,}\b"), "SECRET"),  # long, of figures and letters: a key
 )
-"""What gives somebody away by its shape."""
+"""Patterns of private data."""
 
 
 def _lines(machine: HostMachine, found: Iterable[PartFinding]) -> Iterator[str]:

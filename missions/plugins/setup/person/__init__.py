@@ -1,4 +1,4 @@
-"""``mission person``: the people whom a robot knows by their faces."""
+"""``mission person``: the people whose faces a robot knows."""
 
 import click
 
@@ -8,9 +8,9 @@ from missions.plugins.setup.person.add import add, list_people, remove
 
 @click.group("person", cls=LazyGroup, epilog="Example: mission person list")
 def command() -> None:
-    """Let a robot know people by their faces, list them, and forget them.
+    """Add, list and remove the people whose faces a robot knows.
 
-    Their pictures stay on this machine, where only you can read them.
+    Their pictures stay on this computer, where only you can read them.
     """
 
 

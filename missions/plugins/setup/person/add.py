@@ -1,4 +1,4 @@
-"""``mission person add``: let the robot know somebody, from pictures or guided before the camera."""
+"""``mission person add``, ``list`` and ``remove``: face pictures, from files or taken with a camera."""
 
 import functools
 import json
@@ -38,13 +38,11 @@ from perception.people import MAX_PICTURES, MIN_PICTURES, RECOMMENDED_PICTURES, 
 
 # What the commands of ``mission person`` share: whose people are meant, and saying what cannot be done.
 
-robot_option = shared_option(
-    "--robot", type=ROBOT, help="Whose people: those in the folder that its file names. Without it: yours."
-)
+robot_option = shared_option("--robot", type=ROBOT, help="Robot whose people are used; without it, yours.")
 
 
 def camera_keys(robot: str | None) -> CameraKeys | None:
-    """Return the camera section of a robot's file; None without a robot. Raises click.UsageError for a blind one."""
+    """Return the camera section of a robot's file; None without a robot. Raises click.UsageError without a camera."""
     if robot is None:
         return None
     camera = load_robot(find_file("robots", robot)).camera
@@ -54,22 +52,18 @@ def camera_keys(robot: str | None) -> CameraKeys | None:
 
 
 def method_note(camera: CameraKeys | None) -> str:
-    """Return what to say where a robot recognises people by another method than these commands; else nothing."""
+    """Return a note if the robot's recognition method is not the tested one; else an empty text."""
     method = "patches" if camera is None else camera.identity.method
-    return (
-        ""
-        if method == "patches"
-        else f"judged by patches, while the robot's method is {method}: that is not tried here"
-    )
+    return "" if method == "patches" else f"tested with patches; the robot's method {method} was not tested"
 
 
 def people_for(robot: str | None) -> People:
-    """Return the people whom a robot knows, the user's own without one."""
+    """Return the people that a robot knows; without a robot, the user's."""
     return people_of(camera_keys(robot))
 
 
 def report_people_errors(command: Callable[..., int]) -> Callable[..., int]:
-    """Make a command say what cannot be done with pictures of people, and fail."""
+    """Decorate a command to print PeopleError and return FAILURE."""
 
     @functools.wraps(command)
     def wrapped(*arguments: Any, **named: Any) -> int:
@@ -83,7 +77,7 @@ def report_people_errors(command: Callable[..., int]) -> Callable[..., int]:
 
 
 def print_people_error(error: PeopleError) -> None:
-    """Print what cannot be done, and what to type next."""
+    """Print an error with its hint."""
     click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
 
 
@@ -94,34 +88,34 @@ def print_people_error(error: PeopleError) -> None:
 
 @click.command(cls=SharingCommand, epilog="Example: mission person remove Anna")
 @click.argument("names", type=PERSON, nargs=-1, required=True, metavar="NAMES...")
-@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
 @robot_option
 @report_people_errors
 def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
-    """Forget people: their pictures are deleted, and there is nothing else of them."""
+    """Remove people, and delete all their pictures."""
     people = people_for(robot)
     unknown = [name for name in names if people.find(name) is None]
     if unknown:
-        known = ", ".join(each.name for each in people.known_people()) or "nobody"
-        told = f"nobody is called '{', '.join(unknown)}'; nothing was deleted; known: {known}"
+        known = ", ".join(each.name for each in people.known_people()) or "none"
+        told = f"unknown person '{', '.join(unknown)}'; nothing was deleted; known: {known}"
         raise PeopleError(told, hint="mission person list")
     if not yes and not click.confirm(f"Delete all pictures of {', '.join(names)}?"):
         return FAILURE
     for name in dict.fromkeys(people.find(name) or name for name in names):
         click.echo(f"{name}: {people.remove(name)} pictures deleted")
         if (people.folder / name).exists():
-            click.echo(f"{people.folder / name} stays: there is something else in it", err=True)
+            click.echo(f"{people.folder / name} is kept: it has other files", err=True)
     return SUCCESS
 
 
 @click.command("list", cls=SharingCommand, epilog="Example: mission person list --robot turtlebot2_arm")
-@click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON.")
 @robot_option
 @report_people_errors
 def list_people(as_json: bool, robot: str | None) -> int:
-    """List the people whom a robot knows, and how surely patches of their faces tell them apart.
+    """List the people that a robot knows, and how reliably their faces are told apart.
 
-    A robot whose method is another is not tried by that.
+    Reliability is measured for the method `patches` only.
     """
     people = people_for(robot)
     known = people.known_people()
@@ -131,7 +125,7 @@ def list_people(as_json: bool, robot: str | None) -> int:
         click.echo(json.dumps(_list_data(known, calibration)))
         return SUCCESS
     if not known:
-        click.echo("it knows nobody yet\n  try: mission person add NAME", err=True)
+        click.echo("no people yet\n  try: mission person add NAME", err=True)
         return SUCCESS
     click.echo(
         format_columns(("name", "pictures", "since"), [_person_row(each) for each in known], left=frozenset({"name"}))
@@ -158,15 +152,15 @@ def _list_data(known: list[KnownPerson], calibration: GalleryCalibration | None)
 
 
 def _calibration_text(calibration: GalleryCalibration) -> str:
-    """Say how surely it tells people apart, and of how much that was found out."""
+    """Return the measured error rates as text."""
     if calibration.refusal_rate is None:
-        return "how surely it tells them apart cannot be said from so few pictures"
-    refused = f"of 100 looks at them {100 * calibration.refusal_rate:.0f} take them for nobody"
+        return "too few pictures to measure the error rates"
+    refused = f"of 100 looks at known people, {100 * calibration.refusal_rate:.0f} are not recognised"
     if calibration.acceptance_rate is None:
-        accepted = "what it makes of strangers can only be tried with somebody else in the list"
+        accepted = "strangers can be tested only with a second person in the list"
     else:
-        accepted = f"of 100 at strangers {100 * calibration.acceptance_rate:.0f} take them for somebody"
-    doubt = "all at these very pictures and people: expect worse on other days, and of other strangers"
+        accepted = f"of 100 looks at strangers, {100 * calibration.acceptance_rate:.0f} are taken for a known person"
+    doubt = "all of these pictures and people: expect worse on other days and with other strangers"
     return f"{refused},\n{accepted} ({calibration.look_count} looks, {doubt})"
 
 
@@ -181,29 +175,34 @@ INSTRUCTIONS = (
     "take two steps back, and look into the camera",
     "come close again, and smile",
 )
-"""What somebody is asked to do, one after another: who is known from one side only is not known."""
+"""Instructions for the person, in order: pictures from several sides are needed."""
 
 MIN_SHARPNESS = 30.0
-"""Variance of the Laplacian of a face's crop: of faces up to 3 m away it was 33 to 1000, of the same ones blurred by a
-thirtieth of their width 9 to 30 (drawn ones up to 45)."""
+"""Minimum variance of the Laplacian of a face's crop.
+
+Faces up to 3 m away had 33 to 1000, the same ones blurred by a thirtieth of their width 9 to 30 (drawn ones up to 45).
+"""
 
 PICTURE_INTERVAL = 0.8
-"""Seconds from one picture to the next: time to move."""
+"""Seconds between two pictures, so that the person can move."""
 
 
-TOO_SOON = "it is too soon after the one before"
+TOO_SOON = "too soon after the last picture"
 
-SAME_PICTURE = "it is the very picture of one before: does the camera stand still?"
+SAME_PICTURE = "identical to an earlier picture: is the camera frozen?"
 
 MAX_LIKENESS = 0.88
-"""Likeness from which on a picture is nearly one before: frames in a row, of somebody who holds still, were 0.8 to 0.98
-alike, those 0.8 s apart 0.58 to 0.89, and pictures of one person that were taken to differ 0.58 to 0.83."""
+"""Likeness from which on two pictures are too similar.
 
-TOO_SIMILAR = "it is nearly the same as one before: move as you are asked to"
+Consecutive frames of a person who holds still had 0.8 to 0.98, frames 0.8 s apart 0.58 to 0.89, and pictures of one
+person that were taken to differ 0.58 to 0.83.
+"""
+
+TOO_SIMILAR = "too similar to an earlier picture: follow the instructions"
 
 
 class PortraitCollector:
-    """Takes ``count`` pictures that are worth it: ``portraits``."""
+    """Collects ``count`` good and different pictures as ``portraits``."""
 
     def __init__(self, detector: FaceDetector, count: int) -> None:
         self.portraits: list[Image] = []
@@ -220,13 +219,13 @@ class PortraitCollector:
 
     @property
     def instruction(self) -> str:
-        """What to do for the next one."""
+        """Instruction for the next picture."""
         return INSTRUCTIONS[min(len(self.portraits) * len(INSTRUCTIONS) // self._count, len(INSTRUCTIONS) - 1)]
 
     def offer(self, image: Image, stamp: float) -> str:
-        """Take the picture of ``stamp`` (s) if it is good and not too soon; else say why it is not.
+        """Take the picture of time ``stamp`` (s) and return an empty text, or return the reason of its refusal.
 
-        Raises ValueError for what is no picture.
+        Raises ValueError for an invalid picture.
         """
         if self._taken_at is not None and stamp - self._taken_at < PICTURE_INTERVAL:
             return TOO_SOON
@@ -236,7 +235,7 @@ class PortraitCollector:
             return str(error)
         shown = crop_face(portrait, portrait_face_box(portrait))
         if float(cv2.Laplacian(shown, cv2.CV_64F).var()) < MIN_SHARPNESS:
-            return "it is blurred: hold still, with more light"
+            return "blurred: hold still, with more light"
         if picture_digest(portrait) in self._digests:
             return SAME_PICTURE
         patches = describe_face(shown)
@@ -250,26 +249,30 @@ class PortraitCollector:
 
 
 PICTURE_TIMEOUT = 5.0
-"""Seconds in which a camera must show something."""
+"""Maximum seconds until the first picture of a camera."""
 
 
 MAX_ADDED_PICTURES = 200
-"""Pictures that are taken in at a time."""
+"""Maximum number of pictures of one command."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission person add Anna anna1.jpg anna2.jpg anna3.jpg")
 @click.argument("name", type=PERSON)
 @click.argument("files", type=click.Path(), nargs=-1, metavar="[PICTURES...]")
-@click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")
-@click.option("--count", default=12, show_default=True, type=WholeNumber(MIN_PICTURES, 100), help="Pictures to take.")
+@click.option(
+    "--camera", "source", metavar="SOURCE", help="Camera number, device or video; by default the robot's camera, or 0."
+)
+@click.option(
+    "--count", default=12, show_default=True, type=WholeNumber(MIN_PICTURES, 100), help="Number of pictures to take."
+)
 @click.option(
     "--seconds",
     type=QuantityInUnit("s", 1.0),
     default=120.0,
     show_default=True,
-    help="How long a camera looks at most.",
+    help="Maximum time for the camera.",
 )
-@click.option("--say", "aloud", is_flag=True, help="Say aloud what to do before the camera, too.")
+@click.option("--say", "aloud", is_flag=True, help="Also say the instructions aloud.")
 @robot_option
 @report_people_errors
 def add(
@@ -281,10 +284,10 @@ def add(
     aloud: bool,
     robot: str | None,
 ) -> int:
-    """Let a robot know somebody by their face.
+    """Add a person's face, so that a robot recognises them.
 
-    From PICTURES of them alone, all of which must show one face; or guided, before the camera. Only the face is kept,
-    in a folder that nobody else may read. Ask them first.
+    From PICTURES that show only their face, or with instructions before the camera. Only the face is stored, in a
+    folder that nobody else can read. Ask them first.
     """
     people, camera = people_for(robot), camera_keys(robot)
     proper_name(name)  # what cannot be one is said before anybody poses
@@ -302,9 +305,9 @@ def add(
     before = people.find(name)
     there = sum(each.pictures for each in people.known_people() if each.name == before)
     kept = people.add(name, fresh)
-    click.echo(f"{kept}: {len(fresh)} pictures kept in {people.folder / kept}" + f", {there} before" * bool(there))
+    click.echo(f"{kept}: {len(fresh)} pictures saved in {people.folder / kept}" + f", {there} before" * bool(there))
     if len(fresh) < len(portraits):
-        click.echo(f"{len(portraits) - len(fresh)} pictures were there already, or given twice", err=True)
+        click.echo(f"{len(portraits) - len(fresh)} duplicate pictures skipped", err=True)
     for line in _advice(people, kept):
         click.echo(line, err=True)
     if otherwise := method_note(camera):
@@ -313,13 +316,13 @@ def add(
 
 
 def _portraits_from_files(files: Sequence[str], detector: FaceDetector) -> list[Image]:
-    """Return a portrait from each picture. Raises PeopleError with all those that do not show one face, or too many."""
+    """Return a portrait from each picture. Raises PeopleError for too many pictures, or those without one face."""
     found, faults = list[Image](), list[str]()
     hints = dict[str, None]()
     for path, number, image in iter_pictures(files):
         if len(found) + len(faults) >= MAX_ADDED_PICTURES:
-            hint = f"some tens, from different sides and days, teach more; {MAX_PICTURES} are used at most"
-            raise PeopleError(f"nothing was kept: these are more than {MAX_ADDED_PICTURES} pictures", hint=hint)
+            hint = f"a few dozen from different sides and days work better; {MAX_PICTURES} are used at most"
+            raise PeopleError(f"nothing was saved: more than {MAX_ADDED_PICTURES} pictures", hint=hint)
         try:
             found.append(enrol(image, detector))
         except NotOneFaceError as error:
@@ -327,16 +330,16 @@ def _portraits_from_files(files: Sequence[str], detector: FaceDetector) -> list[
             faults.append(f"{path}" + f" frame {number}" * film + f": {error}")
             hints[error.hint] = None
     if faults:
-        raise PeopleError("nothing was kept:\n  " + "\n  ".join(faults), hint="\n       ".join(hints))
+        raise PeopleError("nothing was saved:\n  " + "\n  ".join(faults), hint="\n       ".join(hints))
     return found
 
 
 def _portraits_from_camera(
     source: str, camera: CameraKeys | None, collector: PortraitCollector, seconds: float, *, aloud: bool
 ) -> list[Image]:
-    """Return portraits of who stands before a camera, telling them what to do.
+    """Return portraits of the person before a camera, while printing instructions.
 
-    Raises NotConnected for a camera that shows nothing, PeopleError when the time is over before there are enough.
+    Raises NotConnected for a camera without pictures, PeopleError if there are too few after ``seconds``.
     """
     clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
     turn = camera.orientation if camera is not None and is_live(source) else UPRIGHT
@@ -369,14 +372,14 @@ def _portraits_from_camera(
     if len(collector.portraits) < MIN_PICTURES:
         hint = why or "more time: --seconds 300"
         raise PeopleError(
-            f"nothing was kept: {len(collector.portraits)} good pictures, and it takes {MIN_PICTURES}", hint=hint
+            f"nothing was saved: {len(collector.portraits)} good pictures, at least {MIN_PICTURES}", hint=hint
         )
     return collector.portraits
 
 
 @contextmanager
 def _open_voice(clock: Clock) -> Iterator[Callable[[str], object]]:
-    """Yield what says a text aloud; where nothing here can, only the printed words are there."""
+    """Yield a function that says a text; without a speech synthesiser it does nothing."""
     voice = make_voice(VoiceSettings(), clock, ignore, report=_print_status)
     voice.open()
     try:
@@ -386,22 +389,22 @@ def _open_voice(clock: Clock) -> Iterator[Callable[[str], object]]:
 
 
 def _advice(people: People, name: str) -> Iterator[str]:
-    """Yield whether the pictures of somebody are enough, and for whom the robot may take them."""
+    """Yield advice on the number of pictures of a person, and on people who look alike."""
     portraits = people.portraits(print_people_error)
     if name not in portraits:
         return  # there is no room, and that was told
     calibration, count = PatchRecogniser(portraits).calibration, len(portraits[name])
     if count < RECOMMENDED_PICTURES:
-        yield f"{count} of {RECOMMENDED_PICTURES} pictures that are enough: with fewer, {name} is more often taken for a stranger"
+        yield f"{count} of {RECOMMENDED_PICTURES} recommended pictures: with fewer, {name} is less often recognised"
         yield f"  try: mission person add {quote(name)}, with pictures from other sides"
     else:
         yield f"{count} pictures are enough; pictures of other days, light and glasses still help"
     if name in calibration.uniform_people:
-        yield f"the pictures of {name} are nearly alike: on another day {name} may be taken for a stranger"
+        yield f"the pictures of {name} are too similar: on another day {name} may not be recognised"
         yield "  try: pictures in other light, from other sides and of other days"
     alike = {each for pair in calibration.lookalikes.items() if name in pair for each in pair} - {name}
     if alike:
-        yield f"{name} looks like {' and '.join(sorted(alike))}: the robot may take one for the other"
+        yield f"{name} looks like {' and '.join(sorted(alike))}: the robot may confuse them"
         yield "  try: more pictures of both, in other light and from other sides"
 
 

@@ -1,4 +1,4 @@
-"""``mission robot``: a robot of one's own: made, looked at, checked, and taken for this computer's."""
+"""``mission robot``: create, show, check and select a robot file."""
 
 import click
 
@@ -14,7 +14,7 @@ from missions.plugins.setup.robot.show import show
     epilog="Example: mission robot new",
 )
 def command() -> None:
-    """Make a robot file by answering questions; look at it, check it, and make it this computer's own."""
+    """Create a robot file by answering questions; show it, check it, and make it this computer's own."""
 
 
 for each in (new, show, check, use):

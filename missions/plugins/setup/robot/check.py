@@ -1,4 +1,4 @@
-"""``mission robot check``: whether what a robot file says is plugged in, and answers as it says. Nothing moves."""
+"""``mission robot check``: compare a robot file with the connected devices, at rest."""
 
 from pathlib import Path
 
@@ -18,12 +18,12 @@ from missions.plugins.setup.ports import root_option
 
 @click.command(epilog="Example: mission robot check turtlebot2_arm")
 @click.argument("name", required=False, default=OWN_ROBOT, type=ROBOT)
-@click.option("--reset", is_flag=True, help="Ask Arduinos too, which start anew by it, and may move.")
+@click.option("--reset", is_flag=True, help="Also probe Arduinos, which resets them, and they may move.")
 @root_option
 def check(name: str, reset: bool, root: Path) -> int:
-    """Check a robot at rest: its file, its ports, and what answers there; without NAME, this computer's own.
+    """Check a robot at rest: its file, its ports, and the replies of its devices.
 
-    It is the robot's half of `mission doctor`. Exit code 1 where something is wrong.
+    Without NAME, this computer's own robot. `mission doctor` checks the computer too. Exit code 1: something is wrong.
     """
     config, code = load_robot(robot_file(name)), SUCCESS
     click.echo(f"{config.name}  {config.path}")

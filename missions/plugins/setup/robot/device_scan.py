@@ -1,4 +1,4 @@
-"""What is plugged in, asked for a new robot: what answered is kept, so that no port is opened twice."""
+"""Scan of connected devices for a new robot; replies are saved, so that no port is opened twice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,9 +20,9 @@ NO_DEVICE = "nothing"
 
 @dataclass(frozen=True, slots=True)
 class ProbedDevice:
-    """A device that answered on a port, or that the user says is there: its driver, and what it said.
+    """A device that replied on a port, or that the user named: its driver and reply.
 
-    ``units`` are the servos on it: ID, model, and what is wrong with each.
+    ``units`` are its servos: ID, model, and fault of each.
     """
 
     driver: Driver
@@ -35,13 +35,13 @@ class ProbedDevice:
 def scan_devices(
     talk: Dialogue, machine: HostMachine, table: DriverTable, *, extra_timeout: float = EXTRA_TIMEOUT
 ) -> tuple[HardwareScan, list[ProbedDevice]]:
-    """Say what is plugged in, and return it with the devices that are known by now."""
+    """Print the connected devices; return the scan, and the identified devices."""
     desk = scan_hardware(machine)
     probing = probing_drivers(table.iter_drivers())
     ports = [plug.port for plug in desk.ports if not plug.port.path.startswith("/dev/ttyS")]  # a PC's own
     found = [_device_at(talk, machine, table, port, probing, extra_timeout) for port in ports]
     if not ports:
-        talk.print("no serial port: no adapter is plugged in (mission ports says more)")
+        talk.print("no serial port: no adapter found (see mission ports)")
     for camera in desk.cameras:
         talk.print(f"{camera.path}  camera: {camera.name}")
     return desk, [each for each in found if each is not None]
@@ -55,7 +55,7 @@ def _device_at(
     probing: Sequence[Driver],
     extra_timeout: float,
 ) -> ProbedDevice | None:
-    """Return what is on a port: what it says of itself, else what the user says."""
+    """Return the device on a port, by its reply or by the user's answer."""
 
     def heard(*, consent: bool) -> PortScan:
         path = str(machine.local_path(port.path))
@@ -68,7 +68,7 @@ def _device_at(
     key = f"heard {port.call}"
     if not talk.has_answer(key):
         reason = heard(consent=False).skip_reason
-        question = f"ask {port.path} all the same? hands off, it may move"
+        question = f"probe {port.path} all the same? hands off, it may move"
         askable = reason is not None and port.shut is None and port.usb is not None
         if askable and talk.ask_yes_no(f"ask {port.call}", question, default=False):
             heard(consent=True)
@@ -81,7 +81,7 @@ def _device_at(
 
 
 def _probe_as_json(heard: PortScan) -> list[Any]:
-    """Return what answered as JSON has it; empty for nobody."""
+    """Return the reply as JSON; empty without a reply."""
     if heard.device is None:
         return []
     answer = heard.device.result
@@ -92,11 +92,11 @@ def _probe_as_json(heard: PortScan) -> list[Any]:
 def _ask_device(
     talk: Dialogue, table: DriverTable, port: SerialPortInfo, probing: Sequence[Driver]
 ) -> ProbedDevice | None:
-    """Return what the user says is on a port that does not answer."""
+    """Ask the user which device is on a port that does not reply."""
     sure = driver_by_serial_number(port, probing)
     wired = (it for _, _, it in table.iter_drivers() if isinstance(it, Driver) and issubclass(it.keys, SerialKeys))
     names = list(dict.fromkeys(f"{driver.kind}.{driver.name}" for driver in (*probing, *wired)))
     default = NO_DEVICE if sure is None else f"{sure.kind}.{sure.name}"
-    said = talk.ask_choice(f"on {port.call}", f"what of the robot is on {port.path}?", [NO_DEVICE, *names], default)
+    said = talk.ask_choice(f"on {port.call}", f"which device is on {port.path}?", [NO_DEVICE, *names], default)
     kind, _, name = said.partition(".")
     return None if said == NO_DEVICE else ProbedDevice(table.find(kind, name), port)

@@ -1,4 +1,4 @@
-"""Questions at the terminal whose answers are kept: a dialogue can be left at any moment, and taken up again."""
+"""Terminal dialogue whose answers are saved, so that it can be interrupted and continued."""
 
 import json
 import sys
@@ -13,14 +13,14 @@ from config.file_io import read_regular_text, save_file
 from missions.cli.keys import KeyReader
 
 POLL_INTERVAL = 0.05
-"""Seconds between two looks while Enter is waited for."""
+"""Seconds between two calls while waiting for Enter."""
 
 
 class Dialogue:
-    """Asks, and keeps each answer under its key in the file ``is_saved``; what is there already is not asked again.
+    """Asks questions, and saves each answer under its key in ``file``; saved answers are not asked again.
 
-    With ``yes`` it takes the default of every question, and asks nothing: what has none, or would move a robot, change
-    a servo or need a hand is left out.
+    With ``yes`` it takes the default of every question. Questions without a default raise; actions that move a robot,
+    change a servo or need a hand are skipped.
     """
 
     def __init__(self, file: Path, *, yes: bool = False) -> None:
@@ -35,27 +35,27 @@ class Dialogue:
 
     @property
     def has_answers(self) -> bool:
-        """Whether there are answers, from before or of now."""
+        """Whether there are answers, saved or new."""
         return bool(self._answers)
 
     @property
     def is_saved(self) -> bool:
-        """Whether there are answers, and the next dialogue will have them all."""
+        """Whether there are answers, and all are saved."""
         return self.has_answers and not self._save_failed
 
     def print(self, *lines: str) -> None:
-        """Say something."""
+        """Print lines."""
         for line in lines:
             click.echo(line)
 
     def has_answer(self, key: str) -> bool:
-        """Whether there is an answer under a key."""
+        """Return whether there is an answer for a key."""
         return key in self._answers
 
     def ask_text(
         self, key: str, question: str, default: str | None = None, check: Callable[[str], object] = lambda _: None
     ) -> str:
-        """Ask for a text; ``check`` raises ValueError, in words, for what cannot be."""
+        """Ask for a text; ``check`` raises ValueError with a message for an invalid one."""
         kept = self._answers.get(key)
         while True:
             answer = kept if isinstance(kept, str) else self._prompt(question, default)
@@ -74,7 +74,7 @@ class Dialogue:
             return answer
 
     def ask_choice(self, key: str, question: str, choices: Sequence[str], default: str | None) -> str:
-        """Ask for one of several words; its number will do, too. Without a default one has to be named."""
+        """Ask for one of ``choices``, by text or number. Without a default an answer is required."""
 
         def check(answer: str) -> None:
             _match_choice(answer, choices)
@@ -95,11 +95,11 @@ class Dialogue:
         return words[self.ask_text(key, f"{question} [{shown}]", "", check).lower()]
 
     def ask_irreversible(self, question: str) -> bool:
-        """Ask yes or no for what cannot be undone: no by default, and never kept."""
+        """Ask yes or no before an irreversible action: no by default, never saved."""
         return not self.yes and self._prompt(f"{question} [y/N]", "").lower() in {"y", "yes"}
 
     def ask_consent(self, key: str, question: str) -> bool:
-        """Ask whether something may move or fall: no by default. Who comes back is asked again, after a yes."""
+        """Ask whether something may move or fall: no by default. Only a no is saved."""
         if self.has_answer(key):
             return False
         agreed = self.ask_irreversible(question)
@@ -108,13 +108,13 @@ class Dialogue:
         return agreed
 
     def measure_once(self, key: str, measure: Callable[[], Any]) -> Any:
-        """Return what was measured, as JSON has it: now, or before the dialogue was left."""
+        """Return the saved measurement, or the result of ``measure`` as JSON."""
         if key not in self._answers:
             self.save_answer(key, measure())
         return self._answers[key]
 
     def watch_until_enter(self, look: Callable[[], object], question: str) -> None:
-        """Look again and again until Enter is pressed; nothing of it is kept."""
+        """Call ``look`` until Enter is pressed; saves nothing."""
         self.question_count += 1
         self.print(question)
         look()
@@ -127,7 +127,7 @@ class Dialogue:
         look()
 
     def save_answer(self, key: str, answer: Any) -> None:
-        """Keep an answer, whole or not at all; where that cannot be, for this dialogue only."""
+        """Save an answer atomically; if that fails, keep it for this dialogue."""
         self._answers[key] = answer
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
@@ -135,11 +135,11 @@ class Dialogue:
             self._save_failed = False
         except OSError as error:
             if not self._save_failed:
-                self.print(f"answers cannot be kept: {self._file}: {error.strerror or error}")
+                self.print(f"answers cannot be saved: {self._file}: {error.strerror or error}")
             self._save_failed = True
 
     def forget_answers(self, prefix: str = "") -> None:
-        """Forget the answers whose keys begin so; all of them, and the file, for nothing."""
+        """Delete the answers whose keys begin with ``prefix``; without a prefix all, and the file."""
         self._answers = {key: answer for key, answer in self._answers.items() if not key.startswith(prefix)}
         if not self._answers:
             with suppress(OSError):
@@ -148,7 +148,7 @@ class Dialogue:
     def _prompt(self, question: str, default: str | None) -> str:
         if self.yes:
             if default is None:
-                raise click.UsageError(f"{question}: there is no default for it; leave out --yes")
+                raise click.UsageError(f"{question}: no default; leave out --yes")
             return default
         self.question_count += 1
         suffix = f" ({default})" if default else ""
@@ -157,14 +157,14 @@ class Dialogue:
 
     def _repeat_answer(self, question: str, answer: str) -> str:
         if not self.yes:
-            self.print(f"{question}: {answer or 'as proposed'}  (answered before)")
+            self.print(f"{question}: {answer or 'default'}  (saved answer)")
         return answer
 
 
 def _match_choice(answer: str, choices: Sequence[str]) -> str:
-    """Return the word that is meant. Raises ValueError."""
+    """Return the chosen word. Raises ValueError."""
     if answer in choices:
         return answer
     if answer.isdecimal() and 0 < int(answer) <= len(choices):
         return choices[int(answer) - 1]
-    raise ValueError(f"'{answer}' is none of: {', '.join(choices)}")
+    raise ValueError(f"'{answer}' is not one of: {', '.join(choices)}")

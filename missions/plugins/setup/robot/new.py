@@ -1,4 +1,4 @@
-"""``mission robot new``: from what is plugged in to a robot file, by questions; left, and taken up again."""
+"""``mission robot new``: create a robot file from connected devices and questions; can be interrupted and continued."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -45,11 +45,11 @@ FIRST_MISSIONS: Sequence[tuple[str, Mapping[str, str]]] = (
     ("wave", {"gesture": "arm_wave"}),
     ("look_around", {}),
 )
-"""Missions with params, of which the first that a robot can do is proposed."""
+"""Missions with params; the first one that a robot can run is suggested."""
 
 
 def suggest_mission(config: RobotConfig) -> str:
-    """Return a mission that the robot can do, as it is typed; empty where it can do none of the first."""
+    """Return a mission that the robot can run, as typed; empty if it can run none of ``FIRST_MISSIONS``."""
     for mission, params in FIRST_MISSIONS:
         with suppress(InvalidFileError, UnknownNameError):
             load_mission(mission, params=params, robot=target_of(config))
@@ -62,15 +62,15 @@ def suggest_mission(config: RobotConfig) -> str:
 
 @click.command(epilog="Example: mission robot use turtlebot2_arm")
 @click.argument("name", required=False, type=ROBOT)
-@click.option("--none", "no_robot", is_flag=True, help="Let this computer have no robot of its own any more.")
+@click.option("--none", "no_robot", is_flag=True, help="Remove the setting of this computer's own robot.")
 def use(name: str | None, no_robot: bool) -> int:
     """Make a robot this computer's own: NAME is a name or a file.
 
-    `--robot mine` is it for every command, and `mission run greet --robot mine` moves it; what is simulated without a
-    --robot is it too. --none undoes that; the robot's file stays.
+    `--robot mine` selects it in every command, and `mission run greet --robot mine` moves it. Commands without --robot
+    simulate it. --none undoes that; the robot file stays.
     """
     if no_robot == (name is not None):
-        raise click.UsageError("name a robot, or say --none: one of them")
+        raise click.UsageError("name a robot or add --none, not both")
     if name is None:
         return _forget_robot()
     path = find_file("robots", name)
@@ -88,7 +88,7 @@ def use(name: str | None, no_robot: bool) -> int:
 
 
 def _forget_robot() -> int:
-    """Let this computer have no robot of its own."""
+    """Remove the setting of this computer's own robot."""
     before = load_defaults().robot
     if not before:
         click.echo("this computer has no robot of its own")
@@ -98,31 +98,31 @@ def _forget_robot() -> int:
             kept = remove_default("robot")
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
-    click.echo(f"{before} is this computer's robot no more: {kept}")
+    click.echo(f"{before} is no longer this computer's robot: {kept}")
     return SUCCESS
 
 
 MAX_NAME_LENGTH = 64
-"""Letters that the name of a robot may have."""
+"""Maximum number of characters of a robot name."""
 
 
 @click.command(epilog="Example: mission robot new --yes")
 @click.option("--yes", is_flag=True, help="Take the default of each question: nothing moves, no servo is changed, "
               "this computer's robot stays.")  # fmt: skip
-@click.option("--fresh", is_flag=True, help="Forget what was answered before.")
+@click.option("--fresh", is_flag=True, help="Discard the saved answers.")
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Where to write it, instead of the folder of your robots.",
+    help="Output file, instead of one in the folder of your robots.",
 )
 @root_option
 def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
-    """Make a robot file: what is plugged in, which parts, names, limits, trims, camera.
+    """Create a robot file: connected devices, parts, names, limits, trims, camera.
 
-    Each question has its default in round brackets. Ctrl-C leaves the dialogue; the same command takes it up again.
-    Nothing moves, and nothing is written into a servo, without a question of its own.
+    Each question has its default in round brackets. Ctrl-C interrupts the dialogue; the same command continues it.
+    Nothing moves, and nothing is written to a servo, without a question of its own.
     """
     talk = Dialogue(state_folder() / "robot_new.json", yes=yes)
     if fresh:
@@ -131,18 +131,18 @@ def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
         with interruptible():
             return run_dialogue(talk, HostMachine(root), output)
     except (click.Abort, KeyboardInterrupt):
-        kept = "your answers are kept; `mission robot new` goes on from here, --fresh begins anew"
-        click.echo(f"\n{kept if talk.is_saved else 'no answers are kept'}", err=True)
+        kept = "your answers are saved; `mission robot new` continues, --fresh starts over"
+        click.echo(f"\n{kept if talk.is_saved else 'no answers are saved'}", err=True)
         raise
 
 
 def run_dialogue(
     talk: Dialogue, machine: HostMachine, output: Path | None, *, extra_timeout: float = EXTRA_TIMEOUT
 ) -> int:
-    """Ask, and write the file."""
+    """Ask all questions, and write the file; return the exit code."""
     if talk.has_answers:
-        talk.print("going on from where you left; --fresh begins anew")
-    name = talk.ask_text("name", "what is the robot called?", "my_robot", lambda said: _check_name(said, output))
+        talk.print("continuing with your saved answers; --fresh starts over")
+    name = talk.ask_text("name", "what is the name of the robot?", "my_robot", lambda said: _check_name(said, output))
     path = output or config_folder() / "robots" / f"{name}.yaml"
     if output is None:
         with report_write_errors(path, "-o"):
@@ -152,7 +152,7 @@ def run_dialogue(
     desk, found = scan_devices(talk, machine, table, extra_timeout=extra_timeout)
     model = choose_reference(talk, found)
     parts = choose_parts(talk, table, desk, found, model)
-    summary = talk.ask_text("summary", "what is it, in a line?", f"{', '.join(parts) or 'no parts'}.")
+    summary = talk.ask_text("summary", "what is it, in one line?", f"{', '.join(parts) or 'no parts'}.")
     config = _fill_sections(talk, machine, name, summary, parts, extra_timeout)
     _try_parts(talk, machine, parts, config, extra_timeout)
     text = robot_text(name, summary, _sections_of(parts))
@@ -166,7 +166,7 @@ def run_dialogue(
 
 
 def _ask_default_robot(talk: Dialogue, devices: Sequence[ProbedDevice]) -> bool:
-    """Ask whether the new robot becomes this computer's own: not with --yes, nor where nothing of it is plugged in."""
+    """Ask whether to make it this computer's own; not with --yes, nor without connected devices."""
     if talk.yes or not any(each.about or each.units for each in devices):
         return False
     return talk.ask_yes_no("use", "make it this computer's robot?", default=True)
@@ -174,14 +174,14 @@ def _ask_default_robot(talk: Dialogue, devices: Sequence[ProbedDevice]) -> bool:
 
 def _check_name(name: str, output: Path | None) -> None:
     if not name.replace("-", "_").isidentifier():
-        raise ValueError(f"'{name:.40}' is no name: letters, digits and _")
+        raise ValueError(f"'{name:.40}' is not a valid name: letters, digits and _")
     if len(name) > MAX_NAME_LENGTH:
-        raise ValueError(f"a name has at most {MAX_NAME_LENGTH} letters")
+        raise ValueError(f"a name has at most {MAX_NAME_LENGTH} characters")
     if name in shipped_files("robots"):
-        raise ValueError(f"{name} ships with MissionTree: give yours another name")
+        raise ValueError(f"{name} ships with MissionTree: choose another name")
     path = output or config_folder() / "robots" / f"{name}.yaml"
     if path.exists():
-        raise ValueError(f"{path} is there already: give another name")
+        raise ValueError(f"{path} already exists: choose another name")
 
 
 def _sections_of(parts: Mapping[str, RobotPart]) -> dict[str, tuple[Driver, dict[str, Any]]]:
@@ -191,9 +191,9 @@ def _sections_of(parts: Mapping[str, RobotPart]) -> dict[str, tuple[Driver, dict
 def _fill_sections(
     talk: Dialogue, machine: HostMachine, name: str, summary: str, parts: dict[str, RobotPart], extra_timeout: float
 ) -> RobotConfig:
-    """Ask for what the sections say, part by part, until the checker likes it.
+    """Ask for the values of each section until the robot is valid.
 
-    A part that it does not like whatever is answered, as a neck without an arm, can be left out of the ``parts``.
+    A part that stays invalid, such as a neck without an arm, can be removed from ``parts``.
     """
     whole: dict[str, RobotPart] = {}
     for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):
@@ -202,7 +202,7 @@ def _fill_sections(
             if issubclass(part.driver.keys, DynamixelKeys):
                 _ask_servos(talk, machine, kind, part, max(extra_timeout, 0.004))
                 if not part.section["joints"]:
-                    talk.print(f"the {kind} is left out: the model of none of its servos is known")
+                    talk.print(f"the {kind} is left out: none of its servos has a known model")
                     del parts[kind]
                     break
             ask_figures(talk, kind, part)
@@ -215,10 +215,10 @@ def _fill_sections(
                     raise
                 talk.print(str(error))
                 again, told = told == str(error), str(error)
-            if again and talk.ask_yes_no(f"{kind}?out", f"the same again: leave the {kind} out?", default=True):
+            if again and talk.ask_yes_no(f"{kind}?out", f"the same error again: leave the {kind} out?", default=True):
                 del parts[kind]
                 break
-            talk.print(f"so the questions about the {kind} come again")
+            talk.print(f"the questions about the {kind} are repeated")
             for ending in ". ?":
                 talk.forget_answers(f"{kind}{ending}")
             part.section = dict(before)
@@ -226,7 +226,7 @@ def _fill_sections(
 
 
 def _ask_servos(talk: Dialogue, machine: HostMachine, arm: str, part: RobotPart, extra_timeout: float) -> None:
-    """Ask for IDs, calibration and names of the servos of an arm, by its name."""
+    """Ask for IDs, calibration and names of an arm's servos."""
     if part.port is None:
         name_joints(talk, arm, part)
         return
@@ -240,7 +240,7 @@ def _ask_servos(talk: Dialogue, machine: HostMachine, arm: str, part: RobotPart,
 def _try_parts(
     talk: Dialogue, machine: HostMachine, parts: Mapping[str, RobotPart], config: RobotConfig, extra_timeout: float
 ) -> None:
-    """Find out by hand and by eye what no wire tells. What goes wrong is told, and left out."""
+    """Find limits, directions and trims by moving the parts. Failures are printed and skipped."""
     paths = {kind: str(machine.local_path(part.port.path)) for kind, part in parts.items() if part.port is not None}
     try:
         for name, part in parts.items():
@@ -262,7 +262,7 @@ def _try_parts(
 def _write_files(
     talk: Dialogue, path: Path, text: str, parts: Mapping[str, RobotPart], config: RobotConfig, *, is_default: bool
 ) -> int:
-    """Write the files, and say what to type next."""
+    """Write the files, and print the next commands; return the exit code."""
     name = config.name
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

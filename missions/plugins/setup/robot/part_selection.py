@@ -1,4 +1,4 @@
-"""Which parts a new robot has: what was found, what a robot that it is like has, and all that there is a driver of."""
+"""Selection of the parts of a new robot: from connected devices, from a similar robot, and from all drivers."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -29,12 +29,12 @@ from missions.plugins.setup.robot.parts import RobotPart
 NONE = "none"
 
 RobotParts = dict[str, RobotPart]
-"""The parts of the new robot by their names: their kinds, or names of their own."""
+"""Parts of the new robot by name: the kind, or a name of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceRobot:
-    """A robot that the new one is like: the drivers of its parts, and what its file says of each."""
+    """A known robot that the new one resembles: the drivers and file sections of its parts."""
 
     name: str
     summary: str
@@ -44,7 +44,7 @@ class ReferenceRobot:
 
     @property
     def servos(self) -> Mapping[int, str]:
-        """The models of its arm's servos, by their IDs."""
+        """Models of its arm's servos, by ID."""
         return {} if self.arm is None else {joint.id: joint.model for joint in self.arm.joints.values()}
 
     @property
@@ -53,20 +53,20 @@ class ReferenceRobot:
         return self.arm is None or self.arm.at_end == "hold"
 
     def matches(self, device: ProbedDevice) -> bool:
-        """Whether its arm has the servos that were found, by their IDs and models."""
+        """Return whether its arm has the servos of a probed device, by ID and model."""
         units = {number: model for number, model, _ in device.units}
         alike = all(model in ("?", self.servos[number]) for number, model in units.items() if number in self.servos)
         return alike and units.keys() == self.servos.keys()
 
     def section(self, part: str) -> dict[str, Any]:
-        """Return what its file says of a part, but for the driver."""
+        """Return the section of a part, without its driver."""
         return {key: it for key, it in self.sections[part].items() if key not in {"driver", "kind"}}
 
 
 def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> ReferenceRobot | None:
-    """Ask which known robot the new one is like; the one that shares most with what is plugged in is proposed.
+    """Ask which known robot is similar; the default is the one with the most devices in common.
 
-    Where several fit equally well none is proposed: with --yes the one is taken whose arm is safe.
+    If several match equally, there is no default; with --yes, one that holds its arm is taken, with reduced torque.
     """
     models = [
         model
@@ -77,7 +77,7 @@ def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> Referen
     names = [NONE, *(model.name for model in fitting)]
     equal = _equal_matches(devices, fitting)
     if len(equal) > 1:
-        talk.print("several fit what is plugged in, and nothing tells them apart:")
+        talk.print("several robots match the connected devices equally:")
         talk.print(*(f"  {model.name}: {model.summary}{_end_note(model)}" for model in equal))
         proposed: str | None = None
         if talk.yes and not talk.has_answer("like"):
@@ -88,13 +88,13 @@ def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> Referen
             return safe
     else:
         proposed = fitting[0].name if fitting and _likeness(devices, fitting[0]) > 0 else NONE
-    question = "which of these is it like? its names, limits and figures are taken over"
+    question = "which of these robots is similar? its names, limits and values are used"
     chosen = talk.ask_choice("like", question, names, proposed)
     return next((model for model in fitting if model.name == chosen), None)
 
 
 def _equal_matches(devices: Sequence[ProbedDevice], references: Sequence[ReferenceRobot]) -> list[ReferenceRobot]:
-    """Return the robots whose arms fit the servos that were found, if they are several that fit equally well."""
+    """Return the robots whose arms match the probed servos equally well."""
     arms = [each for each in devices if each.units]
     best = [
         model for model in references if round(_likeness(devices, model)) == round(_likeness(devices, references[0]))
@@ -107,16 +107,16 @@ def _same_arm(device: ProbedDevice, reference: ReferenceRobot) -> bool:
 
 
 def _end_note(reference: ReferenceRobot) -> str:
-    """Say what the arm of a robot does at the end of a run."""
-    return " (its arm holds its position)" if reference.holds_at_end else " (its arm goes limp at the end)"
+    """Return a note about the arm at the end of a run."""
+    return " (its arm holds its position)" if reference.holds_at_end else " (the torque of its arm goes off at the end)"
 
 
 GENTLE_TORQUE = "50 %"
-"""Highest torque of an arm whose kind the user has not confirmed."""
+"""Maximum torque of an arm that the user has not confirmed."""
 
 
 def _with_gentle_torque(reference: ReferenceRobot) -> ReferenceRobot:
-    """Return the robot with an arm that has ``GENTLE_TORQUE`` torque at most."""
+    """Return the robot with its arm's torque limited to ``GENTLE_TORQUE``."""
     if reference.arm is None:
         return reference
     limit = si_value(GENTLE_TORQUE, "share")
@@ -142,7 +142,7 @@ def _load_reference(name: str) -> ReferenceRobot | None:
 
 
 def _likeness(devices: Sequence[ProbedDevice], reference: ReferenceRobot) -> float:
-    """Return how much a robot has of what is plugged in; servos count if their IDs and models are the same."""
+    """Return how many connected devices a robot has; servos count if IDs and models are equal."""
     score = 0.0
     for each in devices:
         if reference.drivers.get(each.driver.kind) == each.driver:
@@ -159,7 +159,7 @@ def choose_parts(
     devices: Sequence[ProbedDevice],
     reference: ReferenceRobot | None,
 ) -> RobotParts:
-    """Ask which parts the robot has; return them in the order in which files have them."""
+    """Ask which parts the robot has; return them in file order."""
     parts: RobotParts = {}
     for kind in KINDS:
         _choose_probed_parts(talk, parts, kind, [each for each in devices if each.driver.kind == kind], reference)
@@ -175,7 +175,7 @@ def choose_parts(
 def _choose_probed_parts(
     talk: Dialogue, parts: RobotParts, kind: str, devices: Sequence[ProbedDevice], reference: ReferenceRobot | None
 ) -> None:
-    """Ask for those of a kind that have answered: which is the robot's, and how one more is called."""
+    """Ask about the probed devices of a kind: which one to use, and the name of each further one."""
     chosen = _choose_device(talk, kind, devices, reference)
     if chosen is None:
         return
@@ -194,34 +194,34 @@ def _choose_probed_parts(
             )
         else:
             talk.print(
-                f"a robot has one {kind}: {_device_title(each)} can be in a robot file of its own (mission robot new)"
+                f"a robot has only one {kind}: {_device_title(each)} needs another robot file (mission robot new)"
             )
 
 
 def _choose_device(
     talk: Dialogue, kind: str, devices: Sequence[ProbedDevice], reference: ReferenceRobot | None
 ) -> ProbedDevice | None:
-    """Ask which of those that have answered is the robot's; one that its model has, too, is proposed."""
+    """Ask which probed device to use; the default is the one of the reference robot."""
     if not devices:
         return None
     if len(devices) == 1:
         key = f"take {devices[0].port.call}"
         return (
             devices[0]
-            if talk.ask_yes_no(key, f"take {_device_title(devices[0])} for its {kind}?", default=True)
+            if talk.ask_yes_no(key, f"use {_device_title(devices[0])} as its {kind}?", default=True)
             else None
         )
     named = {f"{each.driver.name} at {each.port.call}": each for each in devices}
     usual = [
         name for name, each in named.items() if reference is not None and reference.drivers.get(kind) == each.driver
     ]
-    question = f"{len(devices)} answer that could be its {kind}: which is it?"
+    question = f"{len(devices)} devices could be its {kind}: which one?"
     chosen = talk.ask_choice(f"which {kind}", question, [*named, NONE], [*usual, *named][0])
     return named.get(chosen)
 
 
 def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part: RobotPart, at: str = "") -> None:
-    """Ask how one more part of a kind is called; missions say that name."""
+    """Ask for the name of a further part of a kind, as missions will use it."""
     kind = driver.kind
     reserved, such = {each.word for each in declared_keys(RobotKeys)} | set(KINDS), EXAMPLE_VALUES[kind]
 
@@ -229,12 +229,14 @@ def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part:
         if answer == NONE:
             return
         if re.fullmatch(PART_NAME, answer) is None:
-            raise ValueError(f"'{answer:.40}' is no name: small letters, digits and _, beginning with a letter")
+            raise ValueError(
+                f"'{answer:.40}' is not a valid name: small letters, digits and _, beginning with a letter"
+            )
         if answer in parts or answer in reserved:
-            raise ValueError(f"'{answer}' is taken: give another name, such as {such}")
+            raise ValueError(f"'{answer}' is taken: choose another name, such as {such}")
 
     usual = next(name for number in count(2) if (name := f"{kind}{number}") not in parts)
-    question = f"one more {kind}, {driver.name}{at}: what is it called, such as {such}? '{NONE}' leaves it out"
+    question = f"another {kind}, {driver.name}{at}: its name, such as {such}? '{NONE}' leaves it out"
     name = talk.ask_text(key, question, usual, check)
     if name != NONE:
         parts[name] = part
@@ -243,40 +245,40 @@ def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part:
 def _choose_unprobed_part(
     talk: Dialogue, table: DriverTable, scan: HardwareScan, part: str, reference: ReferenceRobot | None
 ) -> RobotPart | None:
-    """Ask for a part that was not found: one of the robot that it is like, or one that needs no port."""
+    """Ask about a part that was not probed: one of the reference robot, or one without a port."""
     driver = None if reference is None else reference.drivers.get(part)
     if reference is not None and driver is not None:
-        question = f"has it the {part} of {reference.name} ({driver.name})?"
+        question = f"does it have the {part} of {reference.name} ({driver.name})?"
         return (
             RobotPart(driver, reference.section(part))
             if talk.ask_yes_no(f"has {part}", question, default=True)
             else None
         )
     usual = _default_driver(part, scan)
-    if usual and talk.ask_yes_no(f"has {part}", f"has it a {part}?", default=usual != "page"):
+    if usual and talk.ask_yes_no(f"has {part}", f"does it have a {part}?", default=usual != "page"):
         return RobotPart(table.find(part, usual))
     return None
 
 
 def _choose_other_parts(talk: Dialogue, table: DriverTable, parts: RobotParts) -> None:
-    """Ask for parts that do not say that they are there: by any driver, also one of another distribution."""
+    """Ask about parts that cannot be probed, of any driver, including third-party ones."""
     free = [kind for kind, it in KINDS.items() if it.allows_several or kind not in parts or parts[kind].port is None]
     names = {f"{kind}.{name}": (kind, name) for kind in free for name in table.names(kind)}
 
     def check(answer: str) -> None:
         for word in _split_answer(answer):
             if word not in names:
-                raise ValueError(f"'{word}' is none of: {', '.join(names)}")
+                raise ValueError(f"'{word}' is not one of: {', '.join(names)}")
             try:
                 table.find(*names[word])
             except BrokenDriver as error:
                 raise ValueError(f"'{word}' cannot be used: {error}") from error
 
     if not (talk.yes or talk.has_answer("others")):
-        talk.print("what there is a driver of:")
+        talk.print("available drivers:")
         for kind in free:
             talk.print(f"  {kind}: {', '.join(f'{kind}.{name}' for name in table.names(kind))}")
-    question = "what else has it? none, or some of these, with commas between them"
+    question = "other parts? none, or some of these, separated by commas"
     for place, word in enumerate(_split_answer(talk.ask_text("others", question, NONE, check))):
         driver = table.find(*names[word])
         if driver.kind in parts and KINDS[driver.kind].allows_several:
@@ -309,7 +311,7 @@ def _part_of_device(device: ProbedDevice, reference: ReferenceRobot | None) -> R
 
 
 def _default_driver(kind: str, scan: HardwareScan) -> str:
-    """Return the driver of a part that a robot may have without a port; empty where nothing of it is plugged in."""
+    """Return the default driver of a part without a port; empty if no such device is connected."""
     there = {
         "camera": bool(scan.cameras),
         "microphone": any(card.hears for card in scan.sound_cards),

@@ -1,4 +1,4 @@
-"""What is tried out while a robot file is made: which way the head turns, how it sits, what the camera sees."""
+"""Trials while a robot file is created: directions and trims of the head, pictures of the camera."""
 
 from collections.abc import Mapping
 from math import degrees, radians
@@ -18,7 +18,7 @@ from missions.plugins.setup.robot.dialogue import Dialogue
 from missions.plugins.setup.robot.parts import RobotPart
 
 STEP_ANGLE = radians(5)
-"""How far the head is moved to see which way it turns."""
+"""Angle in radians by which the head is moved."""
 
 
 def try_head(
@@ -30,15 +30,15 @@ def try_head(
     name: str = DEFAULT_HEAD,
     reachable: bool = False,
 ) -> None:
-    """Move the head of this ``name`` by 5 degrees, where the user wants it, to find out which way is left and its trim.
+    """Move the head ``name`` by 5 degrees, with consent, to find its directions and trims.
 
-    It is moved where its ports were found, or where it is ``there`` without one, as on I2C.
+    It is moved if its ports were found, or if it is ``reachable`` without one, as on I2C.
     """
     if not isinstance(config.sections[name].keys, TwoServoKeys | NeckKeys):
         return
     if not talk.has_answer(f"{name} tried"):
         talk.forget_answers("tried ")
-        question = f"may the {name} move by 5 degrees, to see which way is left? hands off"
+        question = f"may the {name} move by 5 degrees, to find its left? hands off"
         if not (ports or reachable) or not talk.ask_consent(f"{name} moves", question):
             return
     answers = talk.measure_once(f"{name} tried", lambda: _try_axes(talk, config, ports, name))
@@ -47,7 +47,7 @@ def try_head(
 
 
 def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], name: str) -> dict[str, Any]:
-    """Move a head and ask; return for each axis whether it turned the other way, and by how much it is askew."""
+    """Move a head and ask the user; return for each axis whether it is reversed, and its trim."""
     found: dict[str, Any] = {}
     with open_head(config, ports, head=name) as bench:
         bench.look(HeadPose(0.0, 0.0))
@@ -69,7 +69,7 @@ def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], nam
 def _apply_corrections(
     parts: Mapping[str, RobotPart], head: RobotPart, axis: str, *, turned: bool, trim: float
 ) -> None:
-    """Write into the section of the head, or of the arm's joint, what was found out."""
+    """Write direction and trim into the section of the head, or of the arm's joint."""
     section = dict(head.section[axis])
     if turned and "joint" in section:
         joints = parts["arm"].section["joints"]
@@ -86,18 +86,18 @@ def _apply_corrections(
 
 
 def try_camera(talk: Dialogue, camera: Section) -> None:
-    """Look through the camera, where the user wants it, and say what is wrong with its pictures."""
-    number, question = 0, f"look through camera {without_secrets(str(camera.keys.source))}, to see whether it works?"
+    """Look through the camera, if the user agrees, and print problems of its pictures."""
+    number, question = 0, f"test camera {without_secrets(str(camera.keys.source))}?"
     while not talk.yes and talk.ask_yes_no(f"picture {number}", question, default=number == 0):
         told = talk.measure_once(f"picture {number} told", lambda: _camera_problems(camera))
         talk.print(*(told or ["  its pictures are good"]))
         if not told:
             return
-        number, question = number + 1, "look again?"
+        number, question = number + 1, "test again?"
 
 
 def _camera_problems(camera: Section) -> list[str]:
-    """Return what is wrong with its pictures, and what to try; nothing where they are good."""
+    """Return problems of the pictures with hints; empty if they are good."""
     try:
         found = list(resolve_name(camera.driver.checkup)(camera.keys, DriverContext(SystemClock())))
     except DriverError as error:

@@ -1,4 +1,4 @@
-"""What the sections of a new robot's parts say: asked by the keys that drivers declare."""
+"""Sections of a new robot's parts, from the keys that drivers declare."""
 
 import json
 import re
@@ -20,14 +20,14 @@ from missions.plugins.setup.robot.dialogue import Dialogue
 # A robot file as text, with a comment behind each figure; and the udev rules of its ports.
 
 COMMENT_COLUMN = 30
-"""Where comments begin, at the least."""
+"""Minimum column of comments."""
 
 MAX_COMMENT_LENGTH = 70
-"""Letters of a comment at most."""
+"""Maximum length of a comment."""
 
 
 def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mapping[str, Any]]]) -> str:
-    """Return the text of a robot file, of its parts by name."""
+    """Return the text of a robot file with these parts by name."""
     lines = [
         "# Written by `mission robot new`, to be changed as you like; docs/robot_files.md has every key.",
         f"robot: {_quote_if_needed(name)}",
@@ -43,7 +43,7 @@ def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mappin
 
 
 def _entry_lines(word: str, value: Any, help_text: str) -> Iterator[str]:
-    """Yield a key of a section; what holds sections of its own takes a line for each."""
+    """Yield the lines of a key; nested sections take a line each."""
     if isinstance(value, Mapping) and value and all(isinstance(each, Mapping | list) for each in value.values()):
         yield f"  {word}:"
         for name, inner in value.items():
@@ -54,7 +54,7 @@ def _entry_lines(word: str, value: Any, help_text: str) -> Iterator[str]:
 
 
 def flow_text(value: Any) -> str:
-    """Return a value on one line."""
+    """Return a value as YAML on one line."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_quote_if_needed(name)}: {flow_text(inner)}" for name, inner in value.items()) + "}"
     if isinstance(value, list | tuple):
@@ -63,7 +63,7 @@ def flow_text(value: Any) -> str:
 
 
 def _quote_if_needed(text: str, within: str = "[{}]") -> str:
-    """Write a text without quotes where YAML takes it for that text, also in a list."""
+    """Return a text, quoted if YAML would read it otherwise, in a list too."""
     try:
         read = yaml.safe_load(within.format(text))
         plain = read in (text, [text]) and yaml.safe_load(f"a: {text}") == {"a": text}
@@ -73,7 +73,7 @@ def _quote_if_needed(text: str, within: str = "[{}]") -> str:
 
 
 def udev_rules(robot: str, ports: Mapping[str, SerialPortInfo]) -> str:
-    """Return udev rules that give each port, by its part, a name, rights and speed; empty where none is on USB."""
+    """Return udev rules with name, rights and speed of each USB port, by part; empty without USB ports."""
     rules = []
     for kind, port in ports.items():
         usb = port.usb
@@ -90,15 +90,15 @@ def udev_rules(robot: str, ports: Mapping[str, SerialPortInfo]) -> str:
 
 
 ONE_LINE_FORMS = {"text", "choice", "flag", "number", "integer", "quantity", "span", "vector"}
-"""Forms of keys that are typed on one line."""
+"""Forms of keys that fit on one line."""
 
 SEPARATE_KEYS = {"port", "baud", "joints", "groups", "source"}
-"""Keys that are found out otherwise."""
+"""Keys that other questions determine."""
 
 
 @dataclass(slots=True)
 class RobotPart:
-    """A part of the new robot: its driver, what its section says, and where it is plugged in."""
+    """A part of the new robot: driver, section, and port."""
 
     driver: Driver
     section: dict[str, Any] = field(default_factory=dict)
@@ -107,7 +107,7 @@ class RobotPart:
 
 
 def ask_figures(talk: Dialogue, kind: str, part: RobotPart) -> None:
-    """Ask for what the section of a part, by its name, must say, and, where it is wished, for what it may."""
+    """Ask for the required keys of a part's section, and for optional ones if the user wants to."""
     cls = part.driver.keys
     if issubclass(cls, SerialKeys) and "port" not in part.section:
         port = next(key for key in declared_keys(cls) if key.word == "port")
@@ -125,7 +125,7 @@ def ask_figures(talk: Dialogue, kind: str, part: RobotPart) -> None:
         if not key.required and key.form in ONE_LINE_FORMS and key.word not in SEPARATE_KEYS
     ]
     names = ", ".join(key.word for key in words[:4])
-    if words and talk.ask_yes_no(f"{kind}?", f"other figures of the {kind}, such as {names}?", default=False):
+    if words and talk.ask_yes_no(f"{kind}?", f"set other values of the {kind}, such as {names}?", default=False):
         for key in words:
             _ask_optional(talk, kind, key, part.section)
 

@@ -1,4 +1,4 @@
-"""The servos of a new robot: their IDs where two have the same, their joints' names, and how far those go."""
+"""Servos of a new robot: duplicate IDs, joint names and limits."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -28,47 +28,47 @@ from missions.plugins.setup.servo.connections import REPLY_TIMEOUT
 from missions.plugins.setup.servo.ranges import with_range
 
 LIMIT_MARGIN = radians(2)
-"""How far before the ends that were touched the limits lie."""
+"""Distance of the limits from the mechanical ends, in radians."""
 
 FACTORY_BAUD_RATES = (1_000_000, 57_600)
 
 
 @contextmanager
 def open_servo_bus(path: str, baud: int, extra_timeout: float) -> Iterator[ServoBus]:
-    """Open a bus; close it whatever comes. Raises NotConnected."""
+    """Open a bus; close it at the end. Raises NotConnected."""
     with closing(ServoBus(path, SystemClock(), baud=baud, reply_timeout=extra_timeout)) as bus:
         bus.open()
         yield bus
 
 
 def name_joints(talk: Dialogue, arm: str, part: RobotPart) -> None:
-    """Give each servo of an ``arm`` (its name) a joint's name, unless the robot that it is like has named them."""
+    """Ask for the joint name of each servo of ``arm``, unless the section has joints."""
     if "joints" in part.section:
         return
     joints: dict[str, dict[str, Any]] = {}
 
     def check(answer: str) -> None:
         if not answer.isidentifier():
-            raise ValueError(f"'{answer}' is no name: letters, digits and _")
+            raise ValueError(f"'{answer}' is not a valid name: letters, digits and _")
         if answer in joints:
-            raise ValueError(f"'{answer}' is servo {joints[answer]['id']} already")
+            raise ValueError(f"'{answer}' is already servo {joints[answer]['id']}")
 
     usual = JointKeys(id=0).model
     if not part.units:
-        talk.print("no servo has answered: their IDs are taken as you say")
-        count = int(talk.ask_text(f"{arm} count", f"how many servos has the {arm}?", "1", _check_count))
+        talk.print("no servo replied: IDs from 1 on are assumed")
+        count = int(talk.ask_text(f"{arm} count", f"how many servos does the {arm} have?", "1", _check_count))
         kind = _ask_model(talk, f"{arm} model", f"which model are the servos of the {arm}?", part, usual)
         part.units = tuple((number, kind, "") for number in range(1, count + 1))
     for number, told, _ in sorted(part.units):
         model = told
         if told not in MODELS:
-            question = f"which model is servo {number}, which says: {told}? '{NO_MODEL}' leaves it out"
+            question = f"which model is servo {number}, which reports {told}? '{NO_MODEL}' leaves it out"
             model = _ask_model(talk, f"{arm} model {number}", question, part, NO_MODEL)
             if model == NO_MODEL:
                 talk.print(f"  servo {number} is left out")
                 continue
         of = "" if arm == "arm" else f" of the {arm}"
-        question = f"what moves servo {number}{of} ({model})?"
+        question = f"which joint does servo {number}{of} ({model}) move?"
         name = talk.ask_text(f"{arm} joint {number}", question, f"joint{number}", check)
         joints[name] = {"id": number} | ({} if model == usual else {"model": model})
     part.section["joints"] = joints
@@ -78,7 +78,7 @@ NO_MODEL = "none"
 
 
 def _ask_model(talk: Dialogue, key: str, question: str, part: RobotPart, default: str) -> str:
-    """Ask which model servos are that do not say so: one that the driver of the part knows."""
+    """Ask for the model of servos that do not report a known one."""
     among = [name for name, model in MODELS.items() if (model.protocol == "STS") == (part.driver.name == "feetech")]
     usual = default if default in (NO_MODEL, *among) else among[0]
 
@@ -91,21 +91,21 @@ def _ask_model(talk: Dialogue, key: str, question: str, part: RobotPart, default
 
 def _check_count(answer: str) -> None:
     if not answer.isdecimal() or not 0 < int(answer) <= len(PROBED_IDS):
-        raise ValueError(f"say a number from 1 to {len(PROBED_IDS)}")
+        raise ValueError(f"enter a number from 1 to {len(PROBED_IDS)}")
 
 
 def assign_ids(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float = REPLY_TIMEOUT) -> None:
-    """Give servos that share an ID new ones, one after another: each write into the EEPROM is asked for."""
+    """Assign new IDs to servos that share one, one after another; asks before each EEPROM write."""
     if not any(trouble == DUPLICATE_ID for _, _, trouble in part.units):
         return
-    talk.print("two servos have one ID; servos are delivered with ID 1")
+    talk.print("two servos have the same ID; new servos all have ID 1")
     if talk.yes or not talk.ask_yes_no(f"{arm} ids", "give them new IDs now? it writes their EEPROM", default=False):
-        talk.print("left as they are: mission servo set 1 id NEW --port PORT, with one plugged in alone")
+        talk.print("unchanged; later: mission servo set 1 id NEW --port PORT, with only one connected")
         return
     baud, taken = int(part.section.get("baud", FACTORY_BAUD_RATES[0])), dict[int, str]()
     while True:
         step = f"{arm} id {len(taken)}"
-        question = "plug in one servo alone; how is its new ID? 'done' after the last"
+        question = "connect only one servo; what is its new ID? 'done' after the last"
         free = next(number for number in range(1, len(PROBED_IDS)) if number not in taken)
         answer = talk.ask_text(step, question, str(free), lambda said: said == "done" or _check_new_id(said, taken))
         if answer == "done":
@@ -117,25 +117,25 @@ def assign_ids(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_ti
         taken[int(answer)] = model
     part.units = tuple((number, model, "") for number, model in taken.items())
     if taken:
-        talk.print("plug them all in again")
+        talk.print("connect all servos again")
 
 
 def _check_new_id(answer: str, taken: Mapping[int, str]) -> bool:
     if not answer.isdecimal() or int(answer) not in range(253):
-        raise ValueError(f"'{answer}' is no ID: 0 to 252")
+        raise ValueError(f"'{answer}' is not an ID: 0 to 252")
     if int(answer) in taken:
-        raise ValueError(f"{answer} is another's already")
+        raise ValueError(f"{answer} is assigned already")
     return True
 
 
 def _assign_id(talk: Dialogue, path: str, baud: int, new: int, extra_timeout: float) -> str:
-    """Give the one servo that is plugged in a new ID, and return its model; empty where that could not be."""
+    """Assign an ID to the single connected servo; return its model, or an empty text on failure."""
     try:
         with open_servo_bus(path, baud, extra_timeout) as bus:
             found = list(scan_bus(bus, tuple(dict.fromkeys((baud, *FACTORY_BAUD_RATES))), ids=PROBED_IDS))
             one = found[0] if len(found) == 1 else None
             if one is None or one.model is None or one.has_damaged_replies:
-                talk.print(f"  {len(found) or 'no'} servos answer, or it is not known: plug in one alone")
+                talk.print(f"  {len(found) or 'no'} servos reply, or the model is unknown: connect only one")
                 return ""
             return one.model.name if _write_id(talk, bus, one, new, baud) else ""
     except DriverError as error:
@@ -144,7 +144,7 @@ def _assign_id(talk: Dialogue, path: str, baud: int, new: int, extra_timeout: fl
 
 
 def _write_id(talk: Dialogue, bus: ServoBus, one: ScannedServo, new: int, baud: int) -> bool:
-    """Write ID and rate of a servo, after asking; say whether it has them now."""
+    """Write ID and rate of a servo after a question; return whether it has them now."""
     if one.model is None:
         return False
     bus.baud = one.baud
@@ -161,11 +161,11 @@ def _write_id(talk: Dialogue, bus: ServoBus, one: ScannedServo, new: int, baud: 
 def find_limits(
     talk: Dialogue, name: str, part: RobotPart, config: RobotConfig, path: str, *, extra_timeout: float = REPLY_TIMEOUT
 ) -> None:
-    """Find how far the joints of the arm ``name`` go, moved by hand: torque goes off, where the user wants it."""
+    """Find the limits of an arm's joints, which the user moves by hand with torque off, if they consent."""
     arm = config.sections[name].keys
     if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None or "calibration" in part.section:
         return
-    question = f"find the limits of the {name}'s joints by hand? they get limp: hold the {name}, it falls"
+    question = f"find the limits of the {name}'s joints by hand? their torque goes off: hold the {name}, it falls"
     if not talk.has_answer(f"{name} ranges") and not talk.ask_consent(f"{name} limits", question):
         return
     joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in specs(arm).items()}
@@ -179,7 +179,7 @@ def find_limits(
     for joint, (lowest, highest) in ends.items():
         turned = JointTravel(joints[joint], lowest, highest)
         if (found := turned.range_within(LIMIT_MARGIN)) is None:
-            talk.print(f"  {joint} was hardly turned: left as it is")
+            talk.print(f"  {joint} hardly moved: unchanged")
             continue
         new = with_range(arm.joints[joint], found)
         if new.ticks is not None:
@@ -191,7 +191,7 @@ def find_limits(
 
 
 def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
-    """Make joints limp, once each servo was identified, and watch how far they are turned, until Enter."""
+    """Switch torque off after identifying each servo, and track the range of each until Enter."""
     turned = []
     for joint in joints.values():
         require_unique_id(bus, joint.address, joint.model.number)
@@ -211,20 +211,20 @@ def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) ->
 # Servos of a new robot that LeRobot, or another program, has calibrated: its file, or their limits, are taken over.
 
 CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
-"""The registers that calibrating changes, in the order of ``CalibrationSettings``."""
+"""Registers of a calibration, in the order of ``Calibrated``."""
 
 CALIBRATION_KEYS = ("limits", "zero", "reverse", "ticks")
-"""Keys of a joint that a calibration file stands for."""
+"""Keys of a joint that a calibration file replaces."""
 
 
 def offer_calibration(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
-    """Offer the calibration file that the servos of an ``arm`` (its name) come from. Only reads."""
+    """Offer the calibration file that matches the servos of ``arm``. Only reads."""
     held = _calibrated_registers(talk, arm, part, path, extra_timeout)
     found = match_calibration(held) if held else None
     if found is None:
         return
     file, names = found
-    question = f"LeRobot has calibrated the {arm} ({file}): shall its calibration be used?"
+    question = f"LeRobot has calibrated the {arm} ({file}): use this calibration?"
     if not talk.ask_yes_no(f"{arm} calibration", question, default=True):
         return
     known = {joint["id"]: joint for joint in part.section.get("joints", {}).values()}
@@ -240,12 +240,12 @@ def offer_calibration(talk: Dialogue, arm: str, part: RobotPart, path: str, *, e
 
 
 def adopt_limits(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
-    """Take over the limits of servos that were calibrated, and whose file is not on this computer. Only reads."""
+    """Use the limits in calibrated servos whose file is not on this computer. Only reads."""
     held = _calibrated_registers(talk, arm, part, path, extra_timeout)
     if not held or "calibration" in part.section:
         return
     talk.print(
-        f"servos of the {arm} were calibrated by another program: their limits are taken over as they are",
+        f"servos of the {arm} were calibrated by another program: their limits are used",
         "  its file is better, if you have it: `calibration: FILE` in the robot file",
     )
     models = {number: model for number, model, _ in part.units}
@@ -261,7 +261,7 @@ def adopt_limits(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_
 def _calibrated_registers(
     talk: Dialogue, arm: str, part: RobotPart, path: str, extra_timeout: float
 ) -> Mapping[int, CalibrationSettings]:
-    """Return what calibrating has set in the servos, by ID; nothing for servos as delivered, or of another make."""
+    """Return the calibration in the servos by ID; empty for factory settings, and for other makes."""
     if part.driver.keys is not FeetechKeys or not part.units:
         return {}
     found: dict[str, Any] = talk.measure_once(
@@ -273,7 +273,7 @@ def _calibrated_registers(
 
 
 def _read_registers(talk: Dialogue, part: RobotPart, path: str, extra_timeout: float) -> dict[str, list[int]]:
-    """Read the registers of all servos whose model is driven; of none where one does not answer."""
+    """Read the calibration of all servos of a supported model; empty if one does not reply."""
     found = {}
     try:
         with open_servo_bus(path, int(part.section.get("baud", 1_000_000)), extra_timeout) as bus:
@@ -284,6 +284,6 @@ def _read_registers(talk: Dialogue, part: RobotPart, path: str, extra_timeout: f
                         bus.read(ServoAddress(number, "STS"), table[register]) for register in CALIBRATION_REGISTERS
                     ]
     except DriverError as error:
-        talk.print(f"whether the servos were calibrated is not known: {error}")
+        talk.print(f"calibration of the servos unknown: {error}")
         return {}
     return found

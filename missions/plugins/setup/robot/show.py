@@ -1,4 +1,4 @@
-"""``mission robot show``: what a robot is made of, where it is plugged in, and whether that is there."""
+"""``mission robot show``: parts of a robot, and their ports."""
 
 from collections.abc import Iterator
 from math import degrees
@@ -20,14 +20,14 @@ from missions.library.drivers import load_robot
 @click.command(epilog="Example: mission robot show turtlebot2_arm")
 @click.argument("name", required=False, default=OWN_ROBOT, type=ROBOT)
 def show(name: str) -> int:
-    """Show what a robot is made of; without NAME, this computer's own. No port is opened."""
+    """Show the parts of a robot; without NAME, of this computer's own. Opens no port."""
     config = load_robot(robot_file(name))
     click.echo("\n".join(robot_lines(config, HostMachine())))
     return SUCCESS
 
 
 def robot_lines(config: RobotConfig, machine: HostMachine) -> Iterator[str]:
-    """Yield a robot in words."""
+    """Yield the description of a robot as lines."""
     yield f"{config.name}  {config.path}"
     if config.summary:
         yield f"  {config.summary}"
@@ -39,7 +39,7 @@ def robot_lines(config: RobotConfig, machine: HostMachine) -> Iterator[str]:
 def _part_lines(section: Section, machine: HostMachine) -> Iterator[str]:
     keys = section.keys
     if isinstance(keys, SerialKeys):
-        there = "" if machine.local_path(keys.port).exists() else ", where nothing is plugged in"
+        there = "" if machine.local_path(keys.port).exists() else " (not connected)"
         yield f"at {keys.port}{there}, {keys.baud} baud"
     if isinstance(keys, HeadKeys):
         yield from _axis_lines(keys)
@@ -50,16 +50,12 @@ def _part_lines(section: Section, machine: HostMachine) -> Iterator[str]:
             yield f"{name}{of}: {degrees(limit.lower):.0f} to {degrees(limit.upper):.0f} deg"
     if isinstance(keys, CameraKeys):
         device = display_name(keys.source)
-        there = (
-            ""
-            if not device.startswith("/dev/") or machine.local_path(device).exists()
-            else ", where no camera is plugged in"
-        )
+        there = "" if not device.startswith("/dev/") or machine.local_path(device).exists() else " (not connected)"
         yield f"at {device}{there}"
 
 
 def _axis_lines(keys: HeadKeys) -> Iterator[str]:
-    """Yield how far each axis of a head turns, by which servo or joint, and how it is trimmed."""
+    """Yield limits, servo and trim of each axis of a head."""
     for name in ("pan", "tilt"):
         axis = getattr(keys, name, None)
         if isinstance(axis, AxisKeys):

@@ -1,4 +1,4 @@
-"""``mission servo``: Dynamixel and Feetech servos by hand, from the first scan to a recorded movement."""
+"""``mission servo``: commands for Dynamixel and Feetech servos."""
 
 import click
 
@@ -11,14 +11,14 @@ from missions.plugins.setup.servo.movement_playback import play
 from missions.plugins.setup.servo.movement_recording import record
 from missions.plugins.setup.servo.registers import info, set_register
 from missions.plugins.setup.servo.scan import scan
-from missions.plugins.setup.servo.torque import move, torque
+from missions.plugins.setup.servo.joint_commands import move, torque
 
 
 @click.group("servo", cls=LazyGroup, epilog="Example: mission servo scan --port /dev/ttyUSB0")
 def command() -> None:
-    """Dynamixel and Feetech servos by hand, from the first scan to a recorded movement.
+    """Find, set up, move and record Dynamixel and Feetech servos.
 
-    Hardware is touched only where --robot or --port names it; without them all is simulated.
+    Hardware is used only if you name it with --robot or --port; otherwise all is simulated.
     """
 
 

@@ -1,4 +1,4 @@
-"""``mission servo calibrate``: how far each joint goes, found out by hand, and written into the robot file."""
+"""``mission servo calibrate``: find the limits of joints by hand, and write them to the robot file."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,12 +30,12 @@ from missions.plugins.setup.servo.ranges import ServoRange, check_keepable, writ
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 MIN_TRAVEL = radians(5)
-"""What was turned by less than this was not turned on purpose."""
+"""Minimum travel in radians that counts as deliberate."""
 
 
 @dataclass(slots=True)
 class JointTravel:
-    """How far a servo was turned by now, in steps; ``zero`` is where it stood at first, if that is its joint's 0."""
+    """Range of a servo so far, in steps; ``zero`` is its first position, if that becomes the joint's 0."""
 
     joint: Joint
     lowest: int
@@ -43,7 +43,7 @@ class JointTravel:
     zero: int | None = None
 
     def sample(self, bus: ServoBus) -> None:
-        """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
+        """Read the position; a missing reply is ignored. Raises NotConnected."""
         try:
             ticks = bus.read(self.joint.address, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
@@ -51,7 +51,7 @@ class JointTravel:
         self.lowest, self.highest = min(self.lowest, ticks), max(self.highest, ticks)
 
     def range_within(self, margin: float) -> ServoRange | None:
-        """Return the range, ``margin`` (radians) short of either end; None if it was hardly turned."""
+        """Return the range, ``margin`` (rad) short of either end; None if the joint hardly moved."""
         short = round(margin / self.joint.model.tick)
         if (self.highest - self.lowest) * self.joint.model.tick < MIN_TRAVEL + 2 * margin:
             return None
@@ -61,27 +61,27 @@ class JointTravel:
 @click.command(cls=SharingCommand, epilog="Example: mission servo calibrate elbow --robot my_robot.yaml")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
-@click.option("--zero", is_flag=True, help="Also take where the arm stands at the start for 0 of every joint.")
+@click.option("--zero", is_flag=True, help="Also use the pose at the start as 0 of every joint.")
 @click.option("--margin", type=QuantityInUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
-              help="How far before the ends that are touched the limits lie.")  # fmt: skip
-@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Watch for so long; else until Enter.")
+              help="Distance of the limits from the touched ends.")  # fmt: skip
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Duration; by default until Enter.")
 @hold_option
 def calibrate(
     target: ServoTarget, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None, yes: bool
 ) -> int:
-    """Find the limits of joints by hand.
+    """Find the limits of joints by hand, and write them to the robot file.
 
-    Waits until you hold the arm and press Enter, then makes joints limp (all, if none is named), watches how far they
-    are turned, and writes that into the robot file. The robot file of before is kept beside it, as FILE.bak. Ctrl-C
-    writes nothing; the joints stay limp either way. Without a terminal stiff joints go limp with --yes alone.
+    Waits until you hold the arm and press Enter, then switches the torque of the joints off (all, if you name none).
+    Turn each joint to both ends. The old robot file is kept as FILE.bak. Ctrl-C writes nothing; the torque stays off
+    either way. Without a terminal, joints with torque need --yes.
     """
     if target.robot is None:
-        raise click.UsageError("which robot file is to be written? name it with --robot FILE")
+        raise click.UsageError("no robot file to write: name it with --robot FILE")
     path = find_file("robots", target.robot)
     arm = target.keys
     if isinstance(arm, FeetechKeys) and arm.calibration:
         raise click.UsageError(
-            f"how far its joints go is in {arm.calibration}, and so in the servos: calibrate with the program that "
+            f"the limits of its joints are in {arm.calibration}, and in the servos: calibrate with the program that "
             "wrote it (lerobot-calibrate, or mission servo home), or write `limits` of a joint into the robot file"
         )
     require_terminal(seconds)
@@ -105,18 +105,20 @@ def calibrate(
             raise
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
-    click.echo(f"written into {path}; what it was is in {before}")
+    click.echo(f"written to {path}; the old file is {before}")
     return SUCCESS
 
 
 def _watch_joints(
     bench: OpenBus, joints: Sequence[Joint], *, zero: bool, seconds: float | None, yes: bool
 ) -> list[JointTravel]:
-    """Make the joints limp, and watch them until it is over."""
+    """Switch torque off, and track the joints until the end."""
     make_limp(bench, joints, yes=yes)
     found = [_start_travel(bench, joint, zero=zero) for joint in joints]
     names = ", ".join(each.joint.name for each in found)
-    click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
+    click.echo(
+        f"torque is off: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True
+    )
     with wait_for_end(bench.clock, seconds) as over:
         while not over():
             for each in found:
@@ -126,10 +128,10 @@ def _watch_joints(
 
 
 def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
-    """Switch the torque of joints off, once each servo was identified and somebody holds the arm.
+    """Switch torque off, after identifying each servo, and once somebody holds the arm.
 
-    No torque is switched off where one servo is not what it should be. Raises DeviceFault, NoReply, NotConnected,
-    BadRequest; else as ``confirm_limp``.
+    Nothing is switched off if one servo is not as expected. Raises DeviceFault, NoReply, NotConnected, BadRequest; else
+    as ``confirm_limp``.
     """
     joints = tuple(joints)
     for joint in joints:
@@ -142,21 +144,21 @@ def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
 
 
 def _start_travel(bench: OpenBus, joint: Joint, *, zero: bool) -> JointTravel:
-    """See where a joint stands that is limp."""
+    """Return the travel of a joint at its present position."""
     ticks = bench.bus.read(joint.address, joint.model.table["present_position"])
     return JointTravel(joint, ticks, ticks, ticks if zero else None)
 
 
 def _travel_degrees(travel: JointTravel) -> float:
-    """Return how far it was turned from end to end, in degrees."""
+    """Return the travel from end to end, in degrees."""
     return degrees((travel.highest - travel.lowest) * travel.joint.model.tick)
 
 
 def _table(found: Iterable[JointTravel], ranges: Mapping[str, ServoRange | None]) -> str:
-    """Return how far each joint was turned, by the zero that it had before."""
+    """Return a table of the travel of each joint, relative to its old zero."""
     rows = []
     for each in found:
         ends = sorted(degrees(each.joint.angle(ticks)) for ticks in (each.lowest, each.highest))
-        remark = "" if ranges[each.joint.name] is not None else "hardly turned: left as it is"
+        remark = "" if ranges[each.joint.name] is not None else "hardly moved: unchanged"
         rows.append([each.joint.name, *(f"{end:+.1f}" for end in ends), f"{_travel_degrees(each):.1f}", remark])
     return format_columns(("joint", "from deg", "to deg", "range", ""), rows, left=frozenset({"joint", ""}))

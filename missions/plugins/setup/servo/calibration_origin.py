@@ -1,7 +1,7 @@
-"""Which servos a calibration was measured on: kept beside its file, and compared before it is restored.
+"""Identity of calibrated servos: stored beside the calibration file, and compared before a restore.
 
-No servo has a serial number that its bus tells. So model, firmware and all settings are kept that a calibration does
-not change, and the place where the servo stands has to lie within the range that is restored.
+Servos report no serial number. So model, firmware and all settings that a calibration does not change are compared. The
+position of each servo must lie within the restored range.
 """
 
 import json
@@ -19,31 +19,31 @@ from drivers.servos.joint import Joint
 from drivers.servos.lerobot import CalibrationSettings, match_calibration
 
 CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
-"""The registers that a calibration changes."""
+"""Registers that a calibration changes."""
 
 NOT_COMPARED = (*CALIBRATION_REGISTERS, "baud")
-"""The registers that do not tell one servo from another; the wrong rate would have been silence."""
+"""Registers that do not distinguish servos; with a wrong rate there would be no reply."""
 
 IDENTITY_REGISTERS = ("model_number", "firmware")
-"""The registers that no setting changes."""
+"""Registers that no setting changes."""
 
 POSITION_TOLERANCE = 60
-"""Steps (5 degrees) by which a joint may stand beyond the ends that were touched."""
+"""Steps (5 degrees) by which a joint may be beyond the touched ends."""
 
 MAX_FILE_BYTES = 1_000_000
-"""Bytes that the file may have."""
+"""Maximum size of the file."""
 
 RegisterValues = Mapping[str, Mapping[str, int]]
-"""The settings of each servo, by joint and register."""
+"""Register values of each servo, by joint and register."""
 
 
 def origin_file(path: Path) -> Path:
-    """Return the file beside a calibration file that says which servos it is of."""
+    """Return the file beside a calibration file that identifies its servos."""
     return path.with_name(f"{path.stem}.servos.json")
 
 
 def read_settings(bus: ServoBus, joints: Iterable[Joint]) -> dict[str, dict[str, int]]:
-    """Read what tells the servos of joints from others. Raises NoReply, NotConnected, BadRequest."""
+    """Read the registers that identify the servos of joints. Raises NoReply, NotConnected, BadRequest."""
     found = {}
     for joint in joints:
         registers = [each for each in joint.model.table.registers.values() if each.eeprom]
@@ -53,15 +53,14 @@ def read_settings(bus: ServoBus, joints: Iterable[Joint]) -> dict[str, dict[str,
 
 
 def settings_text(settings: RegisterValues) -> str:
-    """Return the file."""
+    """Return the settings as the text of the file."""
     return json.dumps(settings, indent=2) + "\n"
 
 
 def load_settings(path: Path) -> RegisterValues:
-    """Read the file; return no settings if there is no file: LeRobot's calibrations have none.
+    """Read the file; return no settings without a file, as with LeRobot's calibrations.
 
-    Raises BadRequest for a file that cannot be read or has not the form of ``settings_text``, so that no damage to it switches
-    the comparison off.
+    Raises BadRequest for an unreadable or malformed file, so that damage does not disable the comparison.
     """
     file = origin_file(path)
     try:
@@ -95,14 +94,14 @@ def _unreadable_error(file: Path, error: Exception) -> BadRequest:
     why = (error.strerror if isinstance(error, OSError) else None) or str(error)
     name, bad = shlex.quote(str(file)), shlex.quote(f"{file}.bad")
     return BadRequest(
-        f"{file}: it is not known of which servos the calibration is: {why}",
+        f"{file}: the servos of this calibration are unknown: {why}",
         hint=f"mission servo home --restore --other-servos  restores without the comparison; "
-        f"before you calibrate anew: mv {name} {bad}",
+        f"before you calibrate again: mv {name} {bad}",
     )
 
 
 def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path) -> str:
-    """Say which other calibration file of LeRobot's will fit no more once these servos are set; empty for none.
+    """Return a warning if another calibration file of LeRobot will no longer match these servos; else an empty text.
 
     Raises NoReply, NotConnected, BadRequest.
     """
@@ -115,11 +114,11 @@ def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path
     found = match_calibration(held)
     if found is None or Path(found[0]).expanduser().resolve() == file.expanduser().resolve():
         return ""
-    return f"they are calibrated by LeRobot: {found[0]} will not fit them any more"
+    return f"they are calibrated by LeRobot: {found[0]} will no longer match them"
 
 
 def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
-    """Raise DeviceFault where a servo is of another model, or has another firmware, than the calibration's."""
+    """Raise DeviceFault if model or firmware of a servo differ from the calibration's."""
     wrong = [
         f"{name}: {word.replace('_', ' ')} {now[name][word]}, the calibration is of {value}"
         for name, settings in before.items()
@@ -128,7 +127,7 @@ def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
     ]
     if wrong:
         raise DeviceFault(
-            f"these are not the servos that the calibration came from: {'; '.join(wrong)}",
+            f"these are not the servos of the calibration: {'; '.join(wrong)}",
             hint="name the calibration file of these servos: --into FILE",
         )
 
@@ -136,7 +135,7 @@ def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
 def find_doubts(
     bus: ServoBus, calibrations: Mapping[Joint, MotorCalibration], before: RegisterValues, now: RegisterValues
 ) -> list[str]:
-    """Return what speaks against these being the servos of the calibration, a line for each joint that is concerned.
+    """Return a line for each joint whose settings or position do not match the calibration.
 
     Raises NoReply, NotConnected, BadRequest.
     """

@@ -1,4 +1,4 @@
-"""The bench: the open bus, or the open arm, that a command works on."""
+"""Connections to a servo bus or an arm for terminal commands."""
 
 import re
 import sys
@@ -38,24 +38,24 @@ from missions.control.holders import hold_robot
 from missions.plugins.setup.servo.target import DEFAULT_ARM, ServoTarget
 
 REPLY_TIMEOUT = 0.004
-"""Seconds that a servo's reply may be late."""
+"""Maximum extra delay of a servo's reply in seconds."""
 
 DEFAULT_BAUD = 1_000_000
-"""The rate of a bus of which no robot file tells."""
+"""Baud rate of a bus without a robot file."""
 
 POLL_INTERVAL = 0.02
-"""Seconds between two looks at what a driver's own thread has done."""
+"""Seconds between two checks of a driver's own thread."""
 
 
 _ID = re.compile("[0-9]{1,3}")
-"""The ID of a servo in figures."""
+"""The ID of a servo in digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenBus:
-    """A bus that is open, and the joints and groups that the robot file has on it; none where there is no file.
+    """An open bus, with the joints and groups of the robot file; none without a file.
 
-    ``options`` name it for the next command, each with a space before it; ``simulated`` says that no arm can fall.
+    ``options`` are the bus options for a hint, each after a space; ``simulated`` means that no arm can fall.
     """
 
     bus: ServoBus
@@ -66,38 +66,38 @@ class OpenBus:
     simulated: bool = False
 
     def joint(self, name: str) -> Joint:
-        """Return a joint by name. Raises click.UsageError with what may be meant."""
+        """Return a joint by name. Raises click.UsageError with similar names."""
         if name not in self.joints:
-            known = suggest_from(name, [*self.joints, *self.groups]) or "name a robot's file with --robot"
+            known = suggest_from(name, [*self.joints, *self.groups]) or "name a robot file with --robot"
             raise click.UsageError(f"no joint '{name}'; {known}")
         return self.joints[name]
 
     def select_joints(self, names: Collection[str]) -> list[Joint]:
-        """Return the joints of these names, in which groups may be; or all.
+        """Return the joints of these names or groups; without names, all.
 
-        Raises click.UsageError for an unknown one, or for none at all.
+        Raises click.UsageError for an unknown name, or without joints.
         """
         if not names and not self.joints:
-            raise click.UsageError("which joints? name a robot's file with --robot")
+            raise click.UsageError("no joints known: name a robot file with --robot")
         members = (joint for name in names or self.joints for joint in self.groups.get(name, (name,)))
         return [self.joint(name) for name in dict.fromkeys(members)]
 
     def servos(self, selector: str) -> list[tuple[ServoAddress, ServoModel]]:
-        """Return the servos that ``who`` means: an ID, a joint, a group, or ``all`` joints of the file.
+        """Return the servos of an ID, a joint, a group, or ``all`` joints of the file.
 
-        What answers is asked for its model: it may be another than the file says. Raises NoReply, NotConnected,
-        DeviceFault for a model that we do not know, click.UsageError.
+        The model is read from each servo: it may differ from the file. Raises NoReply, NotConnected, DeviceFault for an
+        unknown model, click.UsageError.
         """
         if _ID.fullmatch(selector):
             return [self.servo(selector)]
         return [self.identify(joint.spec.id) for joint in self.select_joints(() if selector == "all" else (selector,))]
 
     def servo(self, selector: str) -> tuple[ServoAddress, ServoModel]:
-        """Return the one servo that ``who`` means: an ID, or a joint. Raises as ``servos``."""
+        """Return the single servo of an ID or a joint. Raises as ``servos``."""
         return self.identify(int(selector) if _ID.fullmatch(selector) else self.joint(selector).spec.id)
 
     def identify(self, servo: int) -> tuple[ServoAddress, ServoModel]:
-        """Return how to reach a servo by its ID, and its model. Raises as ``servos``.
+        """Return address and model of a servo by its ID. Raises as ``servos``.
 
         An ID that servos of both protocols have is refused, unless a joint of the robot file has it.
         """
@@ -116,7 +116,7 @@ class OpenBus:
             told = found[0]
             if (model := find_model(told.number)) is None:
                 hint = f"mission servo scan{self.options}"
-                raise DeviceFault(f"servo {servo}: model number {told.number} is not known here", hint=hint)
+                raise DeviceFault(f"servo {servo}: unknown model number {told.number}", hint=hint)
             return told.address, model
         if trouble is not None:
             raise trouble
@@ -124,12 +124,12 @@ class OpenBus:
             numbers = " and ".join(f"model {told.number} ({protocol_name(told.address.protocol)})" for told in found)
             raise DeviceFault(f"two servos have ID {servo}: {numbers}", hint="unplug one of them, then try again")
         raise NoReply(
-            f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in any protocol",
-            hint=f"mission servo scan --all-bauds{self.options}  (and look at power and cable)",
+            f"no reply from servo {servo} on {self.bus.port} at {self.bus.baud} baud, in any protocol",
+            hint=f"mission servo scan --all-bauds{self.options}  (and check power and cable)",
         )
 
     def find_ping_only(self, selector: str) -> list[ServoAddress]:
-        """Return those of the servos that ``who`` means, as in ``servos``, which answer a ping, and no read."""
+        """Return the selected servos that reply to a ping but not to a read; see ``servos``."""
         if _ID.fullmatch(selector):
             meant = [ServoAddress(int(selector), protocol) for protocol in self._candidate_protocols(int(selector))]
         else:
@@ -137,12 +137,12 @@ class OpenBus:
         return [at for at in meant if not self._answers_reads(at) and self.bus.answers_ping(at)]
 
     def _candidate_protocols(self, servo: int) -> list[Protocol]:
-        """Return the protocols in which an ID is looked for: those of its joints in the robot file, else all."""
+        """Return the protocols to try for an ID: those of its joints in the robot file, else all."""
         own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
         return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # which 2.0 has not
 
     def _answers_reads(self, at: ServoAddress) -> bool:
-        """Whether a read is answered, intact or damaged."""
+        """Return whether a read is answered, intact or damaged."""
         corrupt, noise = self.bus.statistics(at.id).corrupt, self.bus.noise_bytes()
         try:
             self.bus.read_block(at, 0, 3, tries=2)
@@ -151,7 +151,7 @@ class OpenBus:
         return True
 
     def require_sole(self, joint: Joint) -> None:
-        """Raise DeviceFault unless one servo alone, of the file's model, has the joint's ID; NoReply, NotConnected."""
+        """Raise DeviceFault unless exactly one servo of the file's model has the ID; NoReply, NotConnected."""
         try:
             require_unique_id(self.bus, joint.address, joint.model.number)
         except DeviceFault as error:
@@ -166,10 +166,10 @@ class OpenBus:
 def open_bus(
     target: ServoTarget, *, reply_timeout: float = VIRTUAL_REPLY_TIMEOUT, framing: Framing | None = None
 ) -> Iterator[OpenBus]:
-    """Open the bus; close it at the end, whatever comes. Nothing is written to a servo by that.
+    """Open the bus; close it at the end. This writes nothing to a servo.
 
-    ``wait_for_end`` is how long (s) a virtual servo may take, ``framing`` whose packet code is used: else what the robot
-    file says. Raises NotConnected.
+    ``reply_timeout`` (s) is for virtual servos; ``framing`` overrides the packet code of the robot file. Raises
+    NotConnected.
     """
     clock = PatientClock() if target.is_virtual else SystemClock()
     with ExitStack() as closings:
@@ -199,7 +199,7 @@ def open_bus(
 
 @dataclass(frozen=True, slots=True)
 class OpenArm:
-    """An arm that is open and there, behind its driver."""
+    """A connected arm with its driver."""
 
     joints: Joints
     reach: JointRanges
@@ -208,7 +208,7 @@ class OpenArm:
     simulated: bool = False
 
     def wait_for_reports(self, names: Collection[str]) -> None:
-        """Wait until joints report. Raises DeviceFault after ``REPORT_TIMEOUT`` s, with why they do not."""
+        """Wait until joints report. Raises DeviceFault after ``REPORT_TIMEOUT`` s, with the reason."""
         begun = self.clock.now()
         while silent := [name for name, it in self.joints.states().items() if name in names and not it.good]:
             health = self.joints.health()
@@ -217,7 +217,7 @@ class OpenArm:
             pause()
 
     def confirm_limp(self, names: Collection[str], *, yes: bool) -> None:
-        """Wait until somebody holds the arm whose joints are to go limp; see ``confirm_limp``."""
+        """Wait until somebody holds the arm, whose torque is about to go off; see ``confirm_limp``."""
         states = self.joints.states()
         limp = [name for name in names if (it := states[name].value) is not None and not it.torque]
         confirm_limp(names, stiff=len(limp) < len(names), simulated=self.simulated, yes=yes)
@@ -225,9 +225,9 @@ class OpenArm:
 
 @contextmanager
 def open_arm(target: ServoTarget) -> Iterator[OpenArm]:
-    """Open the arm's driver and wait for its servos; bring it to rest and close it at the end, whatever comes.
+    """Open the arm's driver and wait for its servos; bring it to rest and close it at the end.
 
-    What the servos tell meanwhile goes to stderr. Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``.
+    Notices of the servos are printed to stderr. Raises NotConnected with the reason after ``CONNECT_TIME``.
     """
     with open_arms(target) as (arm,):
         yield arm
@@ -235,7 +235,7 @@ def open_arm(target: ServoTarget) -> Iterator[OpenArm]:
 
 @contextmanager
 def open_arms(*targets: ServoTarget) -> Iterator[list[OpenArm]]:
-    """Open the arms of several robots as ``open_arm`` does; all are closed at the end, the last one first."""
+    """Open several arms as ``open_arm`` does; all are closed at the end, the last one first."""
     for target in targets:
         target.require_joints()
     configs, virtual = [target.config() for target in targets], targets[-1].is_virtual
@@ -262,7 +262,7 @@ def open_arms(*targets: ServoTarget) -> Iterator[list[OpenArm]]:
 
 
 def _wait_for_arm(joints: Joints, clock: Clock) -> None:
-    """Wait until an arm is there, and say so. Raises NotConnected, with what is missing, after ``CONNECT_TIMEOUT``."""
+    """Wait until an arm is connected. Raises NotConnected with the reason after ``CONNECT_TIME``."""
     remark = clock.now() + REMARK_DELAY
     while not (joints.health().online and any(reading.good for reading in joints.states().values())):
         if clock.now() > CONNECT_TIMEOUT:
@@ -270,18 +270,18 @@ def _wait_for_arm(joints: Joints, clock: Clock) -> None:
             raise NotConnected(health.detail, hint=health.hint)
         if clock.now() > remark:
             remark = inf
-            click.echo(f"waiting for it: {joints.health().detail}", err=True)
+            click.echo(f"waiting for the arm: {joints.health().detail}", err=True)
         pause()
 
 
 def print_status(notice: DeviceStatus) -> None:
-    """Show what a device tells, on stderr; that it is there is no news."""
+    """Print a notice of a device to stderr, except that it is online."""
     if notice.kind != "online":
         click.echo(notice.message + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 
 
 def pause(seconds: float = POLL_INTERVAL) -> None:
-    """Wait a moment for a driver's own thread."""
+    """Wait for a driver's own thread."""
     threading.Event().wait(seconds)
 
 
@@ -291,23 +291,22 @@ def pause(seconds: float = POLL_INTERVAL) -> None:
 
 
 def require_terminal(seconds: float | None) -> None:
-    """Raise click.UsageError where nobody could press Enter, and no time was given."""
+    """Raise click.UsageError if there is neither a terminal for Enter nor a duration."""
     if seconds is None and not sys.stdin.isatty():
-        raise click.UsageError("the Enter key needs a terminal; say how long with --seconds N")
+        raise click.UsageError("no terminal for the Enter key; add --seconds N")
 
 
 hold_option = click.option(
-    "--yes", is_flag=True, help="Somebody holds the arm already: do not wait for Enter before the torque goes off."
+    "--yes", is_flag=True, help="Do not wait for Enter before the torque goes off: somebody holds the arm already."
 )
 """Adds ``--yes`` to a command that switches torque off."""
 
 
 def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: bool) -> None:
-    """Say which joints go limp, and wait until the person at the terminal holds the arm and presses Enter.
+    """Print which joints lose torque, and wait until the user holds the arm and presses Enter.
 
-    ``stiff`` says whether any of them has torque, or may have. Without a terminal nobody can answer: then joints go
-    limp that are limp already, are ``simulated``, or with ``yes``. Raises click.UsageError otherwise, and click.Abort
-    where the input ends.
+    ``stiff`` tells whether any of them may have torque. Without a terminal, joints must have no torque already, be
+    ``simulated``, or ``yes`` must be set. Raises click.UsageError otherwise, and click.Abort at the end of the input.
     """
     if yes or simulated or not names:
         return
@@ -315,19 +314,19 @@ def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: b
 
 
 def confirm_weak(names: Collection[str], *, simulated: bool, yes: bool) -> None:
-    """As ``confirm_limp``, for stiff joints that are about to hold with less force."""
+    """Do as ``confirm_limp``, for joints that are about to hold with less force."""
     if yes or simulated or not names:
         return
     _confirm_held(f"{', '.join(names)} will hold with less force: hold the arm, it may fall", stiff=True)
 
 
 def _confirm_held(warning: str, *, stiff: bool) -> None:
-    """Wait for Enter of a person who holds the arm. Raises click.UsageError without a terminal, and click.Abort."""
+    """Wait for Enter of a user who holds the arm. Raises click.UsageError without a terminal, and click.Abort."""
     if not sys.stdin.isatty():
         if stiff:
-            raise click.UsageError(f"{warning}; at a terminal Enter confirms that, without one --yes")
+            raise click.UsageError(f"{warning}; confirm with Enter at a terminal, without one with --yes")
         return
-    click.echo(f"{warning}\nEnter when you hold it; Ctrl-C changes nothing", err=True)
+    click.echo(f"{warning}\npress Enter when you hold it; Ctrl-C changes nothing", err=True)
     with KeyReader(sys.stdin.fileno()) as keys:
         while (key := keys.read(POLL_INTERVAL)) != "enter":
             if key == "end":
@@ -338,9 +337,9 @@ def _confirm_held(warning: str, *, stiff: bool) -> None:
 def wait_for_end(
     clock: Clock, seconds: float | None, wait: Callable[[], object] | None = None
 ) -> Iterator[Callable[[], bool]]:
-    """Give out a question that waits a moment, then says whether it is over: Enter was pressed, or the time is up.
+    """Yield a function that waits a moment, then returns whether Enter was pressed or the time is up.
 
-    It waits for what ``wait`` waits for, if that is given.
+    ``wait`` replaces the wait of ``POLL_INTERVAL``.
     """
     if seconds is not None:
         end = clock.now() + seconds
@@ -362,6 +361,6 @@ def wait_for_end(
 
 
 def show_line(line: str) -> None:
-    """Show a line in the place of the one before, where there is a terminal."""
+    """Replace the last line of the terminal; prints nothing without one."""
     if sys.stderr.isatty():
         overwrite_line(line, err=True)

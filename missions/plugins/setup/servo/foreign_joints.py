@@ -1,6 +1,6 @@
-"""The joints of an arm as files of other programs describe them: ArbotiX, Interbotix, dynamixel_workbench, LeRobot.
+"""Joints from files of other programs: ArbotiX, Interbotix, dynamixel_workbench, LeRobot.
 
-What a file does not say, the model of its servos above all, is for the caller to know.
+The caller supplies missing data, above all the model of the servos.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -23,15 +23,15 @@ PAIRED_MESSAGE = (
     "joint '{0}' has two servos ({1} and {2}), which have to turn together: such a joint is not driven here, and one "
     "of them alone would work against the other"
 )
-"""What is said of a joint that is moved by two servos."""
+"""Error for a joint that is moved by two servos."""
 
 MAX_SHADOW_ID = 252
-"""Above it, a secondary ID of a Dynamixel means none."""
+"""Largest valid secondary ID of a Dynamixel; larger values mean none."""
 
 
 @dataclass
 class ForeignJoints:
-    """The joints by name, and what is to be said of them; ``calibration`` is LeRobot's file of Feetech servos."""
+    """Joints by name, and notes; ``calibration`` is LeRobot's file of Feetech servos."""
 
     joints: dict[str, JointKeys] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -39,9 +39,9 @@ class ForeignJoints:
 
 
 def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
-    """Read a file of a ``form`` that ``config.foreign_files`` knows; all its servos are of ``model``.
+    """Read a file of a ``form`` that ``config.foreign`` knows; all its servos are of ``model``.
 
-    Raises InvalidFileError with what keeps it from being imported.
+    Raises InvalidFileError with the reason if it cannot be imported.
     """
     found = ForeignJoints()
     try:
@@ -51,12 +51,12 @@ def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
     except BadRequest as error:
         raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), str(error), error.hint)]) from error
     if not found.joints:
-        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "there is no joint in it")])
+        raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "no joints found")])
     return found
 
 
 class _ImportFailure(Exception):
-    """Why a file cannot be imported."""
+    """Reason why a file cannot be imported."""
 
 
 def _read_number(joint: str, part: Mapping[str, Any], word: str, default: float | None = None) -> float:
@@ -106,7 +106,7 @@ def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: S
 
 
 def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
-    """Read the motors of an Interbotix arm: steps of the servo; shadows drive a joint together with another motor."""
+    """Read the motors of an Interbotix arm: steps of the servo; shadow motors drive a joint together with another."""
     motors: Mapping[str, Mapping[str, Any]] = data["motors"]
     for word in ("shadows", "sisters"):
         pairs = data.get(word) or {}
@@ -130,7 +130,7 @@ def _texts_in(value: Any) -> Iterator[str]:
 
 
 def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:  # noqa: ARG001
-    """Read servos with names of registers, as dynamixel_workbench and Interbotix have them."""
+    """Read servos by register names, as dynamixel_workbench and Interbotix have them."""
     owners = {_read_id(name, part, "ID"): name for name, part in data.items()}
     for name, part in data.items():
         leader = part.get("Secondary_ID", part.get("Shadow_ID", MAX_SHADOW_ID + 1))
@@ -150,7 +150,7 @@ def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model:
         )
         if found.joints[name].ticks is None:
             found.notes.append(
-                f"joint '{name}': its limits are in no file: find them with mission servo calibrate {name}"
+                f"joint '{name}': its limits are not in the file: find them with mission servo calibrate {name}"
             )
         if int(_read_number(name, part, "Drive_Mode", 0)) & 1:
             found.notes.append(
@@ -162,7 +162,7 @@ _LIMIT_KEYS = (("Min_Position_Limit", "Max_Position_Limit"), ("CW_Angle_Limit", 
 
 
 def _ticks(name: str, part: Mapping[str, Any], model: ServoModel) -> Ticks | None:
-    """Return the limits of a servo in its steps, as it counts when it is not reversed; None where it has none."""
+    """Return the limits of a servo in steps, as counted without reversal; None without limits."""
     for words in _LIMIT_KEYS:
         if all(word in part for word in words):
             low, high = (int(_read_number(name, part, word)) for word in words)
@@ -176,7 +176,7 @@ def _ticks(name: str, part: Mapping[str, Any], model: ServoModel) -> Ticks | Non
 
 
 def _lerobot(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
-    """Read the motors of a calibration of LeRobot's, which stays where it is, and is named."""
+    """Read the motors of a LeRobot calibration; the file stays in place and is referenced."""
     if model.protocol != "STS":
         raise _ImportFailure(
             "an arm of Dynamixels that LeRobot calibrated is not driven here: its servos count from elsewhere"
@@ -196,4 +196,4 @@ _READERS: Mapping[str, Callable[[ForeignJoints, Path, Any, ServoModel], None]] =
     "workbench": _workbench,
     "lerobot": _lerobot,
 }
-"""The forms that are read here; ``ros`` is read by ``ros_joints``."""
+"""Readers by form; ``ros`` is read by ``ros_joints_of``."""

@@ -1,4 +1,4 @@
-"""``mission servo home``: the calibration of Feetech servos as users of LeRobot know it, and its file."""
+"""``mission servo home``: calibrate Feetech servos as LeRobot does, and write its file."""
 
 import shlex
 import sys
@@ -40,7 +40,7 @@ STEPS_PER_TURN = LAST_STEP + 1
 
 @dataclass(slots=True)
 class HomedServo:
-    """A servo as it is turned, in steps from the half turn at which it is to show its middle; ``offset`` does that."""
+    """Calibration of a servo, in steps from the half turn; with ``offset`` its middle reads half a turn."""
 
     joint: Joint
     before: int
@@ -51,7 +51,7 @@ class HomedServo:
     no_stops: bool = False
 
     def sample(self, bus: ServoBus) -> None:
-        """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
+        """Read the position; a missing reply is ignored. Raises NotConnected."""
         try:
             shown = bus.read(self.joint.address, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
@@ -62,22 +62,22 @@ class HomedServo:
 
     @property
     def is_endless(self) -> bool:
-        """Whether it has no stops, as the user says or as it was turned."""
+        """Whether it has no stops, by the user's option or by its travel."""
         return self.no_stops or self.highest - self.lowest >= STEPS_PER_TURN
 
     def problem(self, margin: int) -> str:
-        """Say why its range is none; empty when it is one."""
+        """Return the reason why its range is invalid; empty if it is valid."""
         if self.is_endless:
             return ""
         if self.lowest < -HALF_TURN or self.highest > STEPS_PER_TURN - HALF_TURN:
             return (
-                "turned through half a turn from its middle, where its steps begin anew: begin nearer to its middle; "
-                "one without stops is turned once all the way round, or named: --no-stops"
+                "turned beyond half a turn from its middle, where its steps wrap around: start nearer to its middle; "
+                "turn a joint without stops once all the way round, or name it: --no-stops"
             )
-        return "hardly turned" if self.highest - self.lowest < MIN_TRAVEL / self.joint.model.tick + 2 * margin else ""
+        return "hardly moved" if self.highest - self.lowest < MIN_TRAVEL / self.joint.model.tick + 2 * margin else ""
 
     def calibration(self, margin: int, drive_mode: int) -> MotorCalibration:
-        """Return what the calibration file is to say, ``margin`` steps short of either end."""
+        """Return the entry of the calibration file, ``margin`` steps short of either end."""
         if self.is_endless:  # as LeRobot writes it
             return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST_STEP)
         low, high = self.lowest + HALF_TURN + margin, self.highest + HALF_TURN - margin
@@ -85,34 +85,35 @@ class HomedServo:
 
 
 def offset_for(shown: int, before: int) -> int:
-    """Return the offset with which a servo shows the half turn that now shows ``shown``, with an offset ``before``."""
+    """Return the offset at which a servo reads half a turn, given its reading ``shown`` at offset ``before``."""
     return max((shown + before - HALF_TURN + STEPS_PER_TURN // 2) % STEPS_PER_TURN - STEPS_PER_TURN // 2, -HALF_TURN)
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo home --into so101.json --robot my_so101.yaml")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
-@click.option("--into", metavar="FILE", help="The calibration file, where the robot file names none.")
-@click.option("--restore", is_flag=True, help="Set the servos to what the calibration file says; nothing is turned.")
-@click.option("--other-servos", is_flag=True, help="With --restore: also into servos that seem to be others than those "
+@click.option("--into", metavar="FILE", help="Calibration file, if the robot file names none.")
+@click.option("--restore", is_flag=True, help="Write the calibration file to the servos; nothing is turned.")
+@click.option("--other-servos", is_flag=True,
+              help="With --restore: also write to servos that seem to differ from those "
               "that were calibrated.")  # fmt: skip
-@click.option("--no-stops", "endless", multiple=True, metavar="JOINT", help="A joint that turns all the way round, "
-              "such as wrist_roll: its range is the whole turn, and it need not be turned.")  # fmt: skip
+@click.option("--no-stops", "endless", multiple=True, metavar="JOINT", help="A joint without stops, "
+              "such as wrist_roll: its range is the whole turn, and you need not turn it.")  # fmt: skip
 @click.option("--margin", type=QuantityInUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
-              help="How far before the ends that are touched the limits lie.")  # fmt: skip
+              help="Distance of the limits from the touched ends.")  # fmt: skip
 @click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N",
-              help="Take where the arm stands for its middle, and watch for so long; else until Enter.")  # fmt: skip
-@click.option("--yes", is_flag=True, help="Ask nothing: somebody holds the arm, and the EEPROM may be written.")
+              help="Use the present pose as the middle, and watch for this time; by default until Enter.")  # fmt: skip
+@click.option("--yes", is_flag=True, help="Do not ask: somebody holds the arm, and the EEPROM may be written.")
 def home(
     target: ServoTarget, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool,
     endless: tuple[str, ...], margin: float, seconds: float | None, yes: bool,
 ) -> int:  # fmt: skip
     """Calibrate Feetech servos, as lerobot-calibrate does.
 
-    Waits until you hold the arm and press Enter, then makes the joints limp (all, if none is named). Bring each to the
-    middle of its range, then turn each to both its ends. The ranges go into a calibration file that LeRobot reads too;
-    then, after a question, offset and limits go into the servos (EEPROM). Ctrl-C writes nothing; the joints stay limp
-    either way. --restore refuses servos that are not those of the file.
+    Waits until you hold the arm and press Enter, then switches the torque of the joints off (all, if you name none).
+    Bring each to the middle of its range, then turn each to both ends. The ranges go to a calibration file that LeRobot
+    reads too; then, after a question, offset and limits go to the servos (EEPROM). Ctrl-C writes nothing; the torque
+    stays off either way. --restore refuses servos that are not those of the file.
     """
     arm = target.keys
     if not isinstance(arm, FeetechKeys):
@@ -143,18 +144,18 @@ def home(
             click.echo(lost, err=True)
         _confirm_eeprom(plans, yes=yes)
         if not _save_calibration(bench, file, kept, new):
-            click.echo("the servos are left as they were; --restore --into FILE writes a saved calibration", err=True)
+            click.echo("the servos are unchanged; --restore --into FILE writes a saved calibration", err=True)
             return FAILURE
         _apply_changes(bench, plans, file)
     if not arm.calibration:
-        click.echo(f"the robot file is to say calibration: {file.absolute()}")
+        click.echo(f"add to the robot file: calibration: {file.absolute()}")
     return SUCCESS
 
 
 def _calibration_file(path: str) -> Path:
-    """Return the calibration file. Raises click.UsageError where none is named, and for a file of another kind."""
+    """Return the calibration file. Raises click.UsageError without one, and for a file of another kind."""
     if not path:
-        raise click.UsageError("where is the calibration to be kept? --into so101.json")
+        raise click.UsageError("no calibration file given; add --into so101.json")
     file = Path(path).expanduser()
     if wrong := wrong_kind_error("calibrations", file):
         raise click.UsageError(wrong)
@@ -162,7 +163,7 @@ def _calibration_file(path: str) -> Path:
 
 
 def _restore_calibration(bench: OpenBus, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
-    """Set the servos of joints to what a calibration file says, if they are those that it came from."""
+    """Write a calibration file to the servos of joints, if it was made with them; return the exit code."""
     known = load_calibration(str(file))
     for joint in joints:
         if joint.name not in known:
@@ -191,7 +192,7 @@ def _restore_calibration(bench: OpenBus, file: Path, joints: Sequence[Joint], *,
 
 
 def _confirm_doubts(found: Sequence[str], *, yes: bool) -> None:
-    """Show what speaks against a restore, and ask. Raises DeviceFault with --yes, for then nobody is asked."""
+    """Show the doubts about a restore, and ask. Raises DeviceFault with --yes."""
     if not found:
         return
     if yes:
@@ -204,13 +205,13 @@ def _confirm_doubts(found: Sequence[str], *, yes: bool) -> None:
 def _save_calibration(
     bench: OpenBus, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
 ) -> bool:
-    """Keep what was measured, before any servo is changed, and which servos it is of."""
+    """Save the calibration and the servos' identity, before any servo is changed; return whether it is saved."""
     settings = {**calibration_origin.load_settings(file), **calibration_origin.read_settings(bench.bus, new)}
     if kept:
         save(free_backup_path(file), format_calibration(kept))
     if not save(file, format_calibration({**kept, **{joint.name: each for joint, each in new.items()}})):
         return False
-    click.echo(f"written into {file}")
+    click.echo(f"written to {file}")
     return save(origin_file(file), calibration_origin.settings_text(settings))
 
 
@@ -221,19 +222,23 @@ def _margin_steps(homed: HomedServo, margin: float) -> int:
 def _watch_joints(
     bench: OpenBus, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
 ) -> list[HomedServo]:
-    """Make the joints limp, take their middle, and watch how far they are turned."""
+    """Switch torque off, take the middles, and track the joints until the end."""
     for name in endless:
         if bench.joint(name) not in joints:
-            raise click.UsageError(f"--no-stops: {name} is not among the joints that are calibrated")
+            raise click.UsageError(f"--no-stops: {name} is not one of the calibrated joints")
     make_limp(bench, joints, yes=yes)
     names = ", ".join(joint.name for joint in joints)
     if seconds is None:
-        click.echo(f"limp: {names}\nbring each to the middle of its range; Enter goes on, Ctrl-C ends it", err=True)
+        click.echo(
+            f"torque is off: {names}\nbring each to the middle of its range; Enter goes on, Ctrl-C ends it", err=True
+        )
         with wait_for_end(bench.clock, None) as over:
             while not over():
                 show_line(" ".join(f"{joint.name} {_present_position(bench, joint)}" for joint in joints))
     found = list(_read_middles(bench, joints, endless))
-    click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
+    click.echo(
+        f"torque is off: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True
+    )
     with wait_for_end(bench.clock, seconds) as over:
         while not over():
             for each in found:
@@ -258,7 +263,7 @@ def _travel_degrees(homed: HomedServo) -> float:
 
 
 def _travel_table(found: Iterable[HomedServo], margin: float) -> str:
-    """Return how far each was turned from its middle."""
+    """Return a table of the travel of each joint from its middle."""
     rows = []
     for each in found:
         tick = each.joint.model.tick
@@ -269,7 +274,7 @@ def _travel_table(found: Iterable[HomedServo], margin: float) -> str:
 
 
 def _plan_changes(bench: OpenBus, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[RegisterChange]]:
-    """Return what is to be changed in the EEPROM of which servos, and say so."""
+    """Return the EEPROM changes by joint, and print them."""
     plans = {}
     for joint, each in wanted.items():
         values = {"position_offset": each.homing_offset, "min_position": each.range_min, "max_position": each.range_max}
@@ -278,7 +283,7 @@ def _plan_changes(bench: OpenBus, wanted: Mapping[Joint, MotorCalibration]) -> d
             said = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
             click.echo(f"{joint.title}: {said}")
     if not plans:
-        click.echo("the servos are set so already")
+        click.echo("the servos have these values already")
     return plans
 
 
@@ -289,7 +294,7 @@ def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
 
 
 def _apply_changes(bench: OpenBus, plans: Mapping[Joint, Sequence[RegisterChange]], file: Path) -> None:
-    """Change the EEPROM, and say so. Raises as ``apply``, and then says which servos are left as they were."""
+    """Write the EEPROM, and print it. Raises as ``apply``, after printing the servos that were not written."""
     left = list(plans)
     try:
         for joint, changes in plans.items():

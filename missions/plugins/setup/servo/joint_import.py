@@ -1,4 +1,4 @@
-"""``mission servo import``: the joints of an arm, as other programs describe them, as those of a robot file."""
+"""``mission servo import``: joints from files of other programs, as joints of a robot file."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -45,15 +45,15 @@ UNSUPPORTED_TYPES = {
     "JointTorqueController": "turns a wheel, and takes no positions",
     "JointTorqueControllerDualMotor": "turns wheels, and takes no positions",
 }
-"""The types of controller that are no joints of ours, and why."""
+"""Unsupported types of controllers, with the reason."""
 
 LEADER_TYPES = ("JointTrajectoryActionController", "TrajectoryActionController")
-"""The types of controller that lead other controllers: they are left out."""
+"""Types of controllers that lead other controllers; they are left out."""
 
 
 @keys
 class RosKindKeys:
-    """What runs the joint in ROS."""
+    """Controller class of a joint in ROS."""
 
     package: str = key(default="")
     module: str = key(default="")
@@ -63,7 +63,7 @@ class RosKindKeys:
 
 @keys
 class RosMotorKeys:
-    """The servo of a joint, with its steps at the joint's 0 and at its ends."""
+    """Servo of a joint, with its steps at the joint's 0 and at its ends."""
 
     id: int = key(low=0)
     init: int = key(low=0)
@@ -75,7 +75,7 @@ class RosMotorKeys:
 
 @keys
 class RosControllerKeys:
-    """One joint."""
+    """Controller of one joint."""
 
     controller: RosKindKeys | None = key(default=None)
     joint_name: str = key()
@@ -93,7 +93,7 @@ READ_KEYS = {
     part: {each.word for each in declared_keys(of)}
     for part, of in (("", RosControllerKeys), ("motor", RosMotorKeys), ("controller", RosKindKeys))
 }
-"""The keys of a controller that are read, and those of its parts."""
+"""Known keys of a controller and of its parts."""
 
 OMITTED_KEYS: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_slope",): "compliance",
@@ -101,19 +101,19 @@ OMITTED_KEYS: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_punch",): "compliance",
     ("motor", "acceleration"): "acceleration",
 }
-"""What has no place in a robot file, and what of a servo it is that stays as it is."""
+"""Keys without an equivalent in a robot file, and the servo setting that stays unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosJoints:
-    """The joints by name; and what was changed or left out, each at its place in the file."""
+    """Joints by name, and notes on changed or omitted keys with their positions."""
 
     joints: Mapping[str, JointKeys]
     notes: tuple[Diagnostic, ...]
 
 
 def load_ros_joints(path: Path, *, model: str = "AX-12A") -> RosJoints:
-    """Read the controllers of a file; all its servos are of ``model``. Raises InvalidFileError with every mistake."""
+    """Read the controllers of a file; all its servos are of ``model``. Raises InvalidFileError with every error."""
     return ros_joints_of(read_source(path), model=model)
 
 
@@ -124,14 +124,14 @@ def ros_joints_of(source: SourceText, *, model: str = "AX-12A") -> RosJoints:
     for name, node in fields.entries():
         reader.add(name.text, Fields(source, node, fields.diagnostics, subject=f"controller '{name.text}'"))
     if not reader.joints and not fields.diagnostics:
-        fields.add_error(fields.node.mark, "there is no controller of a joint in it")
+        fields.add_error(fields.node.mark, "no joint controllers found")
     if fields.diagnostics:
         raise InvalidFileError(fields.diagnostics)
     return RosJoints(reader.joints, tuple(reader.notes))
 
 
 class _JointReader:
-    """Gathers the joints of one file, and what is to be said of them."""
+    """Collects the joints of one file, and notes."""
 
     def __init__(self, model: ServoModel) -> None:
         self.joints: dict[str, JointKeys] = {}
@@ -163,16 +163,16 @@ class _JointReader:
                 self._note(fields, at, f"'{at[-1]}' is left out: the {what} of a servo stays as it is")
 
     def _is_leader(self, fields: Fields) -> bool:
-        """Note a controller that leads others, and return True for it."""
+        """Return whether a controller leads others, and add a note if so."""
         kind, node = _controller_type(fields)
         if node is not None and kind in LEADER_TYPES:
-            what = f"{fields.subject} is left out: a {quoted_value(kind)} leads other controllers, and is no joint"
+            what = f"{fields.subject} is left out: a {quoted_value(kind)} leads other controllers, and is not a joint"
             self.notes.append(Diagnostic(fields.source, node.mark, what))
             return True
         return False
 
     def _find_errors(self, read: RosControllerKeys) -> Iterator[KeyDiagnostic]:
-        """Yield what the servo cannot do."""
+        """Yield values that the servo does not support."""
         for name, most in (("id", max_id(self._model)), ("init", self._model.last_tick)):
             if getattr(read.motor, name) > most:
                 at = ("motor", name)
@@ -183,14 +183,14 @@ class _JointReader:
             yield KeyDiagnostic(message, ("motor",), about=(("motor",),))
 
     def _find_duplicates(self, controller: str, read: RosControllerKeys) -> Iterator[KeyDiagnostic]:
-        """Yield what another controller has already."""
+        """Yield joints and IDs that another controller has."""
         for at, what in ((("joint_name",), f"joint '{read.joint_name}'"), (("motor", "id"), f"servo {read.motor.id}")):
             first = self._first_owners.setdefault(what, controller)
             if first != controller:
                 yield KeyDiagnostic(f"{what} belongs to controller '{first}' already", at, about=(at,))
 
     def _clamped_ticks(self, fields: Fields, motor: RosMotorKeys) -> Ticks:
-        """Return the steps at the joint's 0 and at its ends, which are brought within those that the servo has."""
+        """Return the steps at the joint's 0 and ends, clamped to the range of the servo."""
         for name, written in (("min", motor.min), ("max", motor.max)):
             if written != (found := self._clamp(written)):
                 has = f"an {self._model.name} has 0..{self._model.last_tick}"
@@ -210,7 +210,7 @@ class _JointReader:
 
 
 def _unknown_keys(fields: Fields) -> Iterator[tuple[str, ...]]:
-    """Yield where keys stand that are not read."""
+    """Yield the positions of unknown keys."""
     for part, known in READ_KEYS.items():
         node = fields.node_of(part) if part else fields.node
         for name in node.keys() if isinstance(node, MarkedMapping) else ():
@@ -219,14 +219,14 @@ def _unknown_keys(fields: Fields) -> Iterator[tuple[str, ...]]:
 
 
 def _controller_type(fields: Fields) -> tuple[object, Node | None]:
-    """Return the type of a controller, and where it stands."""
+    """Return the type of a controller, and its node."""
     section = fields.node_of("controller")
     node = section.get("type") if isinstance(section, MarkedMapping) else None
     return ("JointPositionController" if node is None else value_of(node)), node
 
 
 def _is_unsupported(fields: Fields) -> bool:
-    """Note a controller that is no joint of ours, and return True for it."""
+    """Return whether a controller is unsupported, and add the error if so."""
     kind, node = _controller_type(fields)
     if "motor_master" in (keys := [word.text for word, _ in fields.entries()]) or "motor_slave" in keys:
         ids = [_motor_id(fields.node_of(word)) for word in ("motor_master", "motor_slave")]
@@ -246,7 +246,7 @@ def _is_unsupported(fields: Fields) -> bool:
 
 
 def _motor_id(node: Node | None) -> object:
-    """Return the ID of a motor, as it is written."""
+    """Return the ID of a motor as written."""
     number = node.get("id") if isinstance(node, MarkedMapping) else None
     return "?" if number is None else value_of(number)
 
@@ -263,9 +263,9 @@ def robot_text(
     arm: str = "arm",
     calibration: str = "",
 ) -> str:
-    """Return the text of a robot file with an ``arm`` of ``joints`` alone; with a ``calibration`` they are Feetech's.
+    """Return the text of a robot file with only an ``arm`` of ``joints``; with a ``calibration`` they are Feetech's.
 
-    Raises InvalidFileError if it is none.
+    Raises InvalidFileError if the result is invalid.
     """
     lines = [
         f"robot: {yaml_word(name)}",
@@ -284,7 +284,7 @@ def robot_text(
 
 
 def _joint_text(joint: JointKeys) -> str:
-    """Write a joint, in steps of its servo if that is how it came."""
+    """Return a joint as YAML, in servo steps if it was imported so."""
     if joint.ticks is None and joint.limits is None:
         return flow_mapping({"id": str(joint.id), "model": joint.model})
     if joint.ticks is None:
@@ -298,26 +298,30 @@ def _joint_text(joint: JointKeys) -> str:
 
 @click.command("import", cls=SharingCommand, epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--model", help="What its servos are, which no file says: AX-12A, or STS3215 for a calibration.")
-@click.option("--port", metavar="PATH", help="Where they are plugged in: /dev/u2d2, or /dev/ttyACM0 for a calibration.")
-@click.option("--baud", type=WholeNumber(min=1), default=1_000_000, show_default=True, metavar="RATE")
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
-              "robot file; without it the text goes to stdout.")  # fmt: skip
-@click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Add the "
-              "joints to an arm of a robot file of yours.")  # fmt: skip
+@click.option("--model", help="Servo model, which no file has; by default AX-12A, or STS3215 for a calibration.")
+@click.option(
+    "--port", metavar="PATH", help="Port of the servos; by default /dev/u2d2, or /dev/ttyACM0 for a calibration."
+)
+@click.option(
+    "--baud", type=WholeNumber(min=1), default=1_000_000, show_default=True, metavar="RATE", help="Baud rate."
+)
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="New "
+              "robot file; by default the text goes to stdout.")  # fmt: skip
+@click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Robot "
+              "file of yours whose arm gets the joints.")  # fmt: skip
 @arm_option
 def import_joints(
     file: Path, model: str | None, port: str | None, baud: int, output: Path | None, into: Path | None, arm: str
 ) -> int:
-    """Import joints from a file of ROS or LeRobot.
+    """Import joints from a file of ROS or LeRobot into a robot file.
 
-    It becomes the joints of a robot file: a YAML of dynamixel_controllers, ArbotiX, Interbotix or dynamixel_workbench,
-    or a calibration of LeRobot's. Steps of the servo stay steps. What was changed or left out is told on stderr.
+    Reads a YAML file of dynamixel_controllers, ArbotiX, Interbotix or dynamixel_workbench, or a calibration of LeRobot.
+    Servo steps stay steps. Changed and omitted keys are listed on stderr.
     """
     if model is not None and model not in (known := [*MODELS, *ALIASES]):
-        raise click.UsageError(f"--model: '{model}' is no servo that we know; {suggest_from(model, known)}")
+        raise click.UsageError(f"--model: '{model}' is not a known servo model; {suggest_from(model, known)}")
     if output is not None and into is not None:
-        raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
+        raise click.UsageError("-o and --into exclude each other")
     found = _read_joints(file, model)
     if into is not None and found.calibration:
         raise click.UsageError(f"{file} is a calibration: write `calibration: {found.calibration}` in {into}")
@@ -337,12 +341,12 @@ def import_joints(
     for note in found.notes:
         click.echo(note, err=True)
     if output or into:
-        click.echo(f"{len(found.joints)} joints written into {output or into}", err=True)
+        click.echo(f"{len(found.joints)} joints written to {output or into}", err=True)
     return SUCCESS
 
 
 def _read_joints(file: Path, model: str | None) -> ForeignJoints:
-    """Read the joints of a file. Raises click.UsageError with what it is, and InvalidFileError."""
+    """Read the joints of a file. Raises click.UsageError for another kind of file, and InvalidFileError."""
     foreign = None if kinds_of(file) else recognise_file(file)
     if foreign is None or not foreign.form or foreign.form in MOVEMENT_FORMS:
         other = f"{file} has no joints in a form that is known here (dynamixel_controllers, ArbotiX, Interbotix, "
@@ -359,9 +363,9 @@ def _read_joints(file: Path, model: str | None) -> ForeignJoints:
 
 
 def _add_to_robot(path: Path, found: ForeignJoints, text: str, part: str) -> None:
-    """Add joints, as ``text`` has them, to an arm of a robot file, and nothing else.
+    """Add the joints in ``text`` to an arm of a robot file, and nothing else.
 
-    Raises NotEditableError where that cannot be, click.UsageError where it has other arms, and not this.
+    Raises NotEditableError if that is not possible, click.UsageError if it has no such arm but others.
     """
     require_own(path, "mission servo import JOINTS.yaml --into FILE")
     source = read_source(path)
@@ -379,7 +383,5 @@ def _add_to_robot(path: Path, found: ForeignJoints, text: str, part: str) -> Non
         new = with_value(SourceText(source.name, new), (part, "joints", name), value)
     arm = arm_keys(parse_robot(SourceText(source.name, new)), part)
     if arm is None or dict(arm.joints) != {**found.joints, **joints}:
-        raise NotEditableError(
-            f"{path}: its {part} is written in a way that cannot be added to; write the joints yourself"
-        )
+        raise NotEditableError(f"{path}: its {part} cannot be edited automatically; write the joints yourself")
     rewrite(path, new)

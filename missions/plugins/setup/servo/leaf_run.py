@@ -1,4 +1,4 @@
-"""One leaf run as a mission of its own, so that all that makes missions safe holds for commands by hand too."""
+"""Run of a single leaf as a mission, with all safety functions of missions."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -36,11 +36,10 @@ def run_leaf(
     *,
     things: Mapping[str, Lookup] = NO_LOOKUPS,
 ) -> tuple[int, L]:
-    """Run a leaf that takes ``on`` on the arm, and show what happens; return the exit code, and the leaf that has run.
+    """Run a leaf with an ``on`` argument on the arm, and print events; return the exit code, and the leaf.
 
-    ``arguments`` are its own as a mission has them; ``things`` find those among them that are kept in files. In the
-    end the arm comes to the rest that its file asks for. Raises InvalidFileError for what cannot be, and then nothing
-    was opened.
+    ``arguments`` are those of the leaf as in a mission; ``things`` look up arguments in files. At the end the arm comes
+    to rest as its file says. Raises InvalidFileError for invalid arguments, before anything is opened.
     """
     arguments = {**arguments, "on": target.arm}
     told = ", ".join(f"{name}: {value}" for name, value in arguments.items())
@@ -60,10 +59,10 @@ def run_plan(
     *,
     on_frame: Callable[[Frame, object], None] = ignore,
 ) -> tuple[Result, Node]:
-    """Run a plan that was made here, and show on ``out``, or stdout, what happens; return how it ended, and its tree.
+    """Run a plan, and print events to ``out`` or stdout; return the result, and the tree.
 
-    ``before`` is called once nothing can be wrong with it any more, and nothing was opened yet; ``on_frame`` with each
-    picture of the camera that was searched, on its thread.
+    ``before`` is called after all checks, before anything is opened. ``on_frame`` gets each searched picture, on the
+    camera's thread.
     """
     watcher = RunDisplay(out or sys.stdout)
     runner = Runner(request, listeners=[watcher], plan=plan)

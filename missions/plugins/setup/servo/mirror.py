@@ -1,4 +1,4 @@
-"""``mission servo mirror``: an arm that copies another, which somebody moves by hand; each has a port of its own."""
+"""``mission servo mirror``: an arm that follows another, which the user moves by hand; each has its own port."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,22 +25,20 @@ from missions.plugins.setup.servo.connections import (
 from missions.plugins.setup.servo.target import DEFAULT_ARM, ServoTarget, target_options
 
 LEADER_TIMEOUT = 0.05
-"""Seconds that a reading of the leader is waited for, at most."""
+"""Maximum seconds to wait for a reading of the leader."""
 
 DISPLAY_INTERVAL = 0.1
-"""Seconds between two lines of where the follower is sent."""
+"""Seconds between two status lines."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo mirror so101_leader --robot so101")
 @target_options
 @click.argument("leader")
-@click.option(
-    "--leader-arm", default=DEFAULT_ARM, metavar="NAME", help="Which arm of the leader, where it has several."
-)
-@click.option("--leader-port", metavar="PATH", help="Where the leader is plugged in, instead of what its file says.")
+@click.option("--leader-arm", default=DEFAULT_ARM, metavar="NAME", help="Name of the leader's arm, if it has several.")
+@click.option("--leader-port", metavar="PATH", help="Port of the leader, instead of the one in its file.")
 @click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
-              help="A joint that goes as far through its range as its leader, not to the same angle.")  # fmt: skip
-@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Mirror for so long; else until Enter.")
+              help="A joint that follows the share of its leader's range, not its angle.")  # fmt: skip
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Duration; by default until Enter.")
 @hold_option
 def mirror(
     target: ServoTarget,
@@ -51,12 +49,12 @@ def mirror(
     seconds: float | None,
     yes: bool,
 ) -> int:
-    """Let an arm copy another that is moved by hand.
+    """Make an arm follow another that you move by hand.
 
-    LEADER is a robot (a name or a file) with joints of the same names, on another port; it may be the same robot, where
-    that has two arms. It waits until you hold the leader and press Enter; then that goes limp. The arm of --robot comes
-    over slowly to where the leader stands, then follows at once. In the end the leader stays limp, and the follower
-    comes to the rest that its file asks for. Without a terminal a stiff leader goes limp with --yes alone.
+    LEADER is a robot (a name or a file) with joints of the same names, on another port; it may be the same robot if
+    that has two arms. Hold the leader and press Enter; then its torque goes off. The arm of --robot moves slowly to the
+    pose of the leader, then follows at once. At the end the torque of the leader stays off, and the follower comes to
+    rest as its file says. Without a terminal a leader with torque needs --yes.
     """
     require_terminal(seconds)
     target.require_joints()
@@ -70,7 +68,7 @@ def mirror(
         following.wait_for_reports({each.follower for each in couplings})
         leading.confirm_limp(leading.joints.limits, yes=yes)
         leading.joints.relax()
-        click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)
+        click.echo(f"the torque of {leader} is off: move it by hand; Enter ends it", err=True)
         _mirror(leading, following, couplings, seconds)
     return SUCCESS
 
@@ -82,9 +80,9 @@ def _limits_of(target: ServoTarget) -> Mapping[str, JointLimits]:
 def couple_joints(
     leader: Mapping[str, JointLimits], follower: Mapping[str, JointLimits], ranged: Sequence[str]
 ) -> list[Coupling]:
-    """Return who leads whom: joints of one name. Raises click.UsageError where there are none.
+    """Return the couplings of joints with equal names. Raises click.UsageError without any.
 
-    Nor may one lead by a range that has none.
+    A joint in ``ranged`` must have a range.
     """
     fixed = [joint for joint in ranged if joint in leader and joint in follower and not has_range(leader[joint])]
     if fixed:
@@ -96,12 +94,12 @@ def couple_joints(
     ]
     if not found:
         has = f"the leader has {', '.join(leader)}, the follower {', '.join(follower)}"
-        raise click.UsageError(f"no joint of the one has the name of one of the other: {has}")
+        raise click.UsageError(f"no joints with the same name: {has}")
     return found
 
 
 def _mirror(leading: OpenArm, following: OpenArm, couplings: Sequence[Coupling], seconds: float | None) -> None:
-    """Send the follower on after each reading of the leader, until it is over."""
+    """Send the follower's goals after each reading of the leader, until the end."""
     read, arms = Event(), (leading.joints, following.joints)
     mirroring = JointMirror(*arms, couplings)
     if isinstance(leading.joints, DynamixelJoints):

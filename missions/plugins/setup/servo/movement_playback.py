@@ -1,4 +1,4 @@
-"""``mission servo play``: a movement on the arm, with how well it was followed; or only what would be sent."""
+"""``mission servo play``: play a movement on the arm with error statistics, or show its plan."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -23,7 +23,7 @@ from missions.plugins.setup.servo.movement_tables import error_table, plan_playb
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 CURVE_POINTS = 400
-"""Of a curve that is drawn."""
+"""Number of points of a plotted curve."""
 
 Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Times (s) and angles (rad) by joint."""
@@ -32,14 +32,16 @@ Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 @click.command(cls=SharingCommand, epilog="Example: mission servo play greeting --dry-run")
 @partial(target_options, baud=False)
 @click.argument("name", type=GESTURE, metavar="NAME|FILE")
-@click.option("--speed", type=RealNumber(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")
-@click.option("--rate", type=QuantityInUnit("Hz", 0.1), metavar="HZ", help="Rows a second of a spreadsheet that does "
-              "not say when they are.")  # fmt: skip
-@click.option("--dry-run", is_flag=True, help="Move nothing: check it for the robot, and print what would be sent.")
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw it, and what was "
-              "measured, as .png or .svg.")  # fmt: skip
-@click.option("--csv", "table", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write what was "
-              "measured: time, joint, goal, position, error; in s and rad.")  # fmt: skip
+@click.option(
+    "--speed", type=RealNumber(0.05, 2.0), default=1.0, show_default=True, help="Speed relative to the movement's own."
+)
+@click.option("--rate", type=QuantityInUnit("Hz", 0.1), metavar="HZ", help="Rows per second of a spreadsheet "
+              "without times.")  # fmt: skip
+@click.option("--dry-run", is_flag=True, help="Move nothing: check the movement, and print the planned poses.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Plot goals and "
+              "measurements to a .png or .svg file.")  # fmt: skip
+@click.option("--csv", "table", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write the "
+              "measurements as CSV: time, joint, goal, position, error; in s and rad.")  # fmt: skip
 def play(
     target: ServoTarget,
     name: str,
@@ -49,11 +51,10 @@ def play(
     plot: Path | None,
     table: Path | None,
 ) -> int:
-    """Play a movement, or show it.
+    """Play a movement, or show its plan.
 
-    A recording, a gesture, or a spreadsheet of angles (.csv, .xlsx, .xls, .ods). Everything is checked before
-    anything moves. The arm goes to the first pose slowly, and in the end to its rest.
-    Then it is told how far each joint was off.
+    A recording, a gesture, or a spreadsheet of angles (.csv, .xlsx, .xls, .ods). Everything is checked before anything
+    moves. The arm moves to the first pose slowly, and at the end to rest. Then the error of each joint is printed.
     """
     target.require_joints()
     config = target.config()
@@ -91,16 +92,16 @@ def play(
 
 
 def _find_movement(name: str) -> Path:
-    """Return the file of a movement: one that ships, NAME.yaml in the current folder, as recordings are, or a path."""
+    """Return the file of a movement: a shipped one, NAME.yaml in the current folder, or a path."""
     recorded = Path(f"{name}.yaml")
     own = {name: recorded} if recorded.is_file() else {}
     return find_file("moves", name, library=own | shipped_files("gestures"))
 
 
 def _check_files(plot: Path | None, table: Path | None, *, dry_run: bool) -> None:
-    """Raise click.UsageError for files that cannot be made: better before anything moves."""
+    """Raise click.UsageError for output files that cannot be written, before anything moves."""
     if table is not None and dry_run:
-        raise click.UsageError("--csv is what was measured, and --dry-run measures nothing")
+        raise click.UsageError("--csv needs measurements, and --dry-run has none")
     if plot is not None and plot.suffix not in (formats := _import_plotting().FORMATS):
         raise click.UsageError(f"--plot: {plot}: a picture ends in {' or '.join(formats)}")
     for path, option in ((plot, "--plot"), (table, "--csv")):
@@ -109,10 +110,12 @@ def _check_files(plot: Path | None, table: Path | None, *, dry_run: bool) -> Non
 
 
 def _summary(movement: Gesture, playing: KeyframeMotion, speed: float) -> str:
-    """Say how long it takes, and whether it had to be slowed down for the joints."""
+    """Return the duration as text, and whether the joints slow it down."""
     frames = movement.keyframes
     wanted = (frames[-1].time - frames[0].time) / speed
-    slower = f" (not {wanted:.1f} s: its joints go no faster)" if playing.duration > wanted * 1.01 + 0.01 else ""
+    slower = (
+        f" (not {wanted:.1f} s: limited by the speed of its joints)" if playing.duration > wanted * 1.01 + 0.01 else ""
+    )
     return (
         f"{movement.name}: {len(frames)} keyframes in {playing.duration:.1f} s{slower}; "
         f"before that to its first pose, at {degrees_text(RUN_IN_SPEED)}/s at most"
@@ -127,7 +130,7 @@ def _goal_curves(playing: KeyframeMotion) -> Curves:
 
 
 def _measured_curves(samples: Sequence[JointSample], what: str) -> Curves:
-    """Return the ``goal`` or ``position`` of each joint over time, as they were measured."""
+    """Return the recorded ``goal`` or ``position`` of each joint over time."""
     joints = dict.fromkeys(sample.joint for sample in samples)
     return {
         joint: (
@@ -146,7 +149,7 @@ def _draw_plot(
 
 
 def _import_plotting() -> ModuleType:
-    """Import what draws; only who wants a picture needs it. Raises click.UsageError where it is not installed."""
+    """Import the plotting module on first use. Raises click.UsageError if it is not installed."""
     try:
         from missions.plugins.pictures import moves_plot as plot  # noqa: PLC0415
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""``mission servo record``: a movement made by hand, kept in a file."""
+"""``mission servo record``: record a movement by hand."""
 
 from pathlib import Path
 
@@ -21,29 +21,28 @@ from missions.plugins.setup.servo.target import ServoTarget, target_options
 @click.command(cls=SharingCommand, epilog="Example: mission servo record my_hello --joint elbow --seconds 5")
 @target_options
 @click.argument("name")
-@click.option("--joint", "names", multiple=True, metavar="JOINT", help="Record this one, or a group. Repeat it for "
-              "more; all without it.")  # fmt: skip
-@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Record for so long; else until Enter.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Where it is "
-              "written; NAME.yaml without it.")  # fmt: skip
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.option("--joint", "names", multiple=True, metavar="JOINT", help="Joint or group to record; repeatable; "
+              "by default all.")  # fmt: skip
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Duration; by default until Enter.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Output "
+              "file; by default NAME.yaml.")  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace an existing file.")
 @hold_option
 def record(
     target: ServoTarget, name: str, names: tuple[str, ...], seconds: float | None, output: Path | None, force: bool,
     yes: bool,
 ) -> int:  # fmt: skip
-    """Record a movement by hand.
+    """Record a movement by hand as a gesture.
 
-    Waits until you hold the arm and press Enter; then the arm goes limp, and how you move it is written as a gesture.
-    Enter ends the recording, Ctrl-C throws it away; either way the arm comes to its rest. Without a terminal stiff
-    joints go limp with --yes alone.
+    Hold the arm and press Enter; then its torque goes off, and the movement of the arm is recorded. Enter ends the
+    recording, Ctrl-C discards it; either way the arm comes to rest. Without a terminal joints with torque need --yes.
     """
     require_terminal(seconds)
     path = Path(f"{name}.yaml") if output is None else output
     if output is None and name in shipped_files("gestures"):
         raise click.UsageError(f"'{name}' is a gesture that ships with MissionTree: choose another name")
     if path.exists() and not force:
-        raise click.UsageError(f"{path} is there already: --force writes over it, -o FILE writes another")
+        raise click.UsageError(f"{path} already exists: --force replaces it, -o FILE writes another")
     check_writable(path, "NAME" if output is None else "-o")
     with open_arm(target) as arm:
         chosen = arm.reach.resolve(names)
@@ -51,7 +50,7 @@ def record(
         arm.wait_for_reports(chosen)
         arm.confirm_limp(chosen, yes=yes)
         arm.joints.relax(chosen)
-        click.echo(f"limp: {', '.join(chosen)}\nmove them by hand; Enter ends it", err=True)
+        click.echo(f"torque is off: {', '.join(chosen)}\nmove them by hand; Enter ends it", err=True)
         _record(arm.joints, recording, arm.clock, seconds)
     gesture = recording.gesture(name, f"Recorded by hand, {recording.seconds:.1f} s.")
     if not save(path, gesture_text(gesture, str(path))):
@@ -66,7 +65,7 @@ def record(
 
 
 def _record(joints: Joints, recording: JointRecording, clock: Clock, seconds: float | None) -> None:
-    """Take readings until it is over."""
+    """Record readings until the end."""
     with wait_for_end(clock, seconds) as over:
         while not over():
             recording.add(joints.states(), clock.now())

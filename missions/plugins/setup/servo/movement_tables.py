@@ -1,4 +1,4 @@
-"""Movements in words and figures: what would be sent, and how well it was followed."""
+"""Tables of movements: planned poses, and measured errors."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -13,16 +13,16 @@ from drivers.api import Gesture, JointLimits, Keyframe
 from missions.cli.printable import format_columns
 
 MAX_POSE_ROWS = 40
-"""Lines of a table of poses: more are thinned out evenly."""
+"""Maximum number of rows of a pose table; more are thinned out evenly."""
 
 CSV_COLUMNS = ("time", "joint", "goal", "position", "error")
-"""The columns of a CSV file: seconds, a name, and radians. One line for each reading of each joint."""
+"""Columns of a CSV file: seconds, a name, and radians. One line for each reading of each joint."""
 
 
 def plan_playback(movement: Gesture, limits: Mapping[str, JointLimits], speed: float) -> KeyframeMotion:
-    """Return the movement as it would be played at ``speed`` times its own, from its first pose on.
+    """Return the movement at ``speed`` times its own speed, from its first pose on.
 
-    Its joints must be among the ``limits``. How the arm gets to that pose depends on where it is.
+    Its joints must be among the ``limits``. The way to the first pose depends on the present pose.
     """
     start: dict[str, float] = {}
     for frame in movement.keyframes:
@@ -34,7 +34,7 @@ def plan_playback(movement: Gesture, limits: Mapping[str, JointLimits], speed: f
 
 
 def pose_table(playing: KeyframeMotion) -> str:
-    """Return where the joints are to be at the movement's times, in degrees; thinned out where these are many."""
+    """Return the joint angles at the movement's times, in degrees; thinned out if there are many."""
     times = list(dict.fromkeys(playing.times))
     step = max(1, -(-len(times) // MAX_POSE_ROWS))
     shown = times if step == 1 else [*times[:-1:step], times[-1]]
@@ -43,7 +43,7 @@ def pose_table(playing: KeyframeMotion) -> str:
 
 
 def error_table(errors: Mapping[str, JointError]) -> str:
-    """Return how far each joint was off, in degrees."""
+    """Return the error of each joint, in degrees."""
     rows = [
         [joint, f"{degrees(each.rms):.2f}", f"{degrees(each.worst):.2f}", f"{each.at:.2f}", str(each.readings)]
         for joint, each in errors.items()
@@ -52,7 +52,7 @@ def error_table(errors: Mapping[str, JointError]) -> str:
 
 
 def write_csv(path: Path, samples: Sequence[JointSample]) -> None:
-    """Write what was measured, a line for each reading of each joint; see ``CSV_COLUMNS``. Raises OSError."""
+    """Write a line for each reading of each joint; see ``CSV_COLUMNS``. Raises OSError."""
     text = StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(CSV_COLUMNS)

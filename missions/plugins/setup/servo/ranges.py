@@ -1,4 +1,4 @@
-"""Keeping how far the joints of an arm go, found out by hand, in the robot file of its owner."""
+"""Write the measured limits of an arm's joints into a robot file."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -19,7 +19,7 @@ RETRY_COMMAND = "mission servo calibrate --robot FILE"
 
 @dataclass(frozen=True, slots=True)
 class ServoRange:
-    """How far a servo was turned, in its steps; ``zero`` is where it stood with its joint at 0, None to keep that."""
+    """Range of a servo in steps; ``zero`` is its position at joint angle 0, None to keep the old one."""
 
     lowest: int
     highest: int
@@ -27,7 +27,7 @@ class ServoRange:
 
 
 def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
-    """Return the joint with its 0 and its limits as they were found."""
+    """Return the joint with measured zero and limits."""
     model = joint.servo_model
     if joint.ticks is not None:
         low, high = (
@@ -42,14 +42,14 @@ def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
 
 
 def check_keepable(path: Path) -> None:
-    """Raise NotEditableError for a file in which no range will be kept: better before the arm was turned by hand."""
+    """Raise NotEditableError for a file that cannot be written; call it before the arm is moved."""
     require_own(path, RETRY_COMMAND)
 
 
 def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm") -> Path:
-    """Write what was found of an arm's joints into a robot file, and nothing else; return where that of before is kept.
+    """Write ranges of an arm's joints into a robot file, and nothing else; return the backup file.
 
-    Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
+    Raises NotEditableError if that is not possible, InvalidFileError for an invalid robot file, OSError.
     """
     check_keepable(path)
     source = read_source(path)
@@ -66,7 +66,7 @@ def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm"
         joints[name] = new
     wanted = old.with_keys(part, replace(arm, joints=joints))
     if not _means(SourceText(source.name, text), wanted, part):
-        raise NotEditableError(f"{path}: it cannot be edited automatically; write the figures yourself")
+        raise NotEditableError(f"{path}: cannot be edited automatically; write the values yourself")
     kept = free_backup_path(path)
     save_file(kept, path.read_bytes(), path.stat().st_mode)
     rewrite(path, text)
@@ -74,7 +74,7 @@ def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm"
 
 
 def _changed_entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
-    """Return what is to be written at which keys of a joint."""
+    """Return the values to write, by keys of a joint."""
     if old.ticks is not None and new.ticks is not None:
         return {("ticks", key): str(value) for key, value in asdict(new.ticks).items()}
     entries: dict[tuple[str, ...], str] = {} if new.zero == old.zero else {("zero",): quantity_text(new.zero, "angle")}
@@ -83,13 +83,13 @@ def _changed_entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], st
 
 
 def arm_keys(robot: RobotConfig, part: str) -> DynamixelKeys | None:
-    """Return what a robot file says of an arm of ours; None where it has none of that name."""
+    """Return the section of a Dynamixel or Feetech arm; None without one of that name."""
     section = robot.sections.get(part)
     return section.keys if section is not None and isinstance(section.keys, DynamixelKeys) else None
 
 
 def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
-    """Say whether a new text means the robot that it is to mean: an anchor may stand for more than one value."""
+    """Return whether a new text means the expected robot: an anchor may be used elsewhere too."""
     try:
         new = parse_robot(source)
     except InvalidFileError:
@@ -103,14 +103,14 @@ def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
 
 
 def _same_joint(one: JointKeys, other: JointKeys) -> bool:
-    """Say whether two joints are alike, but for what is lost when angles are written in degrees."""
+    """Return whether two joints are equal, except for rounding to degrees."""
     angles = ((one.zero, other.zero), (one.lower, other.lower), (one.upper, other.upper))
     near = all(isclose(here, there, abs_tol=radians(0.001)) for here, there in angles)
     return near and replace(one, written_zero=other.written_zero, limits=other.limits) == other
 
 
 def free_backup_path(path: Path) -> Path:
-    """Return a name beside ``path`` that nothing has yet: FILE.bak, then FILE.bak2..."""
+    """Return an unused backup name beside ``path``: FILE.bak, then FILE.bak2..."""
     number, kept = 1, path.with_name(f"{path.name}.bak")
     while kept.exists():
         number += 1

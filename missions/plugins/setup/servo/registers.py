@@ -1,4 +1,4 @@
-"""``mission servo set``: registers of servos, compared first, written, verified."""
+"""``mission servo info`` and ``set``: show registers and joint states; compare, write and verify registers."""
 
 import json
 import re
@@ -34,18 +34,18 @@ from missions.plugins.setup.servo.target import ServoTarget, target_options
 REGISTER_HEADINGS = ("address", "register", "value", "meaning", "delivered", "kept in")
 
 DEFAULT_WATCH_RATE = "5Hz"
-"""How often joints are shown with ``--watch``, unless a rate is given."""
+"""Default rate of ``--watch``."""
 
 JOINT_HEADINGS = ("joint", "id", "position", "goal", "error", "speed", "load", "volts", "degC", "torque", "")
-"""What the table of joints shows; angles in degrees."""
+"""Columns of the joint table; angles in degrees."""
 
 _UNIT_STEP = re.compile(r"([0-9.]+) (\S+)")
-"""What one step of a register is worth, as ``0.1 V``."""
+"""Unit of a register step, such as ``0.1 V``."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointReport:
-    """What one joint felt a moment ago; None where its servo did not answer. ``remark`` is what is the matter."""
+    """State of a joint, None without a reply; ``remark`` is a fault."""
 
     joint: Joint
     state: JointState | None
@@ -53,10 +53,10 @@ class JointReport:
 
 
 class InfoCommand(SharingCommand):
-    """A command whose ``--watch`` takes the next word only if that is a rate, and no joint."""
+    """Command whose ``--watch`` takes the next word only if that is a rate, not a joint."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments."""
+        """Parse the arguments."""
         following = [*args[1:], ""][: len(args)]
         return super().parse_args(
             ctx,
@@ -75,14 +75,16 @@ class InfoCommand(SharingCommand):
     "rate",
     type=QuantityInUnit("Hz", 0.1, 50.0),
     metavar="[RATE]",
-    help=f"Show the joints again and again, so often: {DEFAULT_WATCH_RATE}, if no rate is given.",
+    help=f"Show the joints repeatedly, at this rate; {DEFAULT_WATCH_RATE} without a rate.",
 )
-@click.option("--json", "as_json", is_flag=True, help="As a line of JSON: registers by name; or joints, in SI units.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print a line of JSON: registers by name; or joints, in SI units."
+)
 def info(target: ServoTarget, servos: tuple[str, ...], rate: float | None, as_json: bool) -> int:
-    """Show every register of one servo; or position, load and temperature of several joints, in a table.
+    """Show all registers of one servo, or a table of the states of joints.
 
-    Without a name, of all joints. Only reads: torque and goals stay as they are. A register's "delivered" is the value
-    from the factory, if it differs. Angles in degrees. Exit code 1 where a servo of the table does not answer. With
+    Without a name, the table has all joints. Only reads: torque and goals stay as they are. "delivered" is the factory
+    value of a register, if it differs. Angles are in degrees. Exit code 1: a servo of the table does not reply. With
     --watch, Ctrl-C ends it.
     """
     with open_bus(target) as bench:
@@ -98,7 +100,7 @@ def info(target: ServoTarget, servos: tuple[str, ...], rate: float | None, as_js
 
 
 def _watch_joints(bench: OpenBus, names: Sequence[str], interval: float, *, as_json: bool) -> None:
-    """Show round after round, until somebody interrupts."""
+    """Print the joints repeatedly until Ctrl-C."""
     chosen = bench.select_joints(names)
     with Live(console=console(), auto_refresh=False) as live:
         while True:
@@ -145,7 +147,7 @@ def _register_row(model: ServoModel, register: Register, value: int) -> list[str
 
 
 def meaning(model: ServoModel, register: Register, value: int) -> str:
-    """Return what a value of a register is in the units of people; empty for a plain number or a mask."""
+    """Return a register value in physical units; empty for a plain number or a mask."""
     if register.name == "model_number":
         return model.name
     if register.name == "firmware" and register.size == 2:
@@ -172,7 +174,7 @@ def _read_joints(bus: ServoBus, joints: Iterable[Joint]) -> list[JointReport]:
 
 
 def _read_joint(bus: ServoBus, joint: Joint) -> JointReport:
-    """Read all from what shuts it down to the last of the readings, in one transaction."""
+    """Read all registers from the shutdown mask to the last reading, in one transaction."""
     table = joint.model.table
     start = table["shutdown"].address
     whole = RegisterBlock(start, max(table[name].end for name in ("present_temperature", "moving")) - start)
@@ -207,13 +209,13 @@ def _joint_row(snapshot: JointReport) -> list[str]:
         f"{state.load:+.0%}",
         f"{state.voltage:.1f}",
         f"{state.temperature:.0f}",
-        "stiff" if state.torque else "limp",
+        "on" if state.torque else "off",
         snapshot.remark,
     ]
 
 
 STATUS_RETURN_LEVEL, ANSWER_EVERYTHING = "status_return_level", 2
-"""The register that says what a servo answers, and its value for everything."""
+"""Value of the register ``STATUS_RETURN_LEVEL`` with which a servo replies to every instruction."""
 
 MAX_ID = 253
 
@@ -238,12 +240,12 @@ yes_option = click.option(
 def set_register(target: ServoTarget, servo: str, register: str, value: int, yes: bool) -> int:
     """Set a register by its name: `mission servo info` lists them.
 
-    `id` gives one servo another ID: new servos all have ID 1, so plug them in one by one. The value of `baud` is the
+    `id` changes the ID of one servo: new servos all have ID 1, so connect them one by one. The value of `baud` is the
     rate, such as 1000000; --baud is the rate that the servos have now.
 
-    Nothing is written where it holds the value already. What is kept through a power cut (EEPROM) is written with the
-    torque off, and the servo is limp afterwards. Before a stiff servo is given less force (such as torque_limit,
-    goal_pwm, position_p_gain), you are asked to hold the arm.
+    A register that has the value already is not written. EEPROM is written with the torque off, and the torque stays
+    off. Before a servo with torque gets less force (such as torque_limit, goal_pwm, position_p_gain), you are asked to
+    hold the arm.
     """
     with open_bus(target) as bench:
         if register == STATUS_RETURN_LEVEL and value == ANSWER_EVERYTHING:
@@ -254,28 +256,28 @@ def set_register(target: ServoTarget, servo: str, register: str, value: int, yes
         wanted = {at: (model, {register: _encode_value(register, value, model)}) for at, model in servos}
         code = _write_registers(bench, wanted, yes=yes)
     if register == "baud" and target.robot is not None:
-        click.echo(f"  the robot file must say baud: {value}, once all its servos do", err=True)
+        click.echo(f"  set baud: {value} in the robot file once all its servos have it", err=True)
     return code
 
 
 def _encode_value(register: str, value: int, model: ServoModel) -> int:
-    """Return a value as the register holds it. Raises click.UsageError for an ID that no servo can have."""
+    """Return the raw register value. Raises click.UsageError for an invalid ID."""
     if register == "id" and not 0 <= value <= MAX_ID:
         raise click.UsageError(f"{value} is not an ID: they go from 0 to {MAX_ID}")
     return baud_code(value, model.protocol) if register == "baud" else value
 
 
 def _enable_replies(bench: OpenBus, selector: str, *, yes: bool) -> None:
-    """Let servos answer reads again that answer pings alone, which therefore cannot be identified before.
+    """Make servos reply to reads again that only reply to pings, and cannot be identified before.
 
-    In protocol 1.0 only Dynamixels are silent so, and all have the register at one place; in 2.0 a ping tells the
-    model. Raises DeviceFault for one that shares its ID or has an unknown model; NoReply for one that stays silent.
+    In protocol 1.0 only Dynamixels can be silent in this way, and all have the register at one address; in 2.0 a ping
+    reports the model. Raises DeviceFault for a shared ID or an unknown model; NoReply for a servo that stays silent.
     """
     for at in bench.find_ping_only(selector):
         _require_one_ping(bench, at)
         model = MODELS["AX-12A"] if at.protocol != 2 else find_model(bench.bus.ping(at))
         if model is None:
-            raise DeviceFault(f"servo {at.id}: its model is not known here", hint="mission servo scan")
+            raise DeviceFault(f"servo {at.id}: unknown model", hint="mission servo scan")
         click.echo(f"servo {at.id}: {STATUS_RETURN_LEVEL}: 0 -> {ANSWER_EVERYTHING}, EEPROM")
         if not yes:
             if not sys.stdin.isatty():
@@ -288,8 +290,8 @@ def _enable_replies(bench: OpenBus, selector: str, *, yes: bool) -> None:
             require_unique_id(bench.bus, at)
         except NoReply as error:
             hint = "switch its power off and on, then try again: its EEPROM is locked while it has torque"
-            raise NoReply(f"servo {at.id} still answers no reads", hint=hint) from error
-        click.echo(f"servo {at.id}: answers reads again")
+            raise NoReply(f"servo {at.id} still does not reply to reads", hint=hint) from error
+        click.echo(f"servo {at.id}: replies to reads again")
 
 
 def _require_one_ping(bench: OpenBus, at: ServoAddress) -> None:
@@ -301,19 +303,19 @@ def _require_one_ping(bench: OpenBus, at: ServoAddress) -> None:
 def _write_registers(
     bench: OpenBus, wanted: Mapping[ServoAddress, tuple[ServoModel, Mapping[str, int]]], *, yes: bool
 ) -> int:
-    """Say what is to be changed, ask before the EEPROM is written or force is taken away, change it, and say so."""
+    """Print the changes, confirm them, and write them; return the exit code."""
     plans = {at: plan_changes(bench.bus, at, model.table, values) for at, (model, values) in wanted.items()}
     for at, changes in plans.items():
         model, values = wanted[at]
         for change in changes:
             click.echo(f"servo {at.id} ({model.name}): {_change_text(model, change)}")
         if not changes:
-            click.echo(f"servo {at.id} ({model.name}): {', '.join(values)} is so already")
+            click.echo(f"servo {at.id} ({model.name}): {', '.join(values)} has the value already")
     _confirm_changes(bench, plans, {at: model for at, (model, _) in wanted.items()}, yes=yes)
     for at, changes in plans.items():
         stiff = apply_changes(bench.bus, at, wanted[at][0].table, changes)
         if stiff:
-            click.echo(f"servo {at.id} was stiff, and is limp now", err=True)
+            click.echo(f"servo {at.id}: torque was on, and is off now", err=True)
         if changes:
             click.echo(f"servo {at.id}: written and verified")
     return SUCCESS
@@ -326,7 +328,7 @@ def _confirm_changes(
     *,
     yes: bool,
 ) -> None:
-    """Ask before the EEPROM is written, which takes the torque away, or a servo holds with less force than now."""
+    """Ask before the EEPROM is written, which switches torque off, or before a servo gets less force."""
     lasting = [at for at, changes in plans.items() if any(change.register.eeprom for change in changes)]
     weaker = [at for at, changes in plans.items() if any(change.weakens for change in changes)]
     stiff = [at for at in {*lasting, *weaker} if bench.bus.read(at, models[at].table["torque_enable"])]
@@ -336,9 +338,7 @@ def _confirm_changes(
             raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
         moved = [at for at in lasting if any(change.register.name == "id" for change in plans[at])]
         if moved and not bench.simulated:
-            click.echo(
-                f"only one servo with ID {moved[0].id} may be plugged in: a second one would change too", err=True
-            )
+            click.echo(f"connect only one servo with ID {moved[0].id}: a second one would change too", err=True)
         click.confirm("write this into the EEPROM?", abort=True, err=True)
     confirm_limp([f"servo {at.id}" for at in sorted(limp)], stiff=True, simulated=bench.simulated, yes=yes)
     weakened = [f"servo {at.id}" for at in sorted(stiff) if at not in limp]
@@ -350,7 +350,7 @@ def _turns_torque_off(change: RegisterChange) -> bool:
 
 
 def _change_text(model: ServoModel, change: RegisterChange) -> str:
-    """Return a change in words, with what the value means."""
+    """Return a change as text, with the meaning of the value."""
     meant = meaning(model, change.register, change.after)
     place = "EEPROM" if change.register.eeprom else "RAM"
     return (

@@ -1,4 +1,4 @@
-"""``mission servo scan``: which servos are on a bus, and how they are."""
+"""``mission servo scan``: find the servos on a bus, and show their states."""
 
 import json
 import re
@@ -17,30 +17,32 @@ from missions.plugins.setup.servo.connections import open_bus
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 VIRTUAL_REPLY_TIMEOUT = 0.015
-"""Seconds that a virtual servo may take to answer: less than elsewhere, for most of the IDs are not there."""
+"""Seconds that a virtual servo may take to reply: short, since most IDs are unused."""
 
 BAUD_RATES = (
     *(1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000),
     *(128_000, 76_800, 38_400),  # of Feetech's alone
 )
-"""The rates that servos are used at, the usual ones first."""
+"""Baud rates of servos, most common first."""
 
 FACTORY_BAUD_RATES = BAUD_RATES[:2]
-"""The rates at which servos are delivered: AX and STS the first, all others the second."""
+"""Factory baud rates: AX and STS the first, all others the second."""
 
 HEADINGS = ("id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors")
 
 ROW_FORMAT = "{:>3}  {:>8}  {:>8}  {:<12} {:>8}  {:>10}  {:>6}  {:>4}  {:<14} {}"
-"""A line of the table, printed as soon as its servo has answered."""
+"""Format of a table row, which is printed as soon as its servo has replied."""
 
 
 def _parse_ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
-    """Read "1-20,30"."""
+    """Parse IDs such as "1-20,30"."""
     found: dict[int, None] = {}
     for part in value.split(","):
         ends = re.fullmatch(r"\s*([0-9]{1,3})\s*(?:-\s*([0-9]{1,3})\s*)?", part)
         if ends is None or int(ends[2] or ends[1]) > 253:
-            raise click.BadParameter(f"'{part}' is no ID or range of IDs within 0-253: 1-20,30", ctx=ctx, param=option)
+            raise click.BadParameter(
+                f"'{part}' is not an ID or range of IDs within 0-253: 1-20,30", ctx=ctx, param=option
+            )
         found |= dict.fromkeys(range(int(ends[1]), int(ends[2] or ends[1]) + 1))
     return list(found)
 
@@ -48,21 +50,21 @@ def _parse_ids(ctx: click.Context, option: click.Parameter, value: str) -> list[
 @click.command(cls=SharingCommand, epilog="Example: mission servo scan --ids 1-10 --port /dev/ttyUSB0")
 @target_options
 @click.option(
-    "--ids", default="0-252", show_default=True, callback=_parse_ids, metavar="1-20,30", help="Which to look for."
+    "--ids", default="0-252", show_default=True, callback=_parse_ids, metavar="1-20,30", help="IDs to search."
 )
-@click.option("--protocol", type=click.Choice(["1", "2", "STS"], case_sensitive=False), help="Look for this one alone.")
-@click.option("--all-bauds", is_flag=True, help="Try all usual rates, which takes a while.")
-@click.option("--framing", type=click.Choice(get_args(Framing)), help="Whose packet code: ours, or the vendor's.")
-@click.option("--json", "as_json", is_flag=True, help="A line of JSON for each servo; angles in radians.")
+@click.option(
+    "--protocol", type=click.Choice(["1", "2", "STS"], case_sensitive=False), help="Search only this protocol."
+)
+@click.option("--all-bauds", is_flag=True, help="Try all common baud rates; slow.")
+@click.option("--framing", type=click.Choice(get_args(Framing)), help="Packet code: ours, or the vendor's.")
+@click.option("--json", "as_json", is_flag=True, help="Print a line of JSON for each servo; angles in radians.")
 def scan(
     target: ServoTarget, ids: list[int], protocol: str | None, all_bauds: bool, framing: Framing | None, as_json: bool
 ) -> int:
-    """Find all servos on a bus.
+    """Find all servos on a bus, and compare them with the robot file. Only reads.
 
-    They are compared with the robot file, where one is named. Only reads.
-
-    Without --baud it tries the file's rate, and those at which servos are delivered. Exit code 1 where none is found,
-    or one of the file is missing.
+    Without --baud it tries the file's rate, and the factory rates. Exit code 1: no servo is found, or one of the file
+    is missing.
     """
     known: tuple[Protocol, ...] = (1, "STS", 2)
     protocols = [each for each in known if protocol in (None, str(each))]
@@ -84,19 +86,19 @@ def scan(
         if servo.answers_ping_only:
             baud = "" if servo.baud == wanted else f" --baud {servo.baud}"
             cure = f"mission servo set {servo.address.id} status_return_level 2{target.options}{baud}"
-            troubles.append(f"servo {servo.address.id} answers a ping, and no read\n  try: {cure}")
+            troubles.append(f"servo {servo.address.id} replies to a ping, but not to a read\n  try: {cure}")
     for trouble in troubles:
         click.echo(trouble, err=True)
     return FAILURE if troubles else SUCCESS
 
 
 def _rates_to_try(first: int, *, fixed: bool, all_bauds: bool) -> list[int]:
-    """Return the rates to try, each once, the one that is wanted first."""
+    """Return the rates to try, each once, ``first`` first."""
     return list(dict.fromkeys((first, *(() if fixed else FACTORY_BAUD_RATES), *(BAUD_RATES if all_bauds else ()))))
 
 
 def _servo_row(servo: ScannedServo, names: Mapping[int, str]) -> str:
-    """Return a line of the table."""
+    """Return a table row."""
     return ROW_FORMAT.format(
         servo.address.id,
         protocol_label(servo.address.protocol),
@@ -112,30 +114,30 @@ def _servo_row(servo: ScannedServo, names: Mapping[int, str]) -> str:
 
 
 def _model_text(servo: ScannedServo) -> str:
-    """Return what a servo is, as far as it is known."""
+    """Return the model name, or the model number."""
     if servo.model is not None:
         return servo.model.name
     return "?" if servo.number is None else f"number {servo.number}"
 
 
 def _firmware_text(servo: ScannedServo) -> str:
-    """Return the version of a servo's firmware; that of an STS has two parts."""
+    """Return the firmware version; that of an STS has two parts."""
     if servo.firmware is None:
         return "-"
     return f"{servo.firmware & 0xFF}.{servo.firmware >> 8}" if servo.address.protocol == "STS" else str(servo.firmware)
 
 
 def _servo_problems(servo: ScannedServo) -> list[str]:
-    """Return what a servo complains of, and what is wrong with its replies."""
+    """Return the faults that a servo reports, and problems of its replies."""
     return [
         *[servo.faults.description] * bool(servo.faults),
         *["damaged replies: two with this ID?"] * servo.has_damaged_replies,
-        *["answers a ping, and no read: status return level 0"] * servo.answers_ping_only,
+        *["replies to a ping, but not to a read: status return level 0"] * servo.answers_ping_only,
     ]
 
 
 def _servo_json(servo: ScannedServo) -> str:
-    """Return the same for programs."""
+    """Return a servo as a line of JSON."""
     return json.dumps(
         {
             "id": servo.address.id,
@@ -155,7 +157,7 @@ def _servo_json(servo: ScannedServo) -> str:
 def find_differences(
     all_servos: Sequence[ScannedServo], joints: Mapping[str, Joint], baud: int, *, searched_ids: Collection[int]
 ) -> list[str]:
-    """Return in what the servos are not those of the robot file, a line for each joint that is concerned."""
+    """Return a line for each joint whose servo differs from the robot file."""
     troubles = []
     for joint in joints.values():
         servos = [servo for servo in all_servos if servo.address.id == joint.spec.id]
@@ -163,28 +165,30 @@ def find_differences(
         if right or joint.spec.id not in searched_ids:
             continue
         if not servos:
-            troubles.append(f"{joint.title} does not answer\n  try: look at its cable, and at those before it")
+            troubles.append(f"{joint.title} does not reply\n  try: check its cable, and those before it")
         for servo in servos:
             if servo.baud != baud:
                 cure = f"mission servo set {servo.address.id} baud {baud} --baud {servo.baud} --port PORT"
                 troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
             elif servo.model is not joint.model and not servo.answers_ping_only:
-                cure = "plug it in alone, and see what it is" if servo.model is None else servo.model.robot_file_hint
+                cure = "connect it alone, and scan again" if servo.model is None else servo.model.robot_file_hint
                 told = f"{_model_text(servo)}, the robot file says {joint.model.name}"
-                troubles.append(f"{joint.title} is not what it should be: {told}\n  try: {cure}")
+                troubles.append(f"{joint.title} has another model: {told}\n  try: {cure}")
     return troubles
 
 
 def _no_reply_text(port: str, bauds: Sequence[int]) -> str:
-    """Return what may be the matter where nothing answers, likeliest first."""
+    """Return possible causes of no reply, most likely first."""
     rates = ", ".join(str(rate) for rate in bauds)
     more = [] if len(bauds) >= len(BAUD_RATES) else ["another baud rate: add --all-bauds"]
     causes = [
-        "the servos have no power: USB feeds the adapter alone; LEDs flash once when the supply is switched on",
+        "the servos have no power: USB powers only the adapter; LEDs flash once when the supply is switched on",
         "the cable: three wires are TTL (AX, MX-T, X, STS), four are RS-485 (RX, EX, MX-R); a bad plug ends the bus",
         "the adapter's switch, where it has one, stands on the other kind of bus",
         *more,
-        "two servos with one ID disturb each other: plug in one alone",
+        "two servos with one ID disturb each other: connect only one",
         f"{port} is another device: mission ports",
     ]
-    return f"no servo answers on {port} at {rates} baud; it may be that\n" + "\n".join(f"  - {each}" for each in causes)
+    return f"no servo replies on {port} at {rates} baud; possible causes:\n" + "\n".join(
+        f"  - {each}" for each in causes
+    )

@@ -1,4 +1,4 @@
-"""Which servos a command means: the options that all of ``mission servo`` share."""
+"""Selection of servos: the common options of ``mission servo``."""
 
 import functools
 import shlex
@@ -18,14 +18,14 @@ from missions.cli.origin import robot_file
 from missions.library.drivers import load_robot
 
 DEFAULT_ARM = "arm"
-"""The name of an arm that has none of its own."""
+"""Part name of an arm without a name of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class ServoTarget:
-    """Whose servos are meant: those of a robot file, simulated ones, or whatever is behind a port.
+    """Selected servos: those of a robot file, simulated ones, or those behind a port.
 
-    ``arm`` is the name of the arm, of a robot that has several.
+    ``arm`` is the name of the arm in a robot with several.
     """
 
     robot: str | None = None
@@ -36,48 +36,48 @@ class ServoTarget:
 
     @property
     def is_virtual(self) -> bool:
-        """True where no hardware is meant: on request, or because none was named."""
+        """Whether servos are simulated: on request, or because no hardware was named."""
         return self.simulate or (self.robot is None and self.port is None)
 
     @property
     def options(self) -> str:
-        """What of it was asked for, as it is typed, with a space before each: for the command that a hint names."""
+        """The options as typed, each after a space, for a command in a hint."""
         arm = None if self.arm == DEFAULT_ARM else self.arm
         given = (("--robot", self.robot), ("--arm", arm), ("--port", self.port), ("--baud", self.baud))
         typed = [f" {option} {shlex.quote(str(value))}" for option, value in given if value is not None]
         return "".join(typed) + " --simulate" * self.simulate
 
     def report_if_simulated(self) -> None:
-        """Say on stderr that no hardware is touched: what all is well with is not the arm on the table."""
+        """Print to stderr that servos are simulated, so that results are not taken for those of the real arm."""
         if self.is_virtual:
-            why = ", as --simulate asks" if self.simulate else "; name --robot or --port for real ones"
+            why = ", because of --simulate" if self.simulate else "; add --robot or --port for real ones"
             click.echo(f"simulated servos{why}", err=True)
 
     def config(self) -> RobotConfig:
-        """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""
+        """Read the robot file, with port and baud rate of the options. Raises click.UsageError without an arm."""
         robot = load_robot(robot_file(self.robot))
         arm = find_arm(robot, self.arm)
         return robot.with_keys(self.arm, replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
 
     @property
     def keys(self) -> DynamixelKeys:
-        """What the robot file says of the arm, as ``config`` reads it."""
+        """Section of the arm, as ``config`` reads it."""
         found: DynamixelKeys = self.config().sections[self.arm].keys
         return found
 
     def check(self) -> None:
-        """Raise click.UsageError for options that contradict each other."""
+        """Raise click.UsageError for contradictory options."""
         if self.simulate and self.port is not None:
-            raise click.UsageError("--port names a real port: leave it out, or --simulate")
+            raise click.UsageError("--port and --simulate exclude each other")
 
     def require_joints(self) -> None:
-        """Raise click.UsageError where nothing says which joints there are."""
+        """Raise click.UsageError if there is no source of joints."""
         if self.robot is None and not self.is_virtual:
-            raise click.UsageError("--port alone names no joints: name the robot's file too, with --robot")
+            raise click.UsageError("--port alone names no joints: add --robot with the robot file")
 
 
 def find_arm(robot: RobotConfig, name: str) -> DynamixelKeys:
-    """Return what a robot file says of an arm of ours. Raises click.UsageError, with the arms that there are."""
+    """Return the section of a Dynamixel or Feetech arm. Raises click.UsageError with the names of the arms."""
     arms = {part: it.keys for part, it in robot.sections.items() if isinstance(it.keys, DynamixelKeys)}
     if name in arms:
         return arms[name]
@@ -86,14 +86,16 @@ def find_arm(robot: RobotConfig, name: str) -> DynamixelKeys:
     raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
 
 
-arm_option = shared_option("--arm", default=DEFAULT_ARM, metavar="NAME", help="Which arm, of a robot that has several.")
+arm_option = shared_option(
+    "--arm", default=DEFAULT_ARM, metavar="NAME", help="Name of the arm, if the robot has several."
+)
 """Adds ``--arm`` to a command."""
 
 
 def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callable[..., Any]:
-    """Add ``--robot``, ``--arm``, ``--simulate``, ``--port`` and, unless told not to, ``--baud`` to a command.
+    """Add ``--robot``, ``--arm``, ``--simulate``, ``--port`` and, unless ``baud`` is False, ``--baud`` to a command.
 
-    It gets them as its first argument, a ``ServoTarget`` that was checked.
+    The command gets a checked ``ServoTarget`` as its first argument.
     """
 
     @functools.wraps(command)
@@ -104,13 +106,13 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
         target.check()
         return command(target, **others)
 
-    rate = shared_option("--baud", type=WholeNumber(min=1), metavar="RATE", help="The bus's rate, instead of the "
-                        "file's.")  # fmt: skip
+    rate = shared_option("--baud", type=WholeNumber(min=1), metavar="RATE", help="Baud rate, instead of the "
+                        "one in the robot file.")  # fmt: skip
     options = (
-        shared_option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
+        shared_option("--port", metavar="PATH", help="Port of the adapter, instead of the one in the robot file."),
         arm_option,
         shared_option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
-        shared_option("--robot", type=ROBOT, help="The robot (a name or a file), whose servos move. Without it and "
+        shared_option("--robot", type=ROBOT, help="Robot (a name or a file) whose servos move. Without it and "
                      "--port: simulated."),
     )  # fmt: skip
     with_options: Callable[..., Any] = rate(wrapped) if baud else wrapped

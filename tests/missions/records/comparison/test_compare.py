@@ -72,7 +72,7 @@ def test_a_leaf_that_takes_longer_decides_nothing(tmp_path: Path) -> None:
 def test_the_leaf_that_ends_otherwise_is_named_and_not_what_follows_from_it(tmp_path: Path) -> None:
     path, other = runs(tmp_path, changed(DRIVE, 5.0, status="success", reason="there"))
     told = run(path, other).output
-    assert "They first decide differently at drive (1.3.1), m.yaml, line 2:\n  A  5.00 s  failure (" in told
+    assert "First different decision: drive (1.3.1), m.yaml, line 2:\n  A  5.00 s  failure (" in told
     assert "\n  B  5.00 s  success (there)\n" in told
 
 

@@ -43,7 +43,7 @@ def test_process_that_was_ready_and_fails_at_once_has_begun_its_record() -> None
     outlet._handle_line(b'{"ready": true}')
     outlet._handle_line(b'{"failed": "disk full"}')
     assert outlet.state is WriterState.STOPPED
-    assert list(outlet.problems) == ["disk full: nothing more is recorded"]
+    assert list(outlet.problems) == ["disk full: recording stopped"]
 
 
 def test_line_after_the_end_revives_no_process() -> None:

@@ -60,13 +60,13 @@ def test_info_offers_to_mend_what_was_not_closed_and_then_it_is(tmp_path: Path) 
     path = write(tmp_path / "killed.mcap", items()[:-1], close=False)
     path.write_bytes(path.read_bytes()[:-1000])
     told = run("info", path).output
-    assert "closed    no: whole up to " in told
+    assert "closed    no: complete up to " in told
     assert f"mission record repair {path}" in told
     mended = run("repair", path)
     assert mended.exit_code == 0
-    assert mended.output.startswith(f"mended {path}: it is whole up to ")
+    assert mended.output.startswith(f"repaired {path}: complete up to ")
     assert "closed    yes" in run("info", path).output
-    assert run("repair", path).output == f"{path} was closed properly: there is nothing to mend\n"
+    assert run("repair", path).output == f"{path} is closed already: nothing to repair\n"
 
 
 def test_info_tells_of_damaged_stretches(path: Path) -> None:
@@ -74,7 +74,7 @@ def test_info_tells_of_damaged_stretches(path: Path) -> None:
     with path.open("r+b") as file:
         file.seek(chunk.end - 40)
         file.write(bytes(20))
-    assert "damaged   1 stretch of the file cannot be read" in run("info", path).output
+    assert "damaged   1 range of the file unreadable" in run("info", path).output
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_every_command_says_in_words_what_is_no_record(tmp_path: Path, arguments
     name, *rest = arguments
     result = run(name, text, *rest)
     assert result.exit_code != 0
-    assert result.output == f"Error: {text}: no record: it does not begin as an MCAP file does\n"
+    assert result.output == f"Error: {text}: not a record: not an MCAP file\n"
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -186,8 +186,8 @@ def test_a_piece_begins_with_what_held_then(path: Path, tmp_path: Path) -> None:
     assert [stamp for stamp, _ in piece.frames()] == [3.0]
     assert piece.run_end() is None
     told = facts(run("info", out).output)
-    assert told["result"] == "not recorded: this is a piece of a record"
-    assert told["length"] == "0.90 s, a piece from 2.6 s on, 19 ticks"
+    assert told["result"] == "not recorded: this record was cut"
+    assert told["length"] == "0.90 s, cut at 2.6 s, 19 ticks"
     with out.open("rb") as file:
         first = min(
             message.log_time for _, channel, message in make_reader(file).iter_messages() if channel.topic != "/mission"
@@ -205,7 +205,7 @@ def test_a_piece_from_the_beginning_is_one_that_can_be_run_again(path: Path, tmp
 @pytest.mark.parametrize(
     ("start", "end", "words"),
     [
-        ("3s", "2s", "the piece ends before it begins: from 3 s to 2 s"),
+        ("3s", "2s", "the range ends before it begins: from 3 s to 2 s"),
         ("5s", "6s", "ends at 4.00 s, before 5 s"),
         ("1", "2s", "'1' has no unit (units: s, ms, min, h)"),
     ],

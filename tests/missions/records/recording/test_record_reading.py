@@ -164,16 +164,16 @@ def pipe(path: Path) -> Path:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (empty, "is empty: its run ended before anything was written"),
-        (mission, "a mission, and no record\n  try: mission run "),
-        (foreign, "an MCAP file, but no record of MissionTree: it is of ros2 and "),
+        (empty, "empty file: its run ended before anything was written"),
+        (mission, "a mission, not a record\n  try: mission run "),
+        (foreign, "an MCAP file, but not a record of MissionTree (written by ros2 and "),
         (
             newer,
-            "is a record of format 3; this MissionTree reads format 2 alone\n  try: pip install --upgrade ",
+            "record format 3; this version reads only format 2\n  try: pip install --upgrade ",
         ),
-        (older, "is a record of format 1; this MissionTree reads format 2 alone\n  try: record the mission anew"),
+        (older, "record format 1; this version reads only format 2\n  try: record the mission again"),
         (folder, "cannot be read: Is a directory"),
-        (pipe, "no record: it is not even a file"),
+        (pipe, "no such record file"),
         (lambda path: path, "cannot be read: No such file or directory"),
     ],
 )

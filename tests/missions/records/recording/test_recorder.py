@@ -125,10 +125,10 @@ def test_closing_twice_or_without_opening_is_safe(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda path: path / "no" / "a.mcap", "there is no folder"),
-        (lambda path: path, "is no file"),
-        (lambda path: _piped(path / "a.mcap"), "is no file"),
-        (lambda path: _written(path / "a.mcap"), "is there already"),
+        (lambda path: path / "no" / "a.mcap", "no folder"),
+        (lambda path: path, "not a regular file"),
+        (lambda path: _piped(path / "a.mcap"), "not a regular file"),
+        (lambda path: _written(path / "a.mcap"), "already exists"),
     ],
 )
 def test_a_record_that_cannot_be_begun_says_so_and_leaves_no_process(
@@ -154,7 +154,7 @@ def test_in_simulated_time_a_writer_that_begins_late_on_a_busy_machine_is_waited
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.START_TIMEOUT", 0.0)
-    with pytest.raises(CannotRecordError, match="did not begin within 0 s"):
+    with pytest.raises(CannotRecordError, match="did not start within 0 s"):
         Recorder(tmp_path / "real.mcap").open(RecordContents(HEAD, FILES), ManualClock())
     with Recorder(tmp_path / "simulated.mcap", lossless=True) as recorder:
         recorder.open(RecordContents(HEAD, FILES), ManualClock())
@@ -339,7 +339,7 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
 
         wait_until(go_on, pause=0.005)
         loss = recorder.close()
-    assert "killed by signal 9: nothing more is recorded" in told[0].message
+    assert "killed by signal 9: recording stopped" in told[0].message
     assert "mission record info" in told[0].hint
     assert 0 < loss.counts["/moments"] < count
     assert times_of(path)[0] == 0.01
@@ -404,7 +404,7 @@ def test_at_its_limit_the_record_is_closed_and_that_is_told(tmp_path: Path) -> N
         loss = recorder.close()
     assert "limit" in told[0].message
     assert loss.limit_reached_at is not None
-    assert "reached its limit" in str(loss)
+    assert "size limit was reached" in str(loss)
     assert not loss.counts
     assert path.stat().st_size < 260_000
     assert counts_of(path) == recorder.counts

@@ -129,7 +129,7 @@ BYTES = {
     "missiontree.ArmState": "d8dd2a3e0c33762a",
     "missiontree.BaseState": "d3c5594ff2555c18",
     "missiontree.CommandSent": "f15a84eed88cfc56",
-    "missiontree.DeviceStates": "66a8ce4460210b31",
+    "missiontree.DeviceStates": "2a65fbe4abc269c2",
     "missiontree.Ended": "5a563e659140dd30",
     "missiontree.FaultRaised": "87eec441ff12ec5d",
     "missiontree.Feedback": "6cbe036df32a22d6",
@@ -279,7 +279,7 @@ def test_a_record_stays_within_its_limit_and_is_whole(tmp_path: Path) -> None:
     assert 3e5 < path.stat().st_size < 5.4e5
     assert read(path)[0] == written.counts
     assert open_record(path).limit_reached
-    assert any("not recorded: it had reached its limit" in line for line in record_lines(open_record(path)))
+    assert any("not recorded: the size limit was reached" in line for line in record_lines(open_record(path)))
 
 
 def replace_stamp(picture: PictureItem, t: float) -> PictureItem:

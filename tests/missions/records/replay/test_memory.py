@@ -73,7 +73,7 @@ def test_none_is_an_answer() -> None:
 def test_what_was_never_heard_is_told() -> None:
     heard = Heard()
     heard.memory.begin_tick([])
-    with pytest.raises(NoRecordedAnswerError, match="never heard"):
+    with pytest.raises(NoRecordedAnswerError, match="no recorded reply"):
         heard.memory.answer("arm", "states")
     assert heard.unheard == ["arm.states"]
 

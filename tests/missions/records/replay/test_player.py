@@ -103,9 +103,9 @@ def test_f_goes_from_failure_to_failure(alone: RunRecord) -> None:
         player.press("f")
         assert player.time == time
     player.press("f")
-    assert player.note == "no failure after this"
+    assert player.note == "no failure after this time"
     player.press("F")
-    assert player.time < times[-1] or player.note == "no failure before this"
+    assert player.time < times[-1] or player.note == "no failure before this time"
 
 
 def test_what_was_said_is_found(greeted: RunRecord) -> None:
@@ -116,7 +116,7 @@ def test_what_was_said_is_found(greeted: RunRecord) -> None:
     player.press("/")
     for key in [*"no such thing", "enter"]:
         player.press(key)
-    assert player.note == "no 'no such thing' after this"
+    assert player.note == "no 'no such thing' after this time"
 
 
 def test_escape_leaves_a_search(greeted: RunRecord) -> None:

@@ -54,7 +54,7 @@ def test_a_changed_threshold_exits_with_1_and_names_the_place(greeted: RunRecord
     assert re.search(r"first difference in tick \d+, at \d+\.\d+ s\n  face_centred \(1\.2\.2\.1\)", result.output)
     assert "then  greet.yaml:17  success" in result.output
     assert re.search(r"now   \S+/greet\.yaml:17  failure \(the face is .* deg off\)", result.output)
-    assert "nowhere recorded" in result.output
+    assert "not recorded" in result.output
 
 
 def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_be_had(tmp_path: Path) -> None:
@@ -63,12 +63,12 @@ def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_b
     record = record_of(RunRequest(str(mission), simulate="fast", eyes="truth"), tmp_path / "mine.mcap")
     mission.write_text(GREET.replace("within: 5 deg", "within: 2 deg"))
     result = rerun(record.path)
-    assert result.output.splitlines()[0] == f"{mission} has changed since"
+    assert result.output.splitlines()[0] == f"{mission} has changed since the run"
     assert result.return_value == 1
     assert rerun(record.path, "--recorded").return_value == 0
     mission.unlink()
     result = rerun(record.path)
-    assert result.output.splitlines()[0] == f"{mission} is gone since"
+    assert result.output.splitlines()[0] == f"{mission} no longer exists"
     assert result.return_value == 0
 
 
@@ -82,10 +82,10 @@ def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: 
     size = leaf.stat().st_size
     leaf.write_text(f"open({str(mark)!r}, 'w').close()\n{leaf.read_text()}")
     said = refused(commands.rerun, path)
-    assert f"holds Python that would be run:\n  behaviours/mine.py, {size} bytes, of {leaf}\n" in said
+    assert f"holds Python code that would be run:\n  behaviours/mine.py, {size} bytes, from {leaf}\n" in said
     assert f"try: mission record export {path} --folder FOLDER" in said
     result = rerun(path, "--trust-code")
-    assert f"running the Python of {path}:\n  behaviours/mine.py, {size} bytes" in result.output
+    assert f"running the Python code of {path}:\n  behaviours/mine.py, {size} bytes" in result.output
     assert result.return_value == 0
     assert not mark.exists()
     assert rerun(path, "--behaviours", leaf).return_value == 0
@@ -98,7 +98,7 @@ def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
     mission.write_text("mission: wave\ntree:\n  sequence:\n    - gesture: hello\n")
     result = rerun(record.path, "--mission", mission)
     assert result.return_value == 2
-    assert "gesture (line 4) asks for arm.limits, which it has never heard" in result.output
+    assert "gesture (line 4) queries arm.limits, which has no recorded reply" in result.output
 
 
 def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: RunRecord, tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_what_cannot_be_is_refused_with_words(
 def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "greet.mcap"
     path.write_text("mission: greet\n")
-    with pytest.raises(InvalidRecordError, match="no record"):
+    with pytest.raises(InvalidRecordError, match="not a record"):
         CliRunner().invoke(commands.rerun, [str(path)], catch_exceptions=False)
 
 
@@ -174,7 +174,7 @@ def test_frames_become_pictures_in_a_folder(pictured: RunRecord, tmp_path: Path)
 def test_todays_eyes_find_what_was_found_then(pictured: RunRecord) -> None:
     result = rerun(pictured.path, "--see")
     assert result.return_value == 0
-    assert re.search(r"\d+ pictures searched again: 1 found as then, 0 lost, 0 new\n  found  face", result.output)
+    assert re.search(r"\d+ pictures searched again: 1 found as before, 0 lost, 0 new\n  found  face", result.output)
 
 
 def test_keys_play_it_at_a_terminal(greeted: RunRecord) -> None:

@@ -120,7 +120,7 @@ def test_what_was_never_heard_cannot_be_decided(robot: RobotConfig, tmp_path: Pa
     found = again(looked, mission, robot)
     assert not found.is_identical
     assert found.unanswered.startswith("in tick 1, at 0.0")
-    assert found.unanswered.endswith("gesture (line 3) asks for arm.limits")
+    assert found.unanswered.endswith("gesture (line 3) queries arm.limits")
 
 
 def test_an_answer_that_was_another_is_a_difference(greeting: Past, robot: RobotConfig) -> None:

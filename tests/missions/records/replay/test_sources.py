@@ -86,7 +86,7 @@ def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[RunRecord, Path],
     assert found.is_identical
     assert found.nodes == 4
     assert sorted(changed) == sorted(
-        f"{folder / path} is gone since"
+        f"{folder / path} no longer exists"
         for path in ("mine.yaml", "inner.yaml", "gestures/nod.yaml", "behaviours/counting.py")
     )
 
@@ -106,7 +106,7 @@ def test_what_has_changed_today_counts_unless_the_recorded_is_asked_for(
     file.write_text(file.read_text().replace(was, becomes))
     found, changed = again(record, tmp_path / "today")
     assert not found.is_identical
-    assert changed == [f"{file} has changed since"]
+    assert changed == [f"{file} has changed since the run"]
     assert again(record, tmp_path / "recorded", recorded=True)[0].is_identical
 
 
@@ -118,7 +118,7 @@ def test_python_is_taken_from_the_record_or_from_where_the_user_says(
     file.write_text(LEAF.replace(">= self.most", "> self.most"))
     found, changed = again(record, tmp_path / "trusted")
     assert found.is_identical
-    assert changed == [f"{file} has changed since"]
+    assert changed == [f"{file} has changed since the run"]
     assert not again(record, tmp_path / "own", code=[file])[0].is_identical
 
 
@@ -127,7 +127,7 @@ def test_python_is_not_run_unless_it_is_trusted(mine: tuple[RunRecord, Path], tm
     sources = RerunFiles(record.header, record.files, tmp_path / "unpacked")
     sources.unpack()
     (line,) = sources.foreign_code()
-    assert line == f"behaviours/counting.py, {len(LEAF)} bytes, of {folder / 'behaviours/counting.py'}"
+    assert line == f"behaviours/counting.py, {len(LEAF)} bytes, from {folder / 'behaviours/counting.py'}"
     with pytest.raises(InvalidFileError, match="unknown behaviour 'count_ticks'"):
         sources.plan(sources.robot())
 
@@ -172,5 +172,5 @@ def test_no_name_of_a_file_leads_out_of_the_folder(greeted: RunRecord, tmp_path:
 
 def test_no_file_of_a_record_hides_behind_another(greeted: RunRecord, tmp_path: Path) -> None:
     files = {"behaviours/mine.py": b"good", "behaviours/../mine.py": b"evil"}
-    with pytest.raises(InvalidRecordError, match=r"two files of the record go by one name: behaviours/\.\./mine\.py"):
+    with pytest.raises(InvalidRecordError, match=r"two files of the record have the same name: behaviours/\.\./mine\.py"):
         RerunFiles(greeted.header, files, tmp_path / "unpacked").unpack()

@@ -70,7 +70,7 @@ def test_else_it_is_written_beside_the_record(report: Report, record: RunRecord,
 
 @pytest.mark.parametrize(
     ("option", "name", "words"),
-    [("-o", "m.pdf", "a report is a page of HTML\n  try: -o "), ("--plots", "m.png", "would become a folder")],
+    [("-o", "m.pdf", "not the name of an HTML page\n  try: -o "), ("--plots", "m.png", "would become a folder")],
 )
 def test_a_name_that_ends_as_something_else_is_refused(
     report: Report, record: RunRecord, tmp_path: Path, option: str, name: str, words: str
@@ -118,7 +118,7 @@ def test_what_is_no_record_is_said_with_what_to_try(report: Report, tmp_path: Pa
     (tmp_path / "m.yaml").write_text("mission: m\n")
     told = report(tmp_path / "m.yaml")
     assert told.exit_code == 2
-    assert "no record" in told.output
+    assert "not a record" in told.output
     assert "try: mission " in told.output
     assert report(tmp_path / "none.mcap").exit_code == 2
 

@@ -129,10 +129,10 @@ def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_no
 def test_a_report_has_a_section_on_joints_and_says_the_worst(tmp_path: Path) -> None:
     found = study_record(record_of(tmp_path, elbow=waves))
     assert (
-        "The joints were 1.49° off their goals (root mean square), and 3.0° at most: elbow, at 1.50 s."
+        "Joint error: 1.49° root mean square, 3.0° at most (elbow, at 1.50 s)."
         in summary_sentences(found)
     )
-    assert "Their motors did 3 J." in summary_sentences(found)
+    assert "Work of the motors: 3 J." in summary_sentences(found)
     text = report_page(found)
     assert "<h2>Joints</h2>" in text
     assert "elbow, °" in text
@@ -154,7 +154,7 @@ def run(*arguments: object) -> Result:
 def test_the_command_tells_the_figures_as_a_table_as_json_and_for_a_spreadsheet(tmp_path: Path) -> None:
     path = record_of(tmp_path, elbow=waves).path
     told = run(path).output.splitlines()
-    assert " ".join(told[0].split()) == "joint rms deg at most deg at s motor J load % degC samples"
+    assert " ".join(told[0].split()) == "joint rms deg max deg at s motor J load % degC samples"
     assert told[1].split() == ["elbow", "1.49", "+3.0", "1.50", "2.9", "+50", "39", "40"]
     (joint,) = json.loads(run(path, "--json").output)["joints"]
     (row,) = csv.DictReader(io.StringIO(run(path, "--csv").output))
@@ -164,7 +164,7 @@ def test_the_command_tells_the_figures_as_a_table_as_json_and_for_a_spreadsheet(
 
 def test_the_command_says_so_where_there_are_no_joints(tmp_path: Path) -> None:
     result = run(write(tmp_path / "m.mcap", items()))
-    assert (result.exit_code, result.output) == (0, "no joint was heard of in this record\n")
+    assert (result.exit_code, result.output) == (0, "no joint states in this record\n")
 
 
 # --- files from strangers ---------------------------------------------------------------------------------------------
@@ -189,7 +189,7 @@ def test_numbers_that_no_joint_has_are_left_out(tmp_path: Path, word: str, value
 @each("value", ["far", [], {}, 10**400, None])
 def test_what_is_no_number_is_told(tmp_path: Path, value: object) -> None:
     record = foreign(tmp_path, [("elbow", {"position": value})])
-    with pytest.raises(InvalidRecordError, match="holds what this MissionTree does not understand"):
+    with pytest.raises(InvalidRecordError, match="malformed record"):
         joint_samples(record)
 
 

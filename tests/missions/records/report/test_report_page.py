@@ -58,20 +58,20 @@ def test_a_report_asks_no_other_host_and_nothing_goes_wrong(tab: Tab, file: Path
 def test_a_report_has_its_parts_by_name(tab: Tab) -> None:
     assert tab.find("heading", "Mission m").name == f"Mission m {SIGNS['failure']} failure"
     assert [heading.name for heading in tab.all("heading")[1:]] == [
-        "At this moment",
+        "State",
         "Variables, in SI units",
         "Timeline",
-        "What it saw",
+        "Pictures and percepts",
         "Head and base",
         "Faults and reflexes",
-        "Said and logged",
+        "Speech and log",
         "About this record",
     ]
     tab.find("tree", "Mission m")
-    tab.find("image", "drive: 1 time, 1.00 s in all; 1 failure")
-    tab.find("image", "Speed, asked 0 to 0.2 m/s, measured 0 to 0.2 m/s")
-    tab.find("image", "The way of the base from above, 0.2 m long")
-    assert "What it failed by was drive (m.yaml, line 2), at 5.00 s" in tab.text()
+    tab.find("image", "drive: 1 time, 1.00 s in total; 1 failure")
+    tab.find("image", "Speed, setpoint 0 to 0.2 m/s, measured 0 to 0.2 m/s")
+    tab.find("image", "Path of the base from above, 0.2 m long")
+    assert "Cause of the failure: drive (m.yaml, line 2), at 5.00 s" in tab.text()
 
 
 def test_the_slider_moves_the_tree_the_variables_the_picture_and_the_charts(tab: Tab) -> None:
@@ -210,4 +210,4 @@ def test_a_real_run_is_reported(browser: Browser, alone: RunRecord, tmp_path: Pa
     tab.find("button", "Next failure").click()
     assert root(tab) == "failure"
     tab.find("image", "Plan of the world empty")
-    assert "What it saw" not in [heading.name for heading in tab.all("heading")]
+    assert "Pictures and percepts" not in [heading.name for heading in tab.all("heading")]

@@ -36,9 +36,9 @@ series = st.lists(st.tuples(st.floats(0, 100), values), min_size=1, max_size=300
 
 def test_there_is_a_chart_for_all_that_moved(found: RecordStudy) -> None:
     assert [(drawn.key, [line.name for line in drawn.lines]) for drawn in found.charts] == [
-        ("speed", ["asked", "measured"]),
-        ("pan", ["asked", "measured"]),
-        ("tracking", ["to the side", "up and down"]),
+        ("speed", ["setpoint", "measured"]),
+        ("pan", ["setpoint", "measured"]),
+        ("tracking", ["horizontal", "vertical"]),
         ("battery", ["charge"]),
     ]
 

@@ -35,13 +35,13 @@ def said_of(tmp_path: Path, what: list[Item | LossItem], *, eyes: str = "pixels"
 def test_a_summary_says_how_it_went_and_why(found: RecordStudy) -> None:
     assert list(summary_sentences(found)) == [
         f"It failed after 6.00 s and 119 ticks: {HOSTILE}.",
-        "What it failed by was drive (m.yaml, line 2), at 5.00 s.",
-        "No action failed besides.",
-        "Most of the time went into track_face: 2.90 s (m.yaml, line 3).",
+        "Cause of the failure: drive (m.yaml, line 2), at 5.00 s.",
+        "No other action failed.",
+        "Longest action: track_face, 2.90 s (m.yaml, line 3).",
         f"1 fault report, first at 4.50 s: base offline: {HOSTILE}.",
-        "1 of 119 ticks came more than a tick late, worst by 80 ms at 3.00 s.",
-        "The base drove 0.2 m and turned 0° in all.",
-        "What it followed was 11.5° from the middle of the picture (root mean square), and 11.5° at most, at 1.01 s.",
+        "1 of 119 ticks were more than a tick late, at most 80 ms at 3.00 s.",
+        "The base drove 0.2 m and turned 0° in total.",
+        "Tracking error: 11.5° root mean square, 11.5° at most, at 1.01 s.",
         "The battery went from 80 % to 74 %.",
         "It saw face 1: first at 1.01 s.",
     ]
@@ -68,7 +68,7 @@ def test_a_quantity_of_a_record_has_its_unit() -> None:
 def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path: Path) -> None:
     lost = [NodeChanged(t, 20, "1.1", "track_face", "track_face", 1, "failure", "lost it") for t in (1.0, 2.0)]
     told = said_of(tmp_path, [*items(), *lost])
-    assert "Actions failed besides twice, first track_face (m.yaml, line 3), at 1.00 s: lost it." in told
+    assert "Other actions failed twice, first track_face (m.yaml, line 3), at 1.00 s: lost it." in told
 
 
 def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: RecordStudy) -> None:
@@ -85,7 +85,7 @@ def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
         "It succeeded after 1.00 s and 20 ticks.",
         "No action failed.",
         "No part of the robot reported a fault.",
-        "There is no camera in this record.",
+        "It used no camera.",
     ]
 
 
@@ -93,25 +93,25 @@ def test_the_time_that_a_robot_took_to_get_ready_is_said_and_is_not_on_the_timel
     late = [item for item in items() if not isinstance(item, TickRecord | NodeChanged) or item.t >= 3.0]
     path = write(tmp_path / "late.mcap", late)
     found = study_record(open_record(path))
-    assert list(summary_sentences(found))[1] == "Its first tick was at 3.00 s: so long the robot took to get ready."
+    assert list(summary_sentences(found))[1] == "The robot took 3.00 s to get ready."
     assert (found.slider.start, found.slider.end) == (3.0, 6.0)
     assert min(time for drawn in found.charts for line in drawn.lines for time, _ in line.points) >= 3.0
 
 
 def test_a_record_that_was_cut_off_says_that_the_end_is_not_in_it(tmp_path: Path) -> None:
     told = said_of(tmp_path, [item for item in items() if not isinstance(item, Ended)])
-    assert told[0] == "The record ends at 6.00 s, before the mission did: how the mission ended is not in it."
+    assert told[0] == "The record ends at 6.00 s, before the mission did; the result of the mission is not recorded."
 
 
 def test_what_was_lost_is_said_and_so_is_that_it_saw_nothing(tmp_path: Path) -> None:
     blind = [replace_view(item) for item in items() if not isinstance(item, PictureItem)]
     told = said_of(tmp_path, [*blind, LossItem({"/camera": 3}, "the disk was slow")])
     assert told[-2:] == [
-        "It saw nobody and nothing that it knows.",
-        "Not all of it was recorded: 3 messages lost (3 on /camera).",
+        "It saw no face, object or marker.",
+        "The record is incomplete: 3 messages lost (3 on /camera).",
     ]
     unseen = [item for item in blind if not isinstance(item, ViewItem)]
-    assert said_of(tmp_path, [*unseen])[-1] == "What it saw is not in this record."
+    assert said_of(tmp_path, [*unseen])[-1] == "Its percepts are not recorded."
 
 
 def replace_view(item: Item) -> Item:

@@ -61,5 +61,5 @@ def test_what_is_no_record_is_told_and_left_out(path: Path, tmp_path: Path) -> N
     broken.write_text("hello")
     result = run(broken, path)
     assert result.return_value == 2
-    assert f"mission: {broken}: no record" in result.stderr
+    assert f"mission: {broken}: not a record" in result.stderr
     assert "1 record (1 success)" in result.stdout

@@ -1,4 +1,4 @@
-"""What the messages of a record look like: a JSON Schema (draft 2020-12) for each. A test holds their bytes."""
+"""JSON Schemas (draft 2020-12) of the messages of a record. A test compares their bytes."""
 
 import json
 
@@ -6,7 +6,7 @@ from missions.plugins.records.recording.schemas.definitions import FOXGLOVE_SCHE
 
 
 def schema(name: str) -> bytes:
-    """Return the schema of that name, ``foxglove.Log`` or ``missiontree.Moment``, without blanks."""
+    """Return a schema by name, such as ``foxglove.Log`` or ``missiontree.Moment``, as compact JSON."""
     found = MISSIONTREE_SCHEMAS.get(name) or FOXGLOVE_SCHEMAS[name]
     described = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": name, **found}
     return json.dumps(described, separators=(",", ":"), ensure_ascii=False).encode()

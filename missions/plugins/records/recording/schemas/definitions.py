@@ -1,4 +1,4 @@
-"""The messages of our own."""
+"""Schema definitions of the messages."""
 
 from collections.abc import Mapping
 
@@ -9,38 +9,38 @@ Schema = dict[str, object]
 
 
 def typed(kind: str, description: str = "", **more: object) -> Schema:
-    """Return what a value of a kind of JSON is."""
+    """Return the schema of a JSON type."""
     return ({"description": description} if description else {}) | {"type": kind} | more
 
 
 def string(description: str = "") -> Schema:
-    """Return a text."""
+    """Return the schema of a string."""
     return typed("string", description)
 
 
 def number(description: str = "") -> Schema:
-    """Return a finite number."""
+    """Return the schema of a finite number."""
     return typed("number", description)
 
 
 def integer(description: str = "", **bounds: int) -> Schema:
-    """Return a whole number."""
+    """Return the schema of an integer."""
     return typed("integer", description, **bounds)
 
 
 def boolean(description: str) -> Schema:
-    """Return true or false."""
+    """Return the schema of a boolean."""
     return typed("boolean", description)
 
 
 def nullable(schema: Schema) -> Schema:
-    """Return what may be null, too."""
+    """Return ``schema`` extended by null."""
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
     return schema | {"type": [*kinds, "null"]}
 
 
 def any_float(description: str) -> Schema:
-    """Return a number that need not be finite."""
+    """Return the schema of a number that may be infinite or NaN."""
     pattern = {"pattern": "^(nan|-?inf)$"}
     return {
         "description": f'{description} Not finite: "nan", "inf" or "-inf".',
@@ -50,37 +50,37 @@ def any_float(description: str) -> Schema:
 
 
 def enumeration(description: str, *words: str) -> Schema:
-    """Return one of some words."""
+    """Return the schema of one of several words."""
     return {"description": description, "enum": [*words]}
 
 
 def array(description: str, items: Schema, **more: object) -> Schema:
-    """Return a list."""
+    """Return the schema of a list."""
     return typed("array", description, items=items, **more)
 
 
 def mapping_of(description: str, values: Schema) -> Schema:
-    """Return values under names of their own."""
+    """Return the schema of an object with arbitrary keys."""
     return typed("object", description, additionalProperties=values)
 
 
 def open_object(about: str, /, **members: Schema) -> Schema:
-    """Return an object that may have other members too."""
+    """Return the schema of an object that may have further members."""
     return typed("object", about, properties=members, required=[*members])
 
 
 def closed_object(about: str, /, **members: Schema) -> Schema:
-    """Return an object that has no other members."""
+    """Return the schema of an object without further members."""
     return open_object(about, **members) | {"additionalProperties": False}
 
 
 def number_object(description: str, names: str) -> Schema:
-    """Return an object of numbers that have a letter each."""
+    """Return the schema of an object of numbers, one for each letter of ``names``."""
     return open_object(description, **{name: number() for name in names})
 
 
 TIME = number("Seconds of the run.")
-"""When, in every message of ours."""
+"""Schema of ``t`` in all our messages."""
 
 
 # The messages that Foxglove knows (docs.foxglove.dev/docs/sdk/schemas), with fields of ours.
@@ -180,11 +180,11 @@ FOXGLOVE_SCHEMAS: Mapping[str, Schema] = {
         intensities=array("None.", number()),
     ),
 }
-"""What a message of each schema holds, by its name."""
+"""Foxglove's message schemas by name, with our extra fields."""
 
 
 def _percepts(about: str, /, **members: Schema) -> Schema:
-    """Return a list of what perception follows: what all of it has, and ``members``."""
+    """Return the schema of a list of tracked percepts, with the common fields and ``members``."""
     return array(about, open_object("", **_PERCEPT, **members))
 
 
@@ -441,11 +441,11 @@ MISSIONTREE_SCHEMAS: Mapping[str, Schema] = {
                 detail=string("What is the matter."),
                 hint=string("What to type next."),
                 counters=mapping_of("Totals since it was opened.", integer()),
-                returned=nullable(
+                reconnected_at=nullable(
                     number("Seconds of the run at which it was last back from a long absence; null without one.")
                 ),
             ),
         ),
     ),
 }
-"""What a message of each schema holds, by its name."""
+"""Our message schemas by name."""

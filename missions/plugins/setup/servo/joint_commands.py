@@ -1,4 +1,4 @@
-"""``mission servo torque`` and ``move``: joints by hand."""
+"""``mission servo torque`` and ``move``: switch torque, and move joints."""
 
 from collections.abc import Collection, Sequence
 from functools import partial
@@ -32,13 +32,13 @@ from missions.plugins.setup.servo.leaf_run import run_leaf
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 RECOVERY_TIMEOUT = 3.0
-"""Seconds within which a servo that was revived tells that it is stiff: those of protocol 2.0 start again for it."""
+"""Maximum seconds until a recovered servo reports torque: those of protocol 2.0 restart for it."""
 
 MIN_SPEED = radians(1)
-"""rad/s: slower than that no joint can be told to go."""
+"""Lowest speed of a joint, in rad/s."""
 
 BOOT_TIME = 1.0
-"""Seconds after which a servo that was restarted answers."""
+"""Seconds until a restarted servo replies."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo torque off --robot turtlebot2_arm")
@@ -47,15 +47,15 @@ BOOT_TIME = 1.0
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP|ID]...")
 @hold_option
 def torque(target: ServoTarget, state: str, joints: tuple[str, ...], yes: bool) -> int:
-    """Make joints stiff (on) or limp (off), `restart` one servo, or `recover` those that have shut down.
+    """Switch the torque of joints on or off, `restart` one servo, or `recover` those that have shut down.
 
-    All joints, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so
-    afterwards. A limp arm falls: `off` waits until you hold it and press Enter; without a terminal it needs --yes.
-    Exit code 1 where a servo did not confirm it, has shut down, or is not what the robot file says.
+    All joints, if you name none; `on` holds them where they are, with the torque limit of the robot file. The torque
+    stays so. An arm without torque falls: `off` waits until you hold it and press Enter; without a terminal it needs
+    --yes. Exit code 1: a servo did not confirm it, has shut down, or is not as in the robot file.
 
-    `restart` starts a servo of protocol 2.0 anew, which is limp then; hold the arm, as for `off`. `recover` makes
-    servos stiff again that have shut down after an overload or heat, then brings the arm to the rest that its file
-    asks for. First remove the cause: free the joint, or let the servo cool.
+    `restart` restarts a servo of protocol 2.0, whose torque is off then; hold the arm, as for `off`. `recover` switches
+    the torque of servos on again that have shut down after an overload or heat, then brings the arm to rest as its file
+    says. First remove the cause: free the joint, or let the servo cool.
     """
     if state == "restart":
         if len(joints) != 1:
@@ -90,12 +90,12 @@ def _switch_torque(target: ServoTarget, joints: Collection[str], *, yes: bool, o
                 failed += 1
                 click.echo(f"{joint.title}: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
             else:
-                click.echo(f"{joint.title} is {'stiff' if on else 'limp'}")
+                click.echo(f"{joint.title}: torque {'on' if on else 'off'}")
     return FAILURE if failed else SUCCESS
 
 
 def _may_have_torque(bench: OpenBus, joint: Joint) -> bool:
-    """Whether a joint has torque, or does not say so. Raises NotConnected."""
+    """Return whether a joint has torque, or does not reply. Raises NotConnected."""
     try:
         return bool(bench.bus.read(joint.address, joint.model.table["torque_enable"]))
     except (NoReply, BadRequest):
@@ -103,16 +103,16 @@ def _may_have_torque(bench: OpenBus, joint: Joint) -> bool:
 
 
 def _enable_torque(bench: OpenBus, joint: Joint) -> None:
-    """Make a joint stiff where it stands, with the speed and the force that the robot file gives it.
+    """Switch torque on at the present position, with the speed and torque of the robot file.
 
-    Raises DeviceFault where its servo is not what the file says, has shut down, or stays limp; NoReply, NotConnected,
-    BadRequest.
+    Raises DeviceFault if its servo is not as in the file, has shut down, or keeps its torque off; NoReply,
+    NotConnected, BadRequest.
     """
     bus = bench.bus
     if complaint := find_mismatch(bus, joint):
         raise DeviceFault(complaint, hint=joint.hint or f"mission servo info {joint.spec.id}{bench.options}")
     if joint.reports_shutdown:
-        raise DeviceFault("has shut down, and was left as it is", hint=SHUTDOWN_HINT)
+        raise DeviceFault("has shut down; its torque stays off", hint=SHUTDOWN_HINT)
     joint.torque_request = True
     restore_settings(bus, joint, now=bench.clock.now())
     if not bus.read(joint.address, joint.model.table["torque_enable"]):
@@ -127,11 +127,11 @@ def _enable_torque(bench: OpenBus, joint: Joint) -> None:
 @partial(target_options, baud=False)
 @click.argument("joint")
 @click.argument("angle", nargs=-1, required=True)
-@click.option("--speed", metavar="SPEED", help='Such as "45 deg/s"; as fast as the file allows without it.')
+@click.option("--speed", metavar="SPEED", help='Speed, such as "45 deg/s"; by default the limit in the robot file.')
 def move(target: ServoTarget, joint: str, angle: tuple[str, ...], speed: str | None) -> int:
     """Move a joint, and wait for it.
 
-    Then the arm comes to the rest that its file asks for. Exit code 1 where the joint does not arrive.
+    Then the arm comes to rest as its file says. Exit code 1: the joint does not arrive.
     """
     try:
         goal = si_value(" ".join(angle), "angle")
@@ -152,7 +152,7 @@ def move(target: ServoTarget, joint: str, angle: tuple[str, ...], speed: str | N
 def _move_joint(
     target: ServoTarget, config: RobotConfig, joint: str, requested: float, pace: float | None, limits: JointLimits
 ) -> int:
-    """Move it within its limits (rad, rad/s), and say where it is then."""
+    """Move a joint within its limits (rad, rad/s), and print its position."""
     goal = min(max(requested, limits.lower), limits.upper)
     clamped = "" if goal == requested else f", its limit for {degrees(requested):+.1f} deg"
     speed = {} if pace is None else {"speed": f"{min(pace, limits.speed):.9f} rad/s"}
@@ -164,7 +164,7 @@ def _move_joint(
 
 
 def _restart_servo(target: ServoTarget, servo: str, *, yes: bool) -> int:
-    """Restart a servo of protocol 2.0, which is limp afterwards: also the way out of an overload there."""
+    """Restart a servo of protocol 2.0, which also clears an overload; its torque is off then."""
     with open_bus(target) as bench:
         at, model = bench.servo(servo)
         if at.protocol != 2:
@@ -179,12 +179,12 @@ def _restart_servo(target: ServoTarget, servo: str, *, yes: bool) -> int:
         bench.bus.reboot(at)
         pause(BOOT_TIME)
         bench.bus.ping(at)
-    click.echo(f"servo {at.id} has restarted, and is limp")
+    click.echo(f"servo {at.id} has restarted; its torque is off")
     return SUCCESS
 
 
 def _recover_servos(target: ServoTarget) -> int:
-    """Make servos stiff again that have shut down."""
+    """Switch the torque of servos on again that have shut down."""
     with open_arm(target) as arm:
         names = arm.joints.recover()
         stiff = _wait_for_torque(arm, names)
@@ -193,17 +193,17 @@ def _recover_servos(target: ServoTarget) -> int:
         click.echo("no servo has shut down" if not health.detail else health.detail, err=bool(health.detail))
         return FAILURE if health.detail else SUCCESS
     if stiff:
-        click.echo(f"stiff again: {', '.join(stiff)}")
+        click.echo(f"torque is on again: {', '.join(stiff)}")
         if arm.config.at_end == "relax":
-            click.echo("limp again, as the robot file asks (at_end: relax)")
+            click.echo("torque is off again, as the robot file says (at_end: relax)")
     if len(stiff) < len(names):
-        click.echo(f"still limp: {', '.join(name for name in names if name not in stiff)}", err=True)
+        click.echo(f"torque is still off: {', '.join(name for name in names if name not in stiff)}", err=True)
         return FAILURE
     return SUCCESS
 
 
 def _wait_for_torque(arm: OpenArm, names: Sequence[str]) -> list[str]:
-    """Return which of the joints tell, before ``RECOVERY_TIMEOUT`` is over, that they are stiff."""
+    """Return the joints that report torque before ``RECOVERY_TIMEOUT``."""
     begun = arm.clock.now()
     while True:
         told = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
