@@ -223,9 +223,9 @@ class Table:
         self._turns = 0
         Path("bus.yaml").write_text(case.file)
         bench = "missions.plugins.setup.servo.connections"
-        patch.setattr(f"{bench}.Bus", partial(ServoBus, dial=self.line.dial))
+        patch.setattr(f"{bench}.ServoBus", partial(ServoBus, dial=self.line.dial))
         patch.setattr(f"{bench}.SystemClock", lambda: self.clock)
-        for module in ("bench", "drive"):
+        for module in ("connections", "joint_commands"):
             patch.setattr(f"missions.plugins.setup.servo.{module}.pause", self.pause)
         patch.setattr("missions.plugins.setup.servo.connections.KeyReader", self.keys)
         patch.setattr("sys.stdin", Typing())

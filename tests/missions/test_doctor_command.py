@@ -116,7 +116,7 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     assert found["arm", "elbow (servo 2)"]["message"].startswith("AX-12A, firmware")
     nano = found["head", "port"]
     assert nano["verdict"] == "ok"
-    assert "left alone" in nano["message"]
+    assert "not probed" in nano["message"]
     assert json.loads(told.out)["ok"] is True
     assert found["voice", "driver"]["message"] == "print: not checked, because its driver has no check-up"
     assert found["base", "delay"]["message"] == "not learnt yet"
@@ -148,7 +148,7 @@ def test_parts_that_are_not_plugged_in_are_told(mission: Mission, desk: Recorded
     assert told.code == 1
     found = findings(told)
     for part, port in (("base", "/dev/kobuki"), ("head", "/dev/nano"), ("arm", "/dev/u2d2")):
-        assert found[part, "port"]["message"] == f"nothing is plugged in at {port}"
+        assert found[part, "port"]["message"] == f"no device at {port}"
         assert found[part, "port"]["fix"].startswith("mission ports")
 
 
@@ -345,7 +345,7 @@ def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
     kept = json.loads(checkup_file().read_text())
     told = {(each["part"], each["about"]): each for each in kept["ailing"]}
     assert kept["robot"] == "kit"
-    assert told["base", "port"]["message"] == "nothing is plugged in at /dev/USER"
+    assert told["base", "port"]["message"] == "no device at /dev/USER"
     assert told["base", "port"]["verdict"] == "wrong"
     assert all(each["verdict"] != "ok" for each in kept["ailing"])
 
@@ -374,7 +374,10 @@ def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mi
     file.write_text("robot: nobody\n")
     gone = mission(*at)
     assert gone.code == 1
-    assert f"robot: this computer's own, by {file}, cannot be used: {file}: 'robot': unknown robot 'nobody'" in gone.out
+    assert (
+        f"robot: this computer's own robot, set in {file}, cannot be used: {file}: 'robot': unknown robot 'nobody'"
+        in gone.out
+    )
     assert "try: mission robot use NAME, or: mission robot use --none" in gone.out
     Path("bad.yaml").write_text("robot: bad\nbase: {driver: kobuki}\n")
     file.write_text(f"robot: {Path('bad.yaml').absolute()}\n")
@@ -384,7 +387,7 @@ def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mi
     assert "cannot be used" in mission(*at).out
     file.write_text(f"robot: {Path('kit.yaml').absolute()}\n")
     assert (
-        f"robot: kit ({Path('kit.yaml').absolute()}), this computer's own by {file}: base, head, arm"
+        f"robot: kit ({Path('kit.yaml').absolute()}), this computer's own, set in {file}: base, head, arm"
         in mission(*at).out
     )
     assert "this computer's own" not in mission("--robot", "kit.yaml", *at).out
@@ -396,9 +399,9 @@ def test_a_folder_that_cannot_be_written_is_wrong(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     (found,) = check_folders()
     assert (found.verdict, found.message) == (
-        "wrong", f"{tmp_path}/file/missiontree, of the state: {tmp_path}/file is not a folder"
+        "wrong", f"state folder {tmp_path}/file/missiontree: {tmp_path}/file is not a folder"
     )  # fmt: skip
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr(os, "access", lambda path, _: Path(path) != tmp_path)  # root may write everywhere
     (found,) = check_folders()
-    assert found.message.endswith(f"of the state: {tmp_path} cannot be written")
+    assert found.message.endswith(f": {tmp_path} is not writable")

@@ -62,7 +62,7 @@ def test_a_joint_that_does_not_move_is_told() -> None:
     leaf = nudged(bench)
     play(bench, leaf)
     assert leaf.status is FAILURE
-    assert leaf.reason == "it was sent 4 deg, and went 0.0"
+    assert leaf.reason == "commanded 4 deg, moved 0.0"
 
 
 def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None:
@@ -114,9 +114,9 @@ def test_each_joint_is_asked_for_moved_and_asked_about(plugged: PseudoTerminal) 
         ("elbow", "wrong", "the motion did not match the command"),
     ]
     assert asked == [
-        "arm: shoulder goes 4 degrees to one side, and back; the arm is switched on. May it?",
+        "arm: shoulder goes 4 degrees to one side, and back; the arm is switched on. Continue?",
         "Did shoulder move, and nothing else?",
-        "arm: elbow goes 4 degrees to one side, and back; the arm is switched on. May it?",
+        "arm: elbow goes 4 degrees to one side, and back; the arm is switched on. Continue?",
         "Did elbow move, and nothing else?",
     ]
     assert found[1].finding.fix.startswith("mission servo scan --robot kit.yaml")

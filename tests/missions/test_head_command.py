@@ -47,7 +47,7 @@ def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission:
 
 def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Mission) -> None:
     outcome = mission("where", "--json", "--robot", "mine.yaml", "--simulate")
-    assert "where it was left" in outcome.err
+    assert "its board does not report its pose" in outcome.err
     # Its board has just been switched on: its sketch has put the servos at 90 and 120 degrees, and tilt is flipped.
     assert json.loads(outcome.out) == {
         "head_pan": {"from": -80.0, "to": 80.0, "trim": 0.0, "angle": 0.0},
@@ -132,7 +132,7 @@ def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(missi
     outcome = mission("trim", "--robot", "mine.yaml", "--simulate", "--pan", "4", "--tilt", "-3.5", "--keep")
     assert (outcome.code, outcome.out.splitlines()[-1]) == (
         0,
-        "trimmed: pan +4 deg, tilt -3.5 deg; written into mine.yaml",
+        "trimmed: pan +4 deg, tilt -3.5 deg; written to mine.yaml",
     )
     after = Path("mine.yaml").read_text()
     assert after.replace("{trim: 4 deg, ", "{").replace("{trim: -3.5 deg, ", "{") == before != after
@@ -155,7 +155,7 @@ def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission:
         (("trim",), 2, "the arrow keys need a terminal"),
         (("trim", "--pan", "50"), 3, "not within -45..45 deg"),
         (("look", "--pan", "nan"), 2, "'nan' is not an angle"),
-        (("look", "--port", "/dev/nano"), 2, "--port names a real port"),
+        (("look", "--port", "/dev/nano"), 2, "--port needs --robot NAME"),
         (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
     ],
 )

@@ -97,12 +97,12 @@ def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "say what to listen for"),
-        (("greet", "--for", "yes"), "say what to listen for"),
+        ((), "no phrases given"),
+        (("greet", "--for", "yes"), "no phrases given"),
         (("greet",), "mission 'greet' does not listen for anything"),
         (("--for", "yes, route 66"), "it has digits"),
         (("--for", "yes", "--robot", "head"), "has no microphone"),
-        (("--for", "yes", "--param", "a=b"), "are for a mission"),
+        (("--for", "yes", "--param", "a=b"), "need a mission"),
         (("--for", "yes", "--threshold", "nan"), "'nan' is not a number"),
         (("--for", "yes", "--threshold", "11"), "must be between -10 and 10"),
     ],

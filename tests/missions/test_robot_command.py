@@ -61,7 +61,10 @@ def test_a_computer_can_have_no_robot_again(mission: Mission) -> None:
     assert mission("robot", "use", "--none").out == "this computer has no robot of its own\n"
     mission("robot", "use", "humanoid")
     told = mission("robot", "use", "--none")
-    assert (told.code, told.out) == (0, f"humanoid is this computer's robot no more: {config_folder()}/defaults.yaml\n")
+    assert (told.code, told.out) == (
+        0,
+        f"humanoid is no longer this computer's robot: {config_folder()}/defaults.yaml\n",
+    )
     assert load_defaults().robot == ""
     assert "no robot is this computer's own" in mission("robot", "show").err
     assert mission("robot", "use", "--none", "humanoid").code == 2
@@ -206,14 +209,14 @@ def test_each_part_is_compared_with_what_answers(mission: Mission, desk: Recorde
     assert "ok       base reports: 50 a second" in lines
     assert "ok       arm waist_turn (servo 1): AX-12A, firmware 24, 12.0 V, 35 degC" in lines
     assert "wrong    arm wrist_roll (servo 9): does not answer" in lines
-    assert "wrong    head port: nothing is plugged in at /dev/nano" in lines
+    assert "wrong    head port: no device at /dev/nano" in lines
     assert "         try: mission ports  (lists the ports and their names)" in lines
 
 
 def test_the_command_says_what_is_wrong_and_ends_with_1(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("robot", "check", "turtlebot2", "--root", str(desk.root))
     assert told.code == 1
-    assert "wrong    base port: nothing is plugged in at /dev/kobuki\n         try: mission ports" in told.out
+    assert "wrong    base port: no device at /dev/kobuki\n         try: mission ports" in told.out
 
 
 def test_what_is_ones_own_is_listed_and_completed_also_beside_a_broken_file(mission: Mission) -> None:

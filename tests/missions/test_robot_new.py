@@ -77,7 +77,7 @@ class Workbench:
         self.desk = RecordedMachine(folder / "machine")
         self._sockets = None if run else Sockets(patch)
         if self._sockets is not None:
-            for room in ("desk", "servos"):
+            for room in ("device_scan", "servos"):
                 patch.setattr(
                     f"missions.plugins.setup.robot.{room}.SystemClock", lambda clock=self._sockets.clock: clock
                 )
@@ -140,8 +140,8 @@ def plug_so101(bench: Workbench) -> VirtualServoBus:
 
 
 READS = {Protocol1Instruction.PING, Protocol1Instruction.READ}
-ROSIE = {"what is the robot called": "rosie", "ask /dev/ttyUSB2": "y"}
-ADA = {"what is the robot called": "ada"}
+ROSIE = {"name of the robot": "rosie", "probe /dev/ttyUSB2": "y"}
+ADA = {"name of the robot": "ada"}
 
 
 def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
@@ -175,7 +175,7 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
 
 def test_an_so101_waves_after_few_answers(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     plug_so101(bench)
-    person = Person({**ADA, r"like\?": "so101"})
+    person = Person({**ADA, r"similar\?": "so101"})
     bench.session(person)
     assert len(person.asked) < MOST
     assert "next:" in (told := capsys.readouterr().out)
@@ -214,7 +214,7 @@ def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
     file.parent.mkdir(parents=True)
     file.write_text(json.dumps(MINE))
     (file.parent / "other.json").write_text(json.dumps({"pan": {**MINE["pan"], "homing_offset": 7}}))
-    person = Person({**ADA, r"like\?": like})
+    person = Person({**ADA, r"similar\?": like})
     bench.session(person)
     assert any(f"({file}): use this calibration?" in asked for asked in person.asked)
     assert not any("find the limits" in asked for asked in person.asked)
@@ -228,7 +228,7 @@ def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
 
 def test_a_calibration_without_its_file_leaves_its_limits(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     calibrate_so101(bench)
-    bench.session(Person({**ADA, r"like\?": "so101"}))
+    bench.session(Person({**ADA, r"similar\?": "so101"}))
     assert "were calibrated by another program" in capsys.readouterr().out
     arm = load_robot(find_file("robots", "ada")).keys(FeetechKeys)
     assert arm is not None
@@ -240,7 +240,7 @@ def test_a_calibration_without_its_file_leaves_its_limits(bench: Workbench, caps
 def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
     bench: Workbench, capsys: pytest.CaptureFixture[str], model: str
 ) -> None:
-    person = Person({"called": "beep", r"like\?": model})
+    person = Person({"name of the robot": "beep", r"similar\?": model})
     bench.session(person)
     assert len(person.asked) < MOST
     config = load_robot(find_file("robots", "beep"))
@@ -257,7 +257,7 @@ def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
 
 def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) -> None:
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(4, model="MX-28"), VirtualServo(7)]), "0403:6014", "FT7")
-    person = Person({"called": "kit", r"like\?": "none", "servo 4": "hip", "servo 7": "knee"})
+    person = Person({"name of the robot": "kit", r"similar\?": "none", "servo 4": "hip", "servo 7": "knee"})
     bench.session(person)
     arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
@@ -274,8 +274,8 @@ def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot:
         plug_turtlebot(bench) if robot == "turtlebot" else plug_so101(bench)
     answers = {
         "turtlebot": ROSIE,
-        "so101": {**ADA, r"like\?": "so101"},
-        "pi_car": {"robot called": "beep", r"like\?": "pi_car"},
+        "so101": {**ADA, r"similar\?": "so101"},
+        "pi_car": {"name of the robot": "beep", r"similar\?": "pi_car"},
     }[robot]
     asked: list[str] = []
     for _ in range(MOST):
@@ -309,7 +309,7 @@ def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) 
 def test_where_two_robots_fit_the_user_says_which(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     plug_so101(bench)
     question = "which of these robots is similar? its names, limits and values are used"
-    person = Person({**ADA, r"like\?": "so101_leader"})
+    person = Person({**ADA, r"similar\?": "so101_leader"})
     bench.session(person)
     assert question in person.asked, "nothing is proposed"
     told = capsys.readouterr().out
@@ -342,9 +342,9 @@ def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
         patch.setattr(sys.modules[run_dialogue.__module__], "write_new", cut)
         with pytest.raises(click.Abort):
             bench.session(Person(), yes=True)
-    person = Person({**ADA, r"like\?": "so101_leader"})
+    person = Person({**ADA, r"similar\?": "so101_leader"})
     bench.session(person)
-    assert [asked for asked in person.asked if "called" in asked or "like?" in asked] == [
+    assert [asked for asked in person.asked if "name of the robot" in asked or "similar?" in asked] == [
         "what is the name of the robot? (my_robot)",
         "which of these robots is similar? its names, limits and values are used",
     ]
@@ -356,7 +356,7 @@ def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
 def test_all_defaults_go_on_with_the_robot_that_the_user_has_named(bench: Workbench) -> None:
     plug_so101(bench)
     with pytest.raises(click.Abort):
-        bench.session(Person({**ADA, r"like\?": "so101_leader"}, stays=2))
+        bench.session(Person({**ADA, r"similar\?": "so101_leader"}, stays=2))
     bench.session(Person(), yes=True)
     arm = load_robot(find_file("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
@@ -366,7 +366,7 @@ def test_all_defaults_go_on_with_the_robot_that_the_user_has_named(bench: Workbe
 def test_servos_of_other_models_are_no_known_arm(bench: Workbench) -> None:
     servos = VirtualServoBus([VirtualServo(number, model="AX-18A") for number in range(1, 11)])
     bench.plug("ttyUSB1", servos, "0403:6014", "FT7")
-    bench.session(Person({"called": "strong"}))
+    bench.session(Person({"name of the robot": "strong"}))
     arm = load_robot(find_file("robots", "strong")).keys(DynamixelKeys)
     assert arm is not None
     assert {joint.model for joint in arm.joints.values()} == {"AX-18A"}
@@ -381,9 +381,9 @@ def plug_strangers(bench: Workbench) -> None:
 
 def test_an_unknown_model_is_asked_for_and_never_taken_for_another(bench: Workbench) -> None:
     plug_strangers(bench)
-    person = Person({"called": "kit", "model is servo 2": "XM430-W350", "model is servo 3": "none"})
+    person = Person({"name of the robot": "kit", "model is servo 2": "XM430-W350", "model is servo 3": "none"})
     bench.session(person)
-    assert any("which model is servo 2, which says: number 1125?" in asked for asked in person.asked)
+    assert any("which model is servo 2, which reports number 1125?" in asked for asked in person.asked)
     arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
     assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350", 2: "XM430-W350"}
@@ -406,13 +406,13 @@ def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Wo
 
         def __call__(self, question: str, **told: object) -> str:
             if "plug in one servo alone" in question:
-                done = sum("plug in one servo alone" in each for each in self.asked)
+                done = sum("connect only one servo" in each for each in self.asked)
                 one.present, other.present = done == 0, done == 1
                 super().__call__(question)
                 return ("1", "2", "done")[done]
             return super().__call__(question, **told)
 
-    person = Hand({"called": "kit", r"like\?": "none", "give them new IDs": "y", "into the EEPROM": "y"})
+    person = Hand({"name of the robot": "kit", r"similar\?": "none", "give them new IDs": "y", "into the EEPROM": "y"})
     bench.session(person)
     assert (one.number, other.number) == (1, 2)
     assert [each for each in person.asked if "EEPROM?" in each] == ["  AX-12A: write id 1 -> 2 into the EEPROM? [y/N]"]
@@ -424,8 +424,8 @@ def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Wo
 def test_who_says_no_has_no_servo_written(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(1, angle=0.4), VirtualServo(1)]), "0403:6014", "FT7")
     with suppress(click.Abort):
-        bench.session(Person({"called": "kit", r"like\?": "none"}, stays=20))
-    assert "two servos have one ID" in capsys.readouterr().out
+        bench.session(Person({"name of the robot": "kit", r"similar\?": "none"}, stays=20))
+    assert "two servos have the same ID" in capsys.readouterr().out
     assert bench.instructions("ttyUSB0") == READS
 
 
@@ -441,7 +441,7 @@ def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, mon
             look()
 
     monkeypatch.setattr(Dialogue, "watch_until_enter", turned)
-    bench.session(Person({"called": "kit", r"like\?": "none", "find the limits": "y"}))
+    bench.session(Person({"name of the robot": "kit", r"similar\?": "none", "find the limits": "y"}))
     arm = load_robot(find_file("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
     lower, upper = (degrees(end) for end in arm.joints["joint1"].angle_limits)
@@ -471,7 +471,14 @@ def test_a_camera_that_shows_nothing_is_told(
 ) -> None:
     picture = tmp_path / "dark.png"
     cv2.imwrite(str(picture), np.full((480, 640, 3), grey, np.uint8))
-    person = Person({"called": "kit", r"like\?": "wave_rover", "has it the base": "n", "camera source": str(picture)})
+    person = Person(
+        {
+            "name of the robot": "kit",
+            r"similar\?": "wave_rover",
+            "does it have the base": "n",
+            "camera source": str(picture),
+        }
+    )
     bench.session(person)
     assert told in capsys.readouterr().out
 
@@ -480,8 +487,8 @@ def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytes
     class Slow(Person):
         def __call__(self, question: str, **told: object) -> str:
             super().__call__(question, **told)
-            names = [each for each in self.asked if "called" in each]
-            return ("turtlebot2", "two words", "kit")[len(names) - 1] if "called" in question else ""
+            names = [each for each in self.asked if "name of the robot" in each]
+            return ("turtlebot2", "two words", "kit")[len(names) - 1] if "name of the robot" in question else ""
 
     bench.session(Slow())
     out = capsys.readouterr().out
@@ -494,14 +501,14 @@ def test_the_command_keeps_the_answers_when_it_is_left(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     root = str(RecordedMachine(tmp_path / "machine").root)
-    monkeypatch.setattr(click, "prompt", Person({"called": "kit"}, stays=2))
+    monkeypatch.setattr(click, "prompt", Person({"name of the robot": "kit"}, stays=2))
     left = command(capsys, "robot", "new", "--root", root)
     assert left.code == 130
-    assert "`mission robot new` goes on from here" in left.err
+    assert "`mission robot new` continues" in left.err
     monkeypatch.setattr(click, "prompt", Person())
     done = command(capsys, "robot", "new", "--root", root)
     assert done.code == 0
-    assert "what is the name of the robot?: kit  (answered before)" in done.out
+    assert "what is the name of the robot?: kit  (saved answer)" in done.out
     assert find_file("robots", "kit").is_file()
 
 
@@ -509,7 +516,7 @@ def test_the_command_keeps_the_answers_when_it_is_left(
 def test_a_name_that_was_kept_is_looked_at_again(bench: Workbench, held: object) -> None:
     bench.kept.parent.mkdir(parents=True, exist_ok=True)
     bench.kept.write_text(json.dumps({"name": held}))
-    bench.session(Person({"called": "kit"}))
+    bench.session(Person({"name of the robot": "kit"}))
     assert find_file("robots", "kit").is_file()
 
 
@@ -531,7 +538,7 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
         yield SimpleNamespace(look=looked.append)
 
     monkeypatch.setattr("missions.plugins.setup.robot.part_trials.open_head", opened_head)
-    answers = {"called": "beep", r"like\?": "pi_car", "may the head move": "y"}
+    answers = {"name of the robot": "beep", r"similar\?": "pi_car", "may the head move": "y"}
     bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
     assert not looked  # there is no such bus on this machine
     (config_folder() / "robots/beep.yaml").unlink()
@@ -548,7 +555,7 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
     bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
     bench.plug("ttyUSB1", VirtualWaveshare(BaseBody(), track=0.17, unit=1.0, encoders=False), "10c4:ea60", "rover_1")
     person = Person(
-        {"robot called": "kit", r"like\?": "none", "which is it": "waveshare at /dev/serial/by-id/usb-rover_1"}
+        {"name of the robot": "kit", r"similar\?": "none", "which one": "waveshare at /dev/serial/by-id/usb-rover_1"}
     )
     bench.session(person)
     config = load_robot(find_file("robots", "kit"))
@@ -565,9 +572,9 @@ def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(running: Workbe
     running.plug("ttyUSB0", nano, "1a86:7523", "one")
     running.plug("ttyUSB1", mast, "1a86:7523", "two")
     servos = {"pan servo": "0", "tilt servo": "1"}
-    names = {"one more head": "lidar_mast", "ask /dev": "y"}
+    names = {"another head": "lidar_mast", "probe /dev": "y"}
     tried = {"may the lidar_mast move": "y", "did it turn to ITS left": "n"}
-    running.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos, **tried}))
+    running.session(Person({"name of the robot": "kit", r"similar\?": "none", **names, **servos, **tried}))
     config = load_robot(find_file("robots", "kit"))
     assert config.sections["head"].keys.port == "/dev/serial/by-id/usb-one"
     assert config.sections["lidar_mast"].driver.kind == "head"
@@ -582,9 +589,9 @@ def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench
     plug_so101(bench)
     second = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])
     bench.plug("ttyACM1", second, "1a86:55d3", "5A7A02")
-    names = {"one more arm": "right_arm", "servo 1 of the right_arm": "lift", "servo 2 of the right_arm": "grip"}
+    names = {"another arm": "right_arm", "servo 1 of the right_arm": "lift", "servo 2 of the right_arm": "grip"}
     bench.session(
-        Person({**ADA, r"like\?": "so101", "which is it": "feetech at /dev/serial/by-id/usb-5A7A01", **names})
+        Person({**ADA, r"similar\?": "so101", "which one": "feetech at /dev/serial/by-id/usb-5A7A01", **names})
     )
     config = load_robot(find_file("robots", "ada"))
     assert config.extra_parts == {"right_arm": "arm"}
@@ -599,7 +606,7 @@ def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench
 def test_what_does_not_answer_is_named_by_its_driver(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     parts = "head.arduino, head.arduino_second, voice.print"
     person = Person(
-        {"robot called": "kit", r"like\?": "none", "what else": parts, "one more head": "lidar_mast",
+        {"name of the robot": "kit", r"similar\?": "none", "other parts": parts, "another head": "lidar_mast",
          r"head\.pan servo": "0", r"head\.tilt servo": "1", r"mast\.pan servo": "2", r"mast\.tilt servo": "3"}
     )  # fmt: skip
     bench.session(person)
@@ -624,10 +631,10 @@ def test_a_driver_of_another_distribution_is_offered(
     class Slow(Person):
         def __call__(self, question: str, **told: object) -> str:
             answer = super().__call__(question, **told)
-            tries = sum("what else" in each for each in self.asked)
-            return ("head.lame", "base.rover")[tries - 1] if "what else" in question else answer
+            tries = sum("other parts" in each for each in self.asked)
+            return ("head.lame", "base.rover")[tries - 1] if "other parts" in question else answer
 
-    person = Slow({"robot called": "kit", r"like\?": "none", "base port": "/dev/ttyUSB7", "base other": "n"})
+    person = Slow({"name of the robot": "kit", r"similar\?": "none", "base port": "/dev/ttyUSB7", "base other": "n"})
     bench.session(person)
     config = load_robot(find_file("robots", "kit"))
     assert config.sections["base"].driver.name == "rover"
@@ -637,7 +644,7 @@ def test_a_driver_of_another_distribution_is_offered(
 
 
 def test_a_neck_without_an_arm_is_left_out(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
-    answers = {"robot called": "kit", r"like\?": "none", "what else": "head.dynamixel", "joint": "neck"}
+    answers = {"name of the robot": "kit", r"similar\?": "none", "other parts": "head.dynamixel", "joint": "neck"}
     bench.session(Person(answers, stays=MOST))
     assert load_robot(find_file("robots", "kit")).parts == {"voice"}
     assert "this robot has no arm" in capsys.readouterr().out

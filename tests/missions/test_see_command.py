@@ -199,7 +199,7 @@ def test_a_robot_s_camera_is_that_of_its_driver(mission: Mission) -> None:
 def test_the_page_is_for_cameras(mission: Mission) -> None:
     outcome = mission("see", "astronaut.png", "--view")
     assert outcome.code == 2
-    assert "--view is for a camera" in outcome.err
+    assert "--view needs a camera" in outcome.err
 
 
 def test_pictures_are_turned_and_mirrored_on_request(mission: Mission) -> None:

@@ -26,7 +26,7 @@ def test_a_scan_finds_them_by_their_own_protocol(mission: Mission, protocol: str
 def test_a_scan_for_dynamixels_alone_finds_none_of_them(mission: Mission) -> None:
     outcome = mission("servo scan --robot so101 --simulate --ids 1-2 --protocol 1")
     assert outcome.code == 1
-    assert "no servo answers" in outcome.err
+    assert "no servo replies" in outcome.err
 
 
 def test_what_a_servo_holds_is_shown_in_the_units_of_people(mission: Mission) -> None:

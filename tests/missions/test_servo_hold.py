@@ -437,7 +437,10 @@ def test_a_restore_with_an_origin_that_cannot_be_read_is_refused(arm: VirtualSer
     Path("found.json").write_text(CALIBRATION)
     break_origin(how)
     outcome = run(RESTORE)
-    assert (outcome.code, "found.servos.json: it is not known of which servos" in outcome.err) == (3, True), outcome.err
+    assert (outcome.code, "found.servos.json: the servos of this calibration are unknown" in outcome.err) == (
+        3,
+        True,
+    ), outcome.err
     assert "--other-servos" in outcome.err
     assert settings(arm) == [0, 0, 4095]
     assert not arm.limp

@@ -71,7 +71,7 @@ def test_the_follower_goes_where_the_leader_is_moved_and_stays_there(
     outcome = mission("servo mirror leader.yaml --robot follower.yaml --seconds 4")
     hand.join()
     assert outcome.code == 0, outcome.err
-    assert "leader.yaml is limp, and leads" in outcome.err
+    assert "the torque of leader.yaml is off" in outcome.err
     assert follower.servo(1).angle == pytest.approx(0.3, abs=0.02)
     assert follower.servo(2).angle == pytest.approx(0.4, abs=0.02)  # its gripper opens twice as far
     assert [servo.limp for servo in leader.servos] == [True, True]

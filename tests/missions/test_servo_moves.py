@@ -96,7 +96,7 @@ def test_a_spreadsheet_is_played_as_it_is(robot: Three, mission: Mission) -> Non
     [
         ("far.yaml --dry-run", "far.yaml:4:24:"),
         ("nod.yaml --dry-run --plot nod.gif", "a picture ends in .png or .svg"),
-        ("nod.yaml --dry-run --csv nod.csv", "--dry-run measures nothing"),
+        ("nod.yaml --dry-run --csv nod.csv", "--dry-run has none"),
         ("nod.yaml --plot there/nod.png", "there is no folder there"),
         ("nodd", "unknown move 'nodd'"),
     ],

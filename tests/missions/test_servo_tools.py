@@ -63,10 +63,10 @@ def test_a_scan_tells_in_what_the_servos_are_not_those_of_the_file(servo: Servo,
     robot.path.write_text(text)
     outcome = servo("scan", *IDS)
     assert outcome.code == 1
-    assert "waist (servo 1) does not answer" in outcome.err
+    assert "waist (servo 1) does not reply" in outcome.err
     assert "elbow (servo 2) is at 57600 baud, the robot file says 1000000" in outcome.err
     assert "mission servo set 2 baud 1000000 --baud 57600" in outcome.err
-    assert "wrist (servo 3) is not what it should be: XL430-W250, the robot file says XM430-W350" in outcome.err
+    assert "wrist (servo 3) has another model: XL430-W250, the robot file says XM430-W350" in outcome.err
     assert "write model: XL430-W250" in outcome.err
 
 
@@ -75,7 +75,7 @@ def test_where_nothing_answers_the_causes_are_named(servo: Servo, robot: Three) 
         each.present = False
     outcome = servo("scan", *IDS, "--baud", "57600")
     assert outcome.code == 1
-    assert f"no servo answers on {robot.terminal.path} at 57600 baud" in outcome.err
+    assert f"no servo replies on {robot.terminal.path} at 57600 baud" in outcome.err
     for cause in ("power", "cable", "adapter", "--all-bauds", "one ID", "another device"):
         assert cause in outcome.err
 
@@ -138,7 +138,7 @@ def test_a_register_is_set_by_name_and_verified(servo: Servo, robot: Three) -> N
     assert outcome.code == 0, outcome.err
     assert robot.elbow.get("return_delay") == 0
     assert outcome.out == "servo 2 (AX-12A): return_delay: 250 -> 0 (0 µs), EEPROM\nservo 2: written and verified\n"
-    assert "is so already" in servo("set", "elbow", "return_delay", "0").out
+    assert "has the value already" in servo("set", "elbow", "return_delay", "0").out
 
 
 def test_the_eeprom_is_not_written_without_a_yes(servo: Servo, robot: Three) -> None:
@@ -157,7 +157,7 @@ def test_ram_is_written_without_a_question_and_below_zero_too(servo: Servo, robo
 def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     outcome = servo("set", "wrist", "temperature_limit", "70", "--yes")
-    assert "servo 3 was stiff, and is limp now" in outcome.err
+    assert "servo 3: torque was on, and is off now" in outcome.err
     assert (robot.wrist.get("temperature_limit"), robot.wrist.limp) == (70, True)
 
 
@@ -168,7 +168,7 @@ def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(ser
         (("elbow", "return_delay", "999"), 3, "0..254"),
         (("elbow", "present_voltage", "100"), 3, "present_voltage"),
         (("9", "led", "1"), 3, "try: mission servo scan --all-bauds --robot three.yaml"),
-        (("253", "led", "1"), 3, "servo 253 does not answer"),
+        (("253", "led", "1"), 3, "no reply from servo 253"),
         (("254", "led", "1"), 3, "a servo's ID is 0..253"),
         (("all", "torque_enable", "1"), 3, "mission servo torque on --robot FILE"),
         (("wrist", "profile_velocity", "0"), 3, "as fast as it can"),
@@ -194,7 +194,7 @@ def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three
 def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three) -> None:
     outcome = servo("set", "all", "baud", "57600", "--yes")
     assert outcome.code == 0, outcome.err
-    assert "the robot file must say baud: 57600" in outcome.err
+    assert "set baud: 57600 in the robot file" in outcome.err
     assert servo("info").code == 1
     assert servo("info", "--baud", "57600").code == 0
     assert robot.wrist.get("baud") == baud_code(57_600, 2)
@@ -211,7 +211,7 @@ def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: S
     assert servo("set", "ax", "led", "1").code == 0
     assert [each.get("led") for each in robot.bus.servos] == [1, 1, 0]
     outcome = servo("torque", "off", "--yes")
-    assert outcome.out.splitlines() == [f"{name} is limp" for name in ("waist (servo 1)", "elbow (servo 2)",
+    assert outcome.out.splitlines() == [f"{name}: torque off" for name in ("waist (servo 1)", "elbow (servo 2)",
                                                                        "wrist (servo 3)")]  # fmt: skip
     assert all(each.limp for each in robot.bus.servos)
 
@@ -221,7 +221,7 @@ def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Th
     outcome = servo("torque", "off", "--yes")
     assert outcome.code == 1
     assert "elbow (servo 2): " in outcome.err
-    assert "wrist (servo 3) is limp" in outcome.out
+    assert "wrist (servo 3): torque off" in outcome.out
 
 
 def test_a_joint_moves_in_its_own_angle_and_the_arm_rests_after_it(servo: Servo, robot: Three) -> None:
@@ -251,7 +251,11 @@ def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot
         (("move", "elbwo", "30 deg"), 3, "did you mean 'elbow'?"),
         (("move", "elbow", "30 deg", "--speed", "0 deg/s"), 2, "above 0"),
         (("torque", "on", "elbwo"), 2, "did you mean 'elbow'?"),
-        (("move", "elbow", "30 deg", "--simulate", "--port", "/dev/u2d2"), 2, "--port names a real port"),
+        (
+            ("move", "elbow", "30 deg", "--simulate", "--port", "/dev/u2d2"),
+            2,
+            "--port and --simulate exclude each other",
+        ),
         (("torque", "restart", "elbow"), 3, "protocol 1.0 has no restart"),
     ],
 )
@@ -268,7 +272,7 @@ def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: T
     wait_until(lambda: robot.elbow.get("torque_limit") == 0 and robot.wrist.get("hardware_error") != 0)
     robot.elbow.turn_by_hand(radians(25))
     outcome = servo("torque", "recover")
-    assert (outcome.code, outcome.out) == (0, "stiff again: elbow, wrist\n"), outcome.err
+    assert (outcome.code, outcome.out) == (0, "torque is on again: elbow, wrist\n"), outcome.err
     assert not robot.elbow.limp
     assert robot.elbow.angle == pytest.approx(radians(25), abs=0.01)
     assert (robot.wrist.get("hardware_error"), robot.wrist.limp) == (0, False)  # it has started again for that
@@ -280,7 +284,7 @@ def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_sa
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
     outcome = servo("torque", "recover")
-    said = "stiff again: wrist\ntorque is off again, as the robot file says (at_end: relax)\n"
+    said = "torque is on again: wrist\ntorque is off again, as the robot file says (at_end: relax)\n"
     assert (outcome.code, outcome.out) == (0, said), outcome.err
     assert robot.wrist.limp
 
@@ -296,7 +300,7 @@ def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
     outcome = servo("torque", "recover")
     assert (outcome.code, outcome.out) == (1, "")
-    assert "still limp: wrist" in outcome.err
+    assert "torque is still off: wrist" in outcome.err
 
 
 def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: Three) -> None:
@@ -305,7 +309,7 @@ def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: 
         each.overload()
     wait_until(lambda: robot.elbow.get("torque_limit") == 0 and robot.wrist.get("hardware_error") != 0)
     outcome = servo("torque", "on")
-    assert (outcome.code, outcome.out) == (1, "waist (servo 1) is stiff\n")
+    assert (outcome.code, outcome.out) == (1, "waist (servo 1): torque on\n")
     for title in ("elbow (servo 2)", "wrist (servo 3)"):
         assert (
             f"{title}: has shut down; its torque stays off\n  try: free the joint, then `mission servo torque recover"
@@ -364,7 +368,7 @@ def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytes
 
 def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:
     assert servo("info").err == ""
-    assert servo("info", "--simulate").err == "simulated servos, as --simulate asks\n"
+    assert servo("info", "--simulate").err == "simulated servos, because of --simulate\n"
 
 
 @pytest.mark.parametrize(

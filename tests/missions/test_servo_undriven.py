@@ -52,7 +52,7 @@ def test_the_doctor_names_the_command_that_helps(robot: Three, run: Run) -> None
 def test_a_servo_that_answers_pings_alone_is_found_and_set_back(robot: Three, run: Run) -> None:
     robot.elbow.set("status_return_level", 0)
     outcome = run("servo scan --ids 1-3 --baud 1000000")
-    assert "servo 2 answers a ping, and no read" in outcome.err
+    assert "servo 2 replies to a ping, but not to a read" in outcome.err
     assert "mission servo set 2 status_return_level 2" in outcome.err
     assert "mission servo set 2 status_return_level 2" in run("servo info 2").err
     assert "mission servo set 2 status_return_level 2" in run("servo torque on elbow").err

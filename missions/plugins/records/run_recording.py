@@ -40,7 +40,7 @@ def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettin
 
     Raises click.UsageError for options without effect.
     """
-    record, asked = options.record, options.record is not None
+    record, requested = options.record, options.record is not None
     if record is None and not options.no_record and is_recorded_by_default(simulated=request.simulation is not None):
         record = _default_folder()
     if record is None:
@@ -52,7 +52,7 @@ def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettin
     elif record.suffix != RECORD_SUFFIX:
         raise click.BadParameter(f"{record}: the name of a record must end in {RECORD_SUFFIX}", param_hint="--record")
     frames = DEFAULT_FRAME_RATE if options.record_frames is None else options.record_frames
-    return RecordSettings(record, options.record_limit or DEFAULT_MAX_BYTES, frames, options.overwrite, asked)
+    return RecordSettings(record, options.record_limit or DEFAULT_MAX_BYTES, frames, options.overwrite, requested)
 
 
 def _default_folder() -> Path | None:

@@ -89,7 +89,7 @@ def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, 
     except InvalidFileError:  # the anchor was lost
         return False
     was, is_now = _camera(old), _camera(new)
-    told = lens_entries(
+    new_entries = lens_entries(
         is_now.field_of_view, is_now.centre, is_now.distortion_coefficients or (0.0,) * len(COEFFICIENTS)
     )
     rest = replace(
@@ -99,7 +99,7 @@ def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, 
         centre_y=was.centre_y,
         distortion=was.distortion,
     )
-    return told == entries and new.with_keys("camera", rest) == old
+    return new_entries == entries and new.with_keys("camera", rest) == old
 
 
 MAX_VIEWS = 20
@@ -184,14 +184,14 @@ def calibrate_command(source: str, board: tuple[int, int], square: float, keep: 
     except ValueError as error:
         raise click.UsageError(f"{error}") from error
     try:
-        found = calibrate(views)
+        calibration = calibrate(views)
     except ValueError as error:
         click.echo(f"{error}", err=True)
         click.echo(
             "  try: tilt the board to every side and fill all corners of the picture; is --board right?", err=True
         )
         return FAILURE
-    return _report_calibration(found, views, keep)
+    return _report_calibration(calibration, views, keep)
 
 
 def _collect_views(views: BoardViews, source: str, seconds: float, size: tuple[int, int] | None) -> None:

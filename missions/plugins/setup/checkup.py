@@ -41,16 +41,16 @@ def check_folders() -> Iterator[Finding]:
 
 def check_installation() -> Iterator[Finding]:
     """Yield findings on the installed packages and extras."""
-    wanted = extras()
+    extra_packages = extras()
     yield Finding("program", f"MissionTree {version(DISTRIBUTION)}, Python {platform.python_version()}")
-    if missing := missing_distributions(wanted.pop("", ())):
+    if missing := missing_distributions(extra_packages.pop("", ())):
         cure = f"pip install {' '.join(missing)}"
         yield failure("packages", f"{', '.join(missing)}: required by MissionTree, but not installed", cure)
-    there = {extra: not missing_distributions(names) for extra, names in wanted.items()}
-    have = ", ".join(extra for extra, whole in there.items() if whole) or "none"
+    there = {extra: not missing_distributions(names) for extra, names in extra_packages.items()}
+    installed = ", ".join(extra for extra, whole in there.items() if whole) or "none"
     rest = ", ".join(extra for extra, whole in there.items() if not whole)
     cure = f"pip install 'missiontree[{rest.split(', ')[0]}]'  (and others that you need)" if rest else ""
-    yield Finding("extras", f"{have}" + (f"; not installed: {rest}" if rest else ""), fix=cure)
+    yield Finding("extras", f"{installed}" + (f"; not installed: {rest}" if rest else ""), fix=cure)
 
 
 PROBE_EXTRA_TIMEOUT = 0.02
@@ -82,29 +82,29 @@ def check_robot(
     ``robot_name`` is the name for hints, ``ports`` override those of the file. A board that resets when its port is
     opened is probed only with ``resets``.
     """
-    there = {name: port for port in find_serial_ports(machine) for name in (port.path, *port.names)}
-    named = {
+    known_ports = {name: port for port in find_serial_ports(machine) for name in (port.path, *port.names)}
+    port_names = {
         part: ports.get(part) or (section.keys.port if isinstance(section.keys, SerialKeys) else "")
         for part, section in config.sections.items()
     }
-    wires = {port: Lock() for port in named.values()}  # parts on one wire are looked at one after another
+    wires = {port: Lock() for port in port_names.values()}  # parts on one wire are looked at one after another
 
     delays = load_delays(config)
 
     def look_at(part: str) -> list[Finding]:
-        section, port = config.sections[part], named[part]
+        section, port = config.sections[part], port_names[part]
         with wires[port] if port else nullcontext():
-            found = [*_check_extra(section), *_check_device(section, port, there, machine, clock, resets=resets)]
+            found = [*_check_extra(section), *_check_device(section, port, known_ports, machine, clock, resets=resets)]
         late = f"{delays[part] * 1000:.0f} ms, learnt in earlier runs" if part in delays else "not learnt yet"
         return found + [Finding("delay", late)] * (part in (CAMERA, BASE))
 
-    with ThreadPoolExecutor(max(1, len(named))) as pool:  # most of the time each waits for its device
-        for part, findings in zip(named, pool.map(look_at, named), strict=True):
-            robot = f"{robot_name} --port {named[part]}" if part in ports else robot_name
+    with ThreadPoolExecutor(max(1, len(port_names))) as pool:  # most of the time each waits for its device
+        for part, findings in zip(port_names, pool.map(look_at, port_names), strict=True):
+            robot = f"{robot_name} --port {port_names[part]}" if part in ports else robot_name
             for finding in findings:
                 which = f" --arm {part}" if part in config.extra_parts and " servo " in finding.fix else ""
                 cure = finding.fix.replace("--robot ROBOT", f"--robot {robot}{which}").replace("ROBOT", robot_name)
-                yield PartFinding(part, replace(finding, fix=cure.replace("PORT", named[part])))
+                yield PartFinding(part, replace(finding, fix=cure.replace("PORT", port_names[part])))
 
 
 def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator[Finding]:
@@ -115,10 +115,10 @@ def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator
 
 def _check_extra(section: Section) -> Iterator[Finding]:
     """Yield a finding if packages of the driver are missing; a voice works without."""
-    wanted = section.driver.extra
-    if wanted and section.driver.kind != "voice" and (missing := missing_distributions(extras().get(wanted, ()))):
+    extra = section.driver.extra
+    if extra and section.driver.kind != "voice" and (missing := missing_distributions(extras().get(extra, ()))):
         what = f"{', '.join(missing)}: not installed, but its driver needs it"
-        yield failure("packages", what, f"pip install 'missiontree[{wanted}]'")
+        yield failure("packages", what, f"pip install 'missiontree[{extra}]'")
 
 
 def _check_device(
@@ -182,8 +182,8 @@ def _run_checkup(section: Section, keys: object, site: DriverContext) -> Iterato
 def _probe_port(section: Section, port: SerialPortInfo, machine: HostMachine, clock: Clock) -> Finding:
     """Probe a port with the part's driver."""
     path = str(machine.local_path(port.path))
-    heard = probe_port(port, [section.driver], clock, consent=True, extra_timeout=PROBE_EXTRA_TIMEOUT, path=path)
-    trouble = heard.trouble or heard.skip_reason
+    reply = probe_port(port, [section.driver], clock, consent=True, extra_timeout=PROBE_EXTRA_TIMEOUT, path=path)
+    trouble = reply.trouble or reply.skip_reason
     if trouble is not None:
         return failure("device", trouble.message, trouble.fix)
-    return Finding("device", "" if heard.device is None else heard.device.result.about)
+    return Finding("device", "" if reply.device is None else reply.device.result.about)

@@ -158,14 +158,14 @@ def open_head(
 ) -> Iterator[OpenHead]:
     """Open a head of ``config``, with ``ports`` instead of those in its file; see ``open_robot_head``."""
     keys = head_keys(config, head)
-    wishes = Overrides(
+    overrides = Overrides(
         world=load_world(find_file("worlds", "empty")) if virtual else None,
         ports=ports,
         interests=Interests(faces=False),
     )
-    clock = wishes.clock()
-    audience = Hooks(ignore if stay else _print_warning, ignore, click.echo, ignore, ignore)
-    robot = assemble(config, frozenset({head, "camera"} if camera else {head}), clock, wishes, audience)
+    clock = overrides.clock()
+    hooks = Hooks(ignore if stay else _print_warning, ignore, click.echo, ignore, ignore)
+    robot = assemble(config, frozenset({head, "camera"} if camera else {head}), clock, overrides, hooks)
     turned, trimmer = robot.robot.with_named_parts({DEFAULT_HEAD: head}).head, robot.devices[head]
     if not isinstance(trimmer, Trimmable) or not isinstance(keys, TwoServoKeys | NeckKeys):
         raise click.UsageError(f"the {head} of {config.name} cannot be trimmed")

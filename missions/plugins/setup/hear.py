@@ -86,18 +86,18 @@ def command(
     Listens for the phrases of MISSION, or for those in --for. A refused utterance is shown with the nearest phrase. A
     score of 0 means that the phrase is as likely as not. Ctrl-C ends it.
     """
-    wanted = _find_phrases(mission, phrases, params, files)
+    phrases_to_hear = _find_phrases(mission, phrases, params, files)
     section = _microphone_section(robot)
     config: MicrophoneKeys = section.keys
     if threshold is not None:
         config = replace(config, threshold=threshold)
-    click.echo(f"listening for: {', '.join(wanted)}")
-    for one, other in find_confusable_phrases(config, PhraseGrammar.from_texts(wanted).phrases):
+    click.echo(f"listening for: {', '.join(phrases_to_hear)}")
+    for one, other in find_confusable_phrases(config, PhraseGrammar.from_texts(phrases_to_hear).phrases):
         click.echo(f"mission: '{one}' and '{other}' are easily confused\n  try: another or a longer phrase", err=True)
     if wav is None:
-        _listen(replace(section, keys=config), wanted)
+        _listen(replace(section, keys=config), phrases_to_hear)
     else:
-        _play(config, wanted, wav)
+        _play(config, phrases_to_hear, wav)
     return SUCCESS
 
 
@@ -191,8 +191,8 @@ def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) 
 
 def _new_words(ears: MicrophoneEars, shown: int) -> Iterator[Words]:
     """Return the words after number ``shown``, in order."""
-    heard = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
-    return (words for words in heard if words.id > shown)
+    recent = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
+    return (words for words in recent if words.id > shown)
 
 
 def _result_line(words: Words, threshold: float) -> str:

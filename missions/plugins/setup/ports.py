@@ -246,7 +246,7 @@ def _problem_lines(problem: DeviceProblem | None) -> Iterator[str]:
 def _port_data(plug: ScannedPort) -> dict[str, object]:
     heard = plug.scan or PortScan()
     found = heard.device
-    told: dict[str, object] = (
+    answers: dict[str, object] = (
         {}
         if found is None
         else {
@@ -256,4 +256,8 @@ def _port_data(plug: ScannedPort) -> dict[str, object]:
             "units": [asdict(unit) for unit in found.result.units],
         }
     )
-    return {**asdict(plug.port), "troubles": [asdict(each) for each in _port_problems(plug)], "answers": told or None}
+    return {
+        **asdict(plug.port),
+        "troubles": [asdict(each) for each in _port_problems(plug)],
+        "answers": answers or None,
+    }

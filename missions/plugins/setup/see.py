@@ -242,8 +242,8 @@ def command(
             )
         else:  # what a robot has filmed is upright
             shots = _file_shots(files, UPRIGHT if rotate is None and flip is None else lens.orientation)
-        asked = sys.stdout.isatty() and not as_json if view is None else view
-        with interruptible(), _serve_page() if live and asked else nullcontext() as page:
+        show_page = sys.stdout.isatty() and not as_json if view is None else view
+        with interruptible(), _serve_page() if live and show_page else nullcontext() as page:
             written = _write_annotated(_analyse_shots(shots, looker, page, as_json=as_json, live=live), folder, files)
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error

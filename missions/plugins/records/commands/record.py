@@ -180,13 +180,13 @@ def joints(path: Path, as_what: str | None) -> None:
 
     with _report_errors():
         record = open_record(path)
-        found = joint_figures(record, joint_samples(record))
+        figures = joint_figures(record, joint_samples(record))
     if as_what == "json":
-        click.echo(json.dumps(joint_tables.as_json(found), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(joint_tables.as_json(figures), indent=2, ensure_ascii=False))
     elif as_what == "csv":
-        click.echo(joint_tables.as_csv(found), nl=False)
+        click.echo(joint_tables.as_csv(figures), nl=False)
     else:
-        for line in joint_tables.lines_of(found):
+        for line in joint_tables.lines_of(figures):
             click.echo(line)
 
 
@@ -205,13 +205,13 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
 
     try:
         with _report_errors():
-            found = compare_runs(open_record(path), open_record(other))
+            comparison = compare_runs(open_record(path), open_record(other))
     except IncomparableError as error:
         raise click.UsageError(str(error)) from error
     if json_wanted:
-        click.echo(json.dumps(words.as_json(found), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(words.as_json(comparison), indent=2, ensure_ascii=False))
         return
-    for line in words.lines_of(found):
+    for line in words.lines_of(comparison):
         click.echo(line)
 
 
@@ -244,5 +244,5 @@ def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None
         from missions.plugins.records.recording.cut import cut_record as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
 
         count = cut_piece(record, start, end, output, force=force)
-    told = written_message(output, subject=f"{count} messages to ")
-    click.echo(f"{told}\n  try: mission record info {output}")
+    message = written_message(output, subject=f"{count} messages to ")
+    click.echo(f"{message}\n  try: mission record info {output}")

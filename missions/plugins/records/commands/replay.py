@@ -158,12 +158,12 @@ def _rerun_decisions(record: RunRecord, mission: str | None, options: _RerunOpti
         raise click.UsageError(problem)
     with _unpack_sources(record, options) as sources:
         config = sources.robot()
-        found = decide(record, sources.plan(config, mission), config, seed=record.header.seed, lag=record.header.lag)
-        for line in rerun_lines(found, sources):
+        result = decide(record, sources.plan(config, mission), config, seed=record.header.seed, lag=record.header.lag)
+        for line in rerun_lines(result, sources):
             click.echo(line)
-    if not found.nodes or found.unanswered:
+    if not result.nodes or result.unanswered:
         return USAGE
-    return SUCCESS if found.is_identical else FAILURE
+    return SUCCESS if result.is_identical else FAILURE
 
 
 def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOptions) -> int:
@@ -177,16 +177,16 @@ def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOpt
         if config.camera is None:
             raise click.UsageError(f"{config.name} has no camera")
         try:
-            seen = rerun_perception(
+            comparison = rerun_perception(
                 record, config.camera, interests_of(sources.plan(config, mission).tree, config.camera)
             )
         except FileNotFoundError as error:  # of a detector
             raise click.UsageError(str(error)) from error
-        if not seen.picture_count:
+        if not comparison.picture_count:
             raise click.UsageError(_no_pictures_message(record))
-        for line in perception_lines(seen):
+        for line in perception_lines(comparison):
             click.echo(line)
-    return FAILURE if seen.lost_tracks else SUCCESS
+    return FAILURE if comparison.lost_tracks else SUCCESS
 
 
 @contextmanager
@@ -207,12 +207,12 @@ def _unpack_sources(record: RunRecord, options: _RerunOptions) -> Iterator["Reru
             trusted=options.trusted,
         )
         if code := sources.foreign_code():
-            told = "".join(f"\n  {line}" for line in code)
+            listing = "".join(f"\n  {line}" for line in code)
             if not options.trusted:
                 raise click.UsageError(
-                    f"{record.path} holds Python code that would be run:{told}\n{_inspection_hint(record)}"
+                    f"{record.path} holds Python code that would be run:{listing}\n{_inspection_hint(record)}"
                 )
-            click.echo(f"running the Python code of {record.path}:{told}")
+            click.echo(f"running the Python code of {record.path}:{listing}")
         sources.unpack()
         for line in () if options.recorded else sources.changed_files():
             click.echo(line)

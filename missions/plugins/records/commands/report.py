@@ -54,14 +54,14 @@ def report(file: Path, output: Path | None, pictures: int, plots: Path | None) -
         )
     if plots is not None:
         check_folder(plots, "--plots", f"--plots {shlex.quote(str(plots.with_suffix('')))}")
-    found = study_record(open_record(file), max_pictures=pictures if output is not None else 0)
+    study = study_record(open_record(file), max_pictures=pictures if output is not None else 0)
     try:
         if output is not None:
             with report_write_errors(output, "-o"):
-                save_file(output, report_page(found).encode(errors="backslashreplace"), PRIVATE_MODE)
+                save_file(output, report_page(study).encode(errors="backslashreplace"), PRIVATE_MODE)
             click.echo(written_message(output))
         if plots is not None:
-            _plot(found, plots)
+            _plot(study, plots)
     except OSError as error:
         raise click.UsageError(f"{error.filename or output or plots}: {error.strerror or error}") from error
 

@@ -31,13 +31,13 @@ def stats(paths: Sequence[Path], as_what: str | None) -> int:
     2.
     """
     unread: list[Path] = []
-    found = merge_stats(_read_stats(paths, unread))
+    merged = merge_stats(_read_stats(paths, unread))
     if as_what == "json":
-        click.echo(json.dumps([as_json(each) for each in found], indent=2, ensure_ascii=False))
+        click.echo(json.dumps([as_json(each) for each in merged], indent=2, ensure_ascii=False))
     elif as_what == "csv":
-        click.echo(as_csv(found), nl=False)
+        click.echo(as_csv(merged), nl=False)
     else:
-        for each in found:
+        for each in merged:
             for line in lines_of(each):
                 click.echo(line)
     return USAGE if unread else SUCCESS

@@ -146,8 +146,8 @@ def _path_lines(comparison: RunComparison) -> Iterator[str]:
         ("turned", lambda way: f"{degrees(way.turned):.0f} deg"),
         ("ended at", lambda way: f"{way.end[0]:.2f}, {way.end[1]:.2f} m, {degrees(way.end[2]):.0f} deg"),
     ]
-    told = [(name, *("-" if way is None else text(way) for way in (a, b))) for name, text in rows]
-    yield from format_columns(PATH_COLUMNS, told, left=LEFT_ALIGNED_COLUMNS).splitlines()
+    cells = [(name, *("-" if way is None else text(way) for way in (a, b))) for name, text in rows]
+    yield from format_columns(PATH_COLUMNS, cells, left=LEFT_ALIGNED_COLUMNS).splitlines()
     if a is not None and b is not None:
         yield f"They ended {end_distance(a, b):.2f} m apart."
     if comparison.max_distance is not None:

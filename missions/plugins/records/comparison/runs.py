@@ -87,11 +87,11 @@ class RunComparison:
 
 def compare_runs(one: RunRecord, other: RunRecord) -> RunComparison:
     """Compare two runs. Raises IncomparableError for other missions or robots, InvalidRecordError."""
-    for what in ("mission", "robot"):
-        names = getattr(one.header, what), getattr(other.header, what)
+    for field in ("mission", "robot"):
+        names = getattr(one.header, field), getattr(other.header, field)
         if names[0] != names[1]:
-            told = f"{one.path} is of the {what} '{names[0]:.60}', {other.path} of '{names[1]:.60}'"
-            raise IncomparableError(f"{told}: only runs of one mission on one robot can be compared")
+            message = f"{one.path} is of the {field} '{names[0]:.60}', {other.path} of '{names[1]:.60}'"
+            raise IncomparableError(f"{message}: only runs of one mission on one robot can be compared")
     a, b = study_record(one), study_record(other)
     places = {place.key: place for place in node_places(a.drawing)}
     pairs = pair_nodes(tuple(places.values()), node_places(b.drawing))
@@ -141,13 +141,13 @@ def _find_first_difference(
     """Return the earliest difference; of several in one tick, the most likely cause."""
     order = {key: number for number, key in enumerate(places)}
     a, b = _changes_by_node(one), _changes_by_node(other)
-    found = []
-    for key, its in pairs.items():
+    differences = []
+    for key, other_key in pairs.items():
         became = next(
-            (RunPair(*two) for two in zip_longest(a[key], b[its]) if _status(two[0]) != _status(two[1])), None
+            (RunPair(*two) for two in zip_longest(a[key], b[other_key]) if _status(two[0]) != _status(two[1])), None
         )
         if became is not None:
-            found.append(FirstDifference(places[key], became))
+            differences.append(FirstDifference(places[key], became))
 
     def rank(split: FirstDifference) -> tuple[float, bool, bool, int]:
         """Return a sort key: earlier first, then not only halted, then leaves, then nodes further up."""
@@ -155,16 +155,16 @@ def _find_first_difference(
         halted = all(change.status == "idle" for change in changes)
         return min(change.t for change in changes), halted, not split.place.is_leaf, order[split.place.key]
 
-    return min(found, key=rank, default=None)
+    return min(differences, key=rank, default=None)
 
 
 def _changes_by_node(changes: Iterable[NodeChanged]) -> Mapping[str, list[NodeChanged]]:
     """Return the status changes of each node, in order, without repeated statuses."""
-    found: defaultdict[str, list[NodeChanged]] = defaultdict(list)
+    changes_by_node: defaultdict[str, list[NodeChanged]] = defaultdict(list)
     for change in changes:
-        if not found[change.node] or found[change.node][-1].status != change.status:
-            found[change.node].append(change)
-    return found
+        if not changes_by_node[change.node] or changes_by_node[change.node][-1].status != change.status:
+            changes_by_node[change.node].append(change)
+    return changes_by_node
 
 
 def _status(change: NodeChanged | None) -> str | None:
@@ -178,8 +178,8 @@ def _compare_leaves(
     lanes = [{lane.box.key: lane for lane in found.lanes} for found in (a, b)]
     back = {new: old for old, new in pairs.items()}
     here = {**{key: (key, pairs.get(key)) for key in places}, **_nodes_of_second_tree(b.drawing.root, back)}
-    for key, (mine, its) in here.items():
-        two = lanes[0].get(mine or ""), lanes[1].get(its or "")
+    for key, (mine, other_key) in here.items():
+        two = lanes[0].get(mine or ""), lanes[1].get(other_key or "")
         box: TreeBox | None = next((lane.box for lane in two if lane is not None), None)
         if box is not None:
             place = places.get(key) or NodePlace(key, box.kind, box.name, box.file, box.line, is_leaf=True)

@@ -108,8 +108,8 @@ def _messages(record: RunRecord) -> Iterator[tuple[str, float, Any]]:
     began = start_time_ns(record.header)
     for topic, time, data in record.container.messages():
         with reject_malformed(record.path):
-            found = parse_message(data)
-        yield topic, found.pop("t", (time - began) / 1e9), found
+            message = parse_message(data)
+        yield topic, message.pop("t", (time - began) / 1e9), message
 
 
 def _row(topic: str, data: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
@@ -119,8 +119,8 @@ def _row(topic: str, data: Mapping[str, Any], prefix: str = "") -> dict[str, obj
         if isinstance(value, dict):
             cells |= _row(topic, value, f"{prefix}{name}.")
         elif (topic, name) not in OMITTED_FIELDS:
-            told = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else safe_cell(value)
-            cells[prefix + name] = told
+            cell = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else safe_cell(value)
+            cells[prefix + name] = cell
     return cells
 
 

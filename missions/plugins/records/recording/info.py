@@ -70,8 +70,8 @@ def _facts(record: RunRecord, counts: MessageCounts) -> Iterator[tuple[str, str]
     until = f"{began + timedelta(seconds=record.end_time):%H:%M:%S.%f}"[:-5]
     yield "closed", "yes" if record.is_complete else f"no: complete up to {until}, {record.end_time:.2f} s"
     lost = record.lost_counts()
-    told = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
-    yield "lost", f"{sum(lost.values())} messages: {told}" if lost else "nothing"
+    topics = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
+    yield "lost", f"{sum(lost.values())} messages: {topics}" if lost else "nothing"
     if counts.damaged:
         stretches = "1 range" if counts.damaged == 1 else f"{counts.damaged} ranges"
         yield "damaged", f"{stretches} of the file unreadable: messages are missing"

@@ -72,15 +72,15 @@ class ChunkedRecord:
 
 def list_entry(path: Path) -> Json:
     """Return the list entry of a record; its key `trouble` says why a record cannot be read."""
-    told: Json = {"name": path.name, "bytes": path.stat().st_size}
+    entry: Json = {"name": path.name, "bytes": path.stat().st_size}
     if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
         trouble = "the file name is not UTF-8, so the studio cannot link to it: rename the file"
-        return {**told, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
+        return {**entry, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
     try:
         opened = ChunkedRecord(path)
-        return told | run_facts(opened.record) | {"seconds": opened.end_time} | result_facts(opened.run_end())
+        return entry | run_facts(opened.record) | {"seconds": opened.end_time} | result_facts(opened.run_end())
     except (InvalidRecordError, OSError) as error:
-        return told | {"began": path.stat().st_mtime, "trouble": str(error)[:500]}
+        return entry | {"began": path.stat().st_mtime, "trouble": str(error)[:500]}
 
 
 def run_facts(record: RunRecord) -> Json:

@@ -305,9 +305,9 @@ class Recorder:
 
     def _record_feedback(self, tick_record: TickRecord) -> None:
         """Record new messages of running nodes, for which there is no event."""
-        for key, told in list(self._running_reasons.items()):  # another thread tells of changes meanwhile
+        for key, known_reason in list(self._running_reasons.items()):  # another thread tells of changes meanwhile
             node = self._nodes.get(key)
-            if node is not None and node.status is Status.RUNNING and node.reason != told:
+            if node is not None and node.status is Status.RUNNING and node.reason != known_reason:
                 self._running_reasons[key] = node.reason
                 self._enqueue(FeedbackItem(tick_record.t, tick_record.tick, key, node.reason))
 

@@ -106,9 +106,9 @@ def _foreign_file_error(container: "McapContainer") -> InvalidRecordError:
     if header is None or not container.chunk_spans:
         return InvalidRecordError(f"{path}: truncated or damaged before its header, so the record is unreadable")
     by = " and ".join(filter(None, (header.profile, header.library)))
-    told = f" (written by {by})" if by else ""
+    origin = f" (written by {by})" if by else ""
     return InvalidRecordError(
-        f"{path}: an MCAP file, but not a record of MissionTree{told}\n  try: Foxglove, which opens it"
+        f"{path}: an MCAP file, but not a record of MissionTree{origin}\n  try: Foxglove, which opens it"
     )
 
 
@@ -266,7 +266,7 @@ class RunRecord:
         """Return the known times and values of one of ``SERIES``. Raises KeyError for another name."""
         topic, field = SERIES[name]
         if topic not in self._series_messages:  # all that is drawn of a part stands in the same messages
-            fields = [other for told, other in SERIES.values() if told == topic]
+            fields = [other for other_topic, other in SERIES.values() if other_topic == topic]
             self._series_messages[topic] = list(self.read(lambda _, data: _known_values(data, fields), topic))
         found = [(time, known[field]) for time, known in self._series_messages[topic] if field in known]
         return [time for time, _ in found], [value for _, value in found]

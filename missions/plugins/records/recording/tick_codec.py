@@ -52,11 +52,11 @@ class TickEncoder:
 
     def _encode_answer(self, part: str, what: str, arguments: tuple[object, ...], value: object) -> bytes:
         question = _question(part, what, arguments) if arguments else _cached_question(part, what)
-        told = dumps(tag_value(value))
-        if self._last_answers.get(question) == told:
+        encoded = dumps(tag_value(value))
+        if self._last_answers.get(question) == encoded:
             return question
-        self._last_answers[question] = told
-        return question[:-1] + b"," + told + b"]"
+        self._last_answers[question] = encoded
+        return question[:-1] + b"," + encoded + b"]"
 
 
 def _question(part: str, what: str, arguments: tuple[object, ...]) -> bytes:

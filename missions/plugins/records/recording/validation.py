@@ -24,17 +24,17 @@ def reject_malformed(path: Path) -> Iterator[None]:
     except InvalidRecordError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError, OverflowError) as error:
-        said = f"{type(error).__name__}: {error}"
-        raise InvalidRecordError(f"{path}: malformed record: {said:.200}") from error
+        cause = f"{type(error).__name__}: {error}"
+        raise InvalidRecordError(f"{path}: malformed record: {cause:.200}") from error
 
 
 def parse_message(data: bytes) -> Any:
     """Return the JSON object of a message. Raises ValueError for other JSON, or a time out of range."""
-    found = parse_strict_json(data)
-    if not isinstance(found, dict):
+    message = parse_strict_json(data)
+    if not isinstance(message, dict):
         raise ValueError(f"a message is not a JSON object: {data[:80]!r}")
-    check_time(found.get("t", 0.0))
-    return found
+    check_time(message.get("t", 0.0))
+    return message
 
 
 def check_time(value: object) -> float:

@@ -37,15 +37,15 @@ class RecordLoss:
 
     def __str__(self) -> str:
         """Describe the loss in one line; empty if nothing is missing."""
-        said = []
+        parts = []
         if self.counts:
-            named = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
-            said.append(f"{sum(self.counts.values())} messages are missing ({self.reason or 'lost'}): {named}")
+            counts = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
+            parts.append(f"{sum(self.counts.values())} messages are missing ({self.reason or 'lost'}): {counts}")
         elif self.reason:
-            said.append(self.reason)
+            parts.append(self.reason)
         if self.limit_reached_at is not None:
-            said.append(f"the size limit was reached at {self.limit_reached_at:.1f} s, and the record ends there")
-        return "; ".join(said)
+            parts.append(f"the size limit was reached at {self.limit_reached_at:.1f} s, and the record ends there")
+        return "; ".join(parts)
 
 
 class WriterState(Enum):
@@ -192,11 +192,11 @@ class RecordWriterClient:
 
     def _handle_line(self, line: bytes) -> None:
         try:
-            told: Any = json.loads(line)
+            status: Any = json.loads(line)
         except ValueError:
             self._last_output = line.decode(errors="replace").strip()
             return
-        match told:
+        match status:
             case {"ready": True}:
                 self._advance(WriterEvent.READY)
             case {"failed": str(why)}:

@@ -122,10 +122,10 @@ class WriterProcess:
         """Write items until the input ends or the size limit is reached."""
         flush_at = self._clock.now()
         while (self._reader.is_open or waiting) and writer.limit_reached_at is None:
-            told = [_write_batch(writer, batch) for batch in waiting]
+            urgent = [_write_batch(writer, batch) for batch in waiting]
             waiting.clear()
             now = self._clock.now()
-            if any(told) and not writer.is_failing:
+            if any(urgent) and not writer.is_failing:
                 flush_at = min(flush_at, now + URGENT_FLUSH_INTERVAL)
             if now >= flush_at:
                 writer.flush()

@@ -155,10 +155,10 @@ def event_text(event: Event) -> str:
 
 def _log_text(line: Logged) -> str:
     """Return a log line; of speech, the speaker and the words."""
-    who, told, words = line.text.partition(": ")
+    speaker, separator, words = line.text.partition(": ")
     if line.level == "voice":
         return f'robot: "{line.text}"'
-    return f'{who}: "{words}"' if line.level == "person" and told else f"{line.level}: {line.text}"
+    return f'{speaker}: "{words}"' if line.level == "person" and separator else f"{line.level}: {line.text}"
 
 
 def _rows(root: TreeBox, depth: int = 0) -> Iterator[tuple[int, TreeBox]]:

@@ -70,8 +70,8 @@ class RecordedAnswers:
     def end_tick(self) -> None:
         """End the tick: report recorded commands that were not repeated, and keep unused replies."""
         for part, left in self._commands.items():
-            for told in left:
-                self._on_different_command(part, told, None)
+            for command in left:
+                self._on_different_command(part, command, None)
         for question, values in self._answers.items():
             if values:
                 self._store(question, values[-1])
@@ -91,10 +91,10 @@ class RecordedAnswers:
     def command(self, part: str, name: str, accept: Callable[[], object], *arguments: object) -> Any:
         """Return the recorded result of a command; for a different command, the result of ``accept``."""
         row = self._commands.get(part)
-        then = row.popleft() if row else None
-        if then is not None and then.matches(name, arguments):
-            return _return_or_raise(then.result)
-        self._on_different_command(part, then, RecordedCommand(name, arguments))
+        recorded = row.popleft() if row else None
+        if recorded is not None and recorded.matches(name, arguments):
+            return _return_or_raise(recorded.result)
+        self._on_different_command(part, recorded, RecordedCommand(name, arguments))
         return accept()
 
     def _store(self, question: Question, value: object) -> None:

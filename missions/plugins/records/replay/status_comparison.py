@@ -36,11 +36,11 @@ class NodePlace:
 
 def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
     """Return the places of a tree in the order of the file, the root first."""
-    found = []
+    places = []
     for box in drawing.root.walk():
-        found += [NodePlace(badge.key, badge.kind, "", box.file, badge.line) for badge in box.badges]
-        found.append(NodePlace(box.key, box.kind, box.name, box.file, box.line, is_leaf=not box.children))
-    return tuple(found)
+        places += [NodePlace(badge.key, badge.kind, "", box.file, badge.line) for badge in box.badges]
+        places.append(NodePlace(box.key, box.kind, box.name, box.file, box.line, is_leaf=not box.children))
+    return tuple(places)
 
 
 def pair_nodes(recorded: Sequence[NodePlace], current: Sequence[NodePlace]) -> Mapping[str, str]:
@@ -116,22 +116,29 @@ class StatusComparison:
 
     def finish_tick(self, tick: int, t: float) -> StatusDifference | None:
         """Compare all changes of a tick that ended at ``t`` (s); return the likely cause of a difference, or None."""
-        then, now = _states_by_node(self._recorded_changes.pop(tick, ())), _states_by_node(self._current_changes)
-        self._current_changes = []
-        now = {self._old_keys[key]: states for key, states in now.items() if key in self._old_keys}
-        then = {key: states for key, states in then.items() if key in self.pairs}
-        found = []
-        for key in {**then, **now}:
-            was, does = then.get(key, []), now.get(key, [])
-            if [state.status for state in was] != [state.status for state in does]:
-                found.append(key)
-            elif was != does:
-                self._note_reworded(self._first_difference(key, was, does, tick, t))
-        cause = min(found, key=lambda key: self._rank(key, then.get(key, []), now.get(key, [])), default=None)
-        difference = (
-            None if cause is None else self._first_difference(cause, then.get(cause, []), now.get(cause, []), tick, t)
+        recorded, current = (
+            _states_by_node(self._recorded_changes.pop(tick, ())),
+            _states_by_node(self._current_changes),
         )
-        self._last_states.update((key, states[-1]) for key, states in then.items())
+        self._current_changes = []
+        current = {self._old_keys[key]: states for key, states in current.items() if key in self._old_keys}
+        recorded = {key: states for key, states in recorded.items() if key in self.pairs}
+        different = []
+        for key in {**recorded, **current}:
+            recorded_states, current_states = recorded.get(key, []), current.get(key, [])
+            if [state.status for state in recorded_states] != [state.status for state in current_states]:
+                different.append(key)
+            elif recorded_states != current_states:
+                self._note_reworded(self._first_difference(key, recorded_states, current_states, tick, t))
+        cause = min(
+            different, key=lambda key: self._rank(key, recorded.get(key, []), current.get(key, [])), default=None
+        )
+        difference = (
+            None
+            if cause is None
+            else self._first_difference(cause, recorded.get(cause, []), current.get(cause, []), tick, t)
+        )
+        self._last_states.update((key, states[-1]) for key, states in recorded.items())
         return difference
 
     def _first_difference(

@@ -76,8 +76,8 @@ class JointFigures:
 def joint_samples(record: RunRecord) -> Mapping[str, Sequence[JointLogSample]]:
     """Return the samples of each joint in order of time; empty without joints. Raises InvalidRecordError."""
     found: dict[str, list[JointLogSample]] = {}
-    for told in record.read(lambda _, data: list(_samples(data)), JOINT_TOPIC):
-        for name, sample in told:
+    for batch in record.read(lambda _, data: list(_samples(data)), JOINT_TOPIC):
+        for name, sample in batch:
             if name in found or len(found) < MAX_JOINTS:
                 found.setdefault(name, []).append(sample)
     begin = record.cut_start or 0.0
@@ -156,13 +156,13 @@ def short_name(name: str) -> str:
 
 def _samples(data: Any) -> Iterator[tuple[str, JointLogSample]]:
     """Yield the valid samples of a message; implausible numbers are left out."""
-    for name, told in islice(data["joints"].items(), MAX_JOINTS):
-        if told["quality"] != "good":
+    for name, state in islice(data["joints"].items(), MAX_JOINTS):
+        if state["quality"] != "good":
             continue
         position, velocity, load, temperature = (
-            float(told[word]) for word in ("position", "velocity", "load", "temperature")
+            float(state[word]) for word in ("position", "velocity", "load", "temperature")
         )
-        goal = float(told["goal"]) if told["torque"] and told["goal"] is not None else None
+        goal = float(state["goal"]) if state["torque"] and state["goal"] is not None else None
         if all(abs(value) < MAX_SECONDS for value in (position, velocity, load, temperature, goal or 0.0)):
             yield name, JointLogSample(data["t"], position, velocity, goal, load, temperature)
 

@@ -1,9 +1,9 @@
 "use strict";
 /*
- * Moves a report through time: the slider sets its place, and tree, variables, picture, charts and route follow.
+ * Time slider of the report: tree, variables, picture, charts and path show the state at its position.
  *
- * A place is a number from 0 on. Whatever has data-place goes there when it is clicked, data-node shows a node of the
- * tree; a click into what is drawn over time (.over-time) goes to that time.
+ * A position is a number from 0 on. A click on an element with data-place goes to that position, on one with data-node
+ * to that node of the tree, and on a chart over time (.over-time) to that time.
  */
 (() => {
   const { data, showStates, showNode } = missiontree;
@@ -22,8 +22,8 @@
   const speed = document.querySelector("#speed");
   const lanes = [...document.querySelectorAll("[data-row]")];
 
-  /** How many of some rows, which begin with their place, hold at a place. */
-  function reached(rows, place, placeOf = (row) => row[0]) {
+  /** Return the number of rows up to a position; a row begins with its position. */
+  function countUpTo(rows, place, placeOf = (row) => row[0]) {
     let low = 0;
     let high = rows.length;
     while (low < high) {
@@ -34,13 +34,13 @@
     return low;
   }
 
-  const newest = (rows, place, placeOf) => rows[reached(rows, place, placeOf) - 1];
+  const newest = (rows, place, placeOf) => rows[countUpTo(rows, place, placeOf) - 1];
   const placeOf = (element) => Number(element.dataset.place);
   const write = (element, text) => {
     if (element.textContent !== text) element.textContent = text;
   };
 
-  // Show a place
+  // Show a position
 
   function showTime(place) {
     const time = `${data.times[place].toFixed(2)} s`;
@@ -96,8 +96,8 @@
 
   let waiting = false;
 
-  /** Show where the slider is, at most once for each picture that the screen draws. */
-  function follow() {
+  /** Show the slider position, at most once per animation frame. */
+  function update() {
     if (waiting) return;
     waiting = true;
     requestAnimationFrame(() => {
@@ -110,12 +110,12 @@
   function go(place) {
     slider.value = place;
     showTime(Number(slider.value));
-    say("");
-    follow();
+    showNote("");
+    update();
   }
 
-  /** Say something below the slider; what is said of a node goes there when it is clicked. */
-  function say(text, key = "") {
+  /** Show a note below the slider; with a node key it is a link to that node. */
+  function showNote(text, key = "") {
     const [link, plain] = note.children;
     link.dataset.node = key;
     write(link, key ? text : "");
@@ -124,7 +124,7 @@
 
   // Play
 
-  let playing = 0; // by which call it is played; 0 while it stands
+  let playing = 0; // ID of the animation frame request; 0 while paused
   const last = data.times.length - 1;
 
   function pause() {
@@ -132,7 +132,7 @@
     write(play, "\u25B6 Play");
   }
 
-  /** Go on as time does, from where the slider is; from the beginning, where it is at the end. */
+  /** Play in real time from the slider position; from the beginning if it is at the end. */
   function start() {
     if (Number(slider.value) === last) go(0);
     write(play, "\u23F8 Pause");
@@ -142,7 +142,7 @@
       if (!playing) return;
       time += (Math.max(0, now - before) / 1000) * Number(speed.value);
       before = now;
-      const place = Math.max(0, reached(data.times, time, (each) => each) - 1);
+      const place = Math.max(0, countUpTo(data.times, time, (each) => each) - 1);
       if (place !== Number(slider.value)) go(place);
       if (place === last) pause();
       else playing = requestAnimationFrame(step);
@@ -152,7 +152,7 @@
 
   play.addEventListener("click", () => (playing ? pause() : start()));
 
-  // Whatever moves it
+  // User input
 
   slider.addEventListener("input", () => {
     pause();
@@ -160,15 +160,15 @@
   });
 
   const jumps = {
-    next: (place) => data.failures[reached(data.failures, place)],
-    previous: (place) => data.failures[reached(data.failures, place - 1) - 1],
+    next: (place) => data.failures[countUpTo(data.failures, place)],
+    previous: (place) => data.failures[countUpTo(data.failures, place - 1) - 1],
   };
 
   function jump(which) {
     const failure = jumps[which](Number(slider.value));
-    if (!failure) return say(which === "next" ? "No failure after this." : "No failure before this.");
+    if (!failure) return showNote(which === "next" ? "No later failure." : "No earlier failure.");
     go(failure[0]);
-    say(failure[2], failure[1]);
+    showNote(failure[2], failure[1]);
   }
 
   document.addEventListener("click", (event) => {
@@ -183,7 +183,7 @@
     else if (node) showNode(node.dataset.node);
     else if (drawn) {
       const { left, width } = drawn.getBoundingClientRect();
-      go(reached(data.times, begin + (span * (event.clientX - left)) / width, (time) => time) - 1);
+      go(countUpTo(data.times, begin + (span * (event.clientX - left)) / width, (time) => time) - 1);
     }
   });
 

@@ -88,22 +88,22 @@ def spread_evenly(count: int, max_count: int) -> list[int]:
 def summarise_sightings(views: Views) -> list[SightingSummary]:
     """Return all tracked percepts in order of appearance."""
     found: dict[tuple[str, int], SightingSummary] = {}
-    called: dict[tuple[str, int], str] = {}
+    names: dict[tuple[str, int], str] = {}
     for time, view in views:
         for percept in _visible_percepts(view):
             key = type(percept).__name__, percept.id
             before = found.get(key, SightingSummary("", time, time, 0, None))
             near = [each for each in (before.nearest, percept.distance) if each is not None and isfinite(each)]
             if isinstance(percept, Face) and percept.name not in ("", UNKNOWN):
-                called[key] = percept.name  # and so it was all the time, though it may not have been decided
+                names[key] = percept.name  # and so it was all the time, though it may not have been decided
             found[key] = replace(
                 before,
-                name=called.get(key) or percept_name(percept),
+                name=names.get(key) or percept_name(percept),
                 last=time,
                 views=before.views + 1,
                 nearest=min(near, default=None),
-                person=key in called,
-                face=isinstance(percept, Face) and key not in called,
+                person=key in names,
+                face=isinstance(percept, Face) and key not in names,
             )
     return _merge_by_name(found.values())
 

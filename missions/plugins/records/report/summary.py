@@ -126,14 +126,14 @@ def summary_sentences(study: RecordStudy) -> Iterator[str]:
 
 def reported_faults(record: RunRecord) -> list[FaultRaised]:
     """Return the fault events of the robot's parts, without their first connection."""
-    told = [event for event in record.events if isinstance(event, FaultRaised)]
-    gone: set[str] = set()
+    events = [event for event in record.events if isinstance(event, FaultRaised)]
+    offline_parts: set[str] = set()
     kept = []
-    for event in told:
-        if event.what != "online" or event.part in gone:
+    for event in events:
+        if event.what != "online" or event.part in offline_parts:
             kept.append(event)
         if event.what == "offline":
-            gone.add(event.part)
+            offline_parts.add(event.part)
     return kept
 
 
@@ -252,7 +252,7 @@ def _names_text(sightings: Sequence[SightingSummary]) -> str:
 def _loss_sentences(record: RunRecord) -> Iterator[str]:
     lost = record.lost_counts()
     if lost:
-        told = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
-        yield f"The record is incomplete: {count_text(sum(lost.values()), 'message')} lost ({told})."
+        counts = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
+        yield f"The record is incomplete: {count_text(sum(lost.values()), 'message')} lost ({counts})."
     if not record.is_complete:
         yield "The record was not closed: everything after its last message is lost."

@@ -56,8 +56,8 @@ def _speaker_and_text(event: Logged | Notified) -> tuple[str, str]:
         case Logged(level="voice"):
             return "the robot", event.text
         case Logged(level="person"):
-            who, told, words = event.text.partition(": ")
-            return (who, words) if told else ("a person", event.text)
+            speaker, separator, words = event.text.partition(": ")
+            return (speaker, words) if separator else ("a person", event.text)
         case Logged():
             return event.level, event.text
         case _:

@@ -38,8 +38,8 @@ def timeline_markup(lanes: Sequence[Lane], slider: SliderTimes) -> Markup:
 def _row(lane: Lane, slider: SliderTimes) -> Markup:
     box = lane.box
     ended = ", ".join(f"{count} {OUTCOME_LABELS[status]}" for status, count in count_outcomes(lane.bars).items())
-    told = f"{box.title}: {count_text(len(lane.bars), 'time')}, {seconds_text(lane.busy_seconds)} in total; {ended}"
-    svg = tag("svg", *_bar_markup(lane.bars, slider), role="img", aria_label=told)
+    label = f"{box.title}: {count_text(len(lane.bars), 'time')}, {seconds_text(lane.busy_seconds)} in total; {ended}"
+    svg = tag("svg", *_bar_markup(lane.bars, slider), role="img", aria_label=label)
     within = tag("small", f"in {lane.submission}") if lane.submission else ""
     name = tag("button", box.title, type="button", data_node=box.key, title=f"{box.file}:{box.line}", class_="link")
     return tag(

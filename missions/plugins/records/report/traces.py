@@ -53,18 +53,18 @@ def tracking_errors(record: RunRecord, views: Views, lanes: Sequence[Lane]) -> l
     )
     if not following:
         return []
-    given = [event for event in record.events if isinstance(event, VariableSet)]
-    found: list[TrackingError] = []
+    variables = [event for event in record.events if isinstance(event, VariableSet)]
+    errors: list[TrackingError] = []
     for start, end, box in following:
-        target = _initial_target(box, given, start)
+        target = _initial_target(box, variables, start)
         for time, view in views:
             if not start <= time <= end:
                 continue
             percept = _followed_percept(box, view, target)
             if percept is not None and max(abs(percept.bearing), abs(percept.elevation)) <= pi:
                 target = percept.id
-                found.append(TrackingError(time, degrees(percept.bearing), degrees(percept.elevation)))
-    return sorted(found, key=lambda miss: miss.time)
+                errors.append(TrackingError(time, degrees(percept.bearing), degrees(percept.elevation)))
+    return sorted(errors, key=lambda miss: miss.time)
 
 
 def tracking_rms(errors: Sequence[TrackingError]) -> float:
@@ -94,8 +94,8 @@ def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float
 def _followed_percept(box: TreeBox, view: View, target: int | None) -> Percept | None:
     """Return the target in a view; the first candidate if there is no target yet."""
     fresh = [percept for percept in _candidates(box, view) if percept.stamp == view.looked]
-    same = next((percept for percept in fresh if percept.id == target), None)
-    return same or (fresh[0] if fresh and target is None else None)
+    tracked = next((percept for percept in fresh if percept.id == target), None)
+    return tracked or (fresh[0] if fresh and target is None else None)
 
 
 def _candidates(box: TreeBox, view: View) -> Iterator[Percept]:

@@ -91,15 +91,15 @@ def _reaction_times(
     ticks: Sequence[TickRecord], waits: WireFigures | None, *, real: bool
 ) -> Iterator[tuple[str, Times]]:
     """Yield for each actuator the ages (s) of pictures when the first command based on them was sent."""
-    found: dict[str, list[float]] = {}
+    ages: dict[str, list[float]] = {}
     newest: dict[str, float] = {}
     for moment in ticks:
-        gone = moment.t + (moment.spent if real else 0.0)  # within it, or right at its end: nearer is not known
+        sent_at = moment.t + (moment.spent if real else 0.0)  # within it, or right at its end: nearer is not known
         for part, stamp in _commands_after_look(moment.answers).items():
             if stamp > newest.get(part, float("-inf")):
                 newest[part] = stamp
-                found.setdefault(part, []).append(gone - stamp)
-    for part, times in sorted(found.items()):
+                ages.setdefault(part, []).append(sent_at - stamp)
+    for part, times in sorted(ages.items()):
         waited = waits.mean if waits is not None and part == BASE_COMMAND[0] else 0.0
         yield f"picture to {part} {'on the wire' if real else 'command'}", _times(times) + waited
 
@@ -107,14 +107,14 @@ def _reaction_times(
 def _commands_after_look(answers: Sequence[Answer]) -> Mapping[str, float]:
     """Return the parts that were commanded after a query of perception, and the newest stamp of its reply."""
     newest: float | None = None
-    found: dict[str, float] = {}
+    stamps_by_part: dict[str, float] = {}
     for part, what, _, value in answers:
         if part == "sight":
             stamps = [newest, *_stamps(value)]
             newest = max((stamp for stamp in stamps if stamp is not None), default=None)
         elif (part, what) in MOTION_COMMANDS and newest is not None and not isinstance(value, Exception):
-            found.setdefault(part, newest)
-    return found
+            stamps_by_part.setdefault(part, newest)
+    return stamps_by_part
 
 
 def _stamps(value: object) -> Iterator[float]:

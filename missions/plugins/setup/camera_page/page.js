@@ -1,7 +1,7 @@
 "use strict";
-/* Shows each picture as it comes, and in words what was found in it; says so when none comes any more. */
+/* Shows the newest picture and its caption, and a note when the pictures end. */
 (() => {
-  const STALE = 3000; // ms; news come at least once a second
+  const TIMEOUT = 3000; // ms; there is at least one picture a second
 
   const picture = document.querySelector("#picture");
   const words = document.querySelector("#words");
@@ -9,7 +9,7 @@
 
   function wait() {
     clearTimeout(silence);
-    silence = setTimeout(() => (words.textContent = "no more pictures: `mission see` has ended"), STALE);
+    silence = setTimeout(() => (words.textContent = "no more pictures: `mission see` has ended"), TIMEOUT);
   }
 
   new EventSource("events").onmessage = ({ data }) => {

@@ -53,14 +53,14 @@ def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | N
     Each line is ok, a warning, or wrong, with a command to try. Nothing moves without --move, and nothing is written to
     a device. Exit codes: 0 nothing is wrong, 1 something is wrong, 2 an error in the command or a file.
     """
-    machine, (config, whose) = HostMachine(root), _find_robot(robot)
+    machine, (config, robot_finding) = HostMachine(root), _find_robot(robot)
     if unknown := sorted(set(ports) - set(config.sections if config else ())):
         raise click.UsageError(f"--port: the robot has no {' or '.join(unknown)}")
     if move and config is None:
         raise click.UsageError("--move needs a robot\n  try: mission doctor --move --robot NAME")
     found = list[PartFinding]()
     with interruptible():
-        for each in _check_all(machine, config, whose, robot or OWN_ROBOT, ports, found, move=move):
+        for each in _check_all(machine, config, robot_finding, robot or OWN_ROBOT, ports, found, move=move):
             if not as_json:
                 _print_finding(each, new=not found or found[-1].part != each.part)
             found.append(each)
@@ -89,12 +89,16 @@ def _finish(
 
 def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: list[PartFinding]) -> None:
     """Save the warnings and errors for the studio, without private words: its viewers may not know the owner."""
-    ailing = [each for each in found if each.finding.verdict != "ok"]
-    lines = [{"part": each.part, **asdict(each.finding)} for each in ailing]
-    told = {"at": time_of_day().isoformat(timespec="seconds"), "robot": config.name if config else "", "ailing": lines}
+    problems = [each for each in found if each.finding.verdict != "ok"]
+    lines = [{"part": each.part, **asdict(each.finding)} for each in problems]
+    content = {
+        "at": time_of_day().isoformat(timespec="seconds"),
+        "robot": config.name if config else "",
+        "ailing": lines,
+    }
     with suppress(OSError):  # without a home, or on a full disk: the check-up itself is what counts
         checkup_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        save_file(checkup_file(), anonymise(json.dumps(told), private_words(machine)).encode(), PRIVATE_MODE)
+        save_file(checkup_file(), anonymise(json.dumps(content), private_words(machine)).encode(), PRIVATE_MODE)
 
 
 def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
@@ -112,11 +116,11 @@ def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
             return None, Finding("robot", "this computer has no robot of its own", fix="mission robot use NAME")
         config = load_robot(find_file("robots", OWN_ROBOT))
     except (UnknownNameError, InvalidFileError) as error:
-        told = f"this computer's own robot, set in {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"
-        return None, failure("robot", told, cure)
+        message = f"this computer's own robot, set in {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"
+        return None, failure("robot", message, cure)
     called = config.name if config.name == mine else f"{config.name} ({mine})"
-    told = f"{called}, this computer's own, set in {config_folder() / DEFAULTS_FILE}: {', '.join(config.sections)}"
-    return config, Finding("robot", told)
+    message = f"{called}, this computer's own, set in {config_folder() / DEFAULTS_FILE}: {', '.join(config.sections)}"
+    return config, Finding("robot", message)
 
 
 def _check_all(

@@ -88,15 +88,15 @@ def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: 
     agrees = min(overlap_correlation(before, turned, there), overlap_correlation(turned, after, back))
     if off > 0.3 * hypot(there.x, there.y) or hypot(rest.x, rest.y) > 0.3 * expected or agrees < MIN_CORRELATION:
         return _undecided(name, "something else moves in the pictures")
-    told = f"the picture moved by {way:+.0f} px, {expected:+.0f} expected"
+    measured = f"the picture moved by {way:+.0f} px, {expected:+.0f} expected"
     if abs(aside) > 2 * abs(way) and MIN_SHIFT_RATIO * expected <= abs(aside) <= MAX_SHIFT_RATIO * expected:
         what = f"it moves the picture {'sideways' if vertical else 'up and down'}: {SWAPPED_SERVOS}"
         return failure(name, what, "swap the plugs of the two servos, or their numbers in the robot file")
     if not MIN_SHIFT_RATIO * expected <= abs(way) <= MAX_SHIFT_RATIO * expected or abs(aside) > abs(way) / 4 + 4:
-        return _undecided(name, told)
+        return _undecided(name, measured)
     if way < 0:
-        return failure(name, f"turns the wrong way: {told}", REVERSE_AXIS)
-    return Finding(name, f"turns the right way: {told}")
+        return failure(name, f"turns the wrong way: {measured}", REVERSE_AXIS)
+    return Finding(name, f"turns the right way: {measured}")
 
 
 def measure_shift(one: Image, other: Image) -> Shift:

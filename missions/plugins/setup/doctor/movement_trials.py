@@ -125,7 +125,7 @@ def try_movements(
     config: RobotConfig, robot_name: str, ports: Mapping[str, str], *, faulty_parts: frozenset[str], ask: Ask
 ) -> Iterator[PartFinding]:
     """Yield the finding of each movement; ``faulty_parts`` are not tried."""
-    order = RunRequest("doctor", robot=robot_name, ports=ports)
+    request = RunRequest("doctor", robot=robot_name, ports=ports)
     for part, section in config.sections.items():
         for trial in movement_trials(part, section):
             if part in faulty_parts:
@@ -135,11 +135,11 @@ def try_movements(
                 yield PartFinding(part, Finding(trial.about, "not tried"))
             elif part == "head" and config.camera is not None and "camera" not in faulty_parts:
                 lens = config.camera.upright().field_of_view
-                yield from (PartFinding(part, finding) for finding in _try_head(trial, config, order, ask, lens))
+                yield from (PartFinding(part, finding) for finding in _try_head(trial, config, request, ask, lens))
             elif section.driver.kind == "base":
-                yield from (PartFinding(part, finding) for finding in _try_base(trial, config, order, ask))
+                yield from (PartFinding(part, finding) for finding in _try_base(trial, config, request, ask))
             else:
-                yield PartFinding(part, _try_part(trial, config, order, ask))
+                yield PartFinding(part, _try_part(trial, config, request, ask))
 
 
 def movement_trials(part: str, section: Section) -> Iterator[MovementTrial]:

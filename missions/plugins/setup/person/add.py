@@ -97,8 +97,8 @@ def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
     unknown = [name for name in names if people.find(name) is None]
     if unknown:
         known = ", ".join(each.name for each in people.known_people()) or "none"
-        told = f"unknown person '{', '.join(unknown)}'; nothing was deleted; known: {known}"
-        raise PeopleError(told, hint="mission person list")
+        message = f"unknown person '{', '.join(unknown)}'; nothing was deleted; known: {known}"
+        raise PeopleError(message, hint="mission person list")
     if not yes and not click.confirm(f"Delete all pictures of {', '.join(names)}?"):
         return FAILURE
     for name in dict.fromkeys(people.find(name) or name for name in names):
@@ -343,7 +343,7 @@ def _portraits_from_camera(
     """
     clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
     turn = camera.orientation if camera is not None and is_live(source) else UPRIGHT
-    seen, guide, why = False, "", ""
+    seen, guide, refusal = False, "", ""
     with ExitStack() as stack:
         eye = stack.enter_context(
             closing(open_source(source, clock, size=size, loop=False, report=_print_status, turn=turn))
@@ -363,14 +363,14 @@ def _portraits_from_camera(
                 if seen and not eye.health().online and not is_live(source):
                     break  # a film is over
                 continue
-            seen, before = True, why
-            why = collector.offer(frame.image, frame.stamp)
-            if not why:
+            seen, before = True, refusal
+            refusal = collector.offer(frame.image, frame.stamp)
+            if not refusal:
                 click.echo(f"  picture {len(collector.portraits)}", err=True)
-            elif why not in (before, TOO_SOON):
-                click.echo(f"  waiting: {why}", err=True)
+            elif refusal not in (before, TOO_SOON):
+                click.echo(f"  waiting: {refusal}", err=True)
     if len(collector.portraits) < MIN_PICTURES:
-        hint = why or "more time: --seconds 300"
+        hint = refusal or "more time: --seconds 300"
         raise PeopleError(
             f"nothing was saved: {len(collector.portraits)} good pictures, at least {MIN_PICTURES}", hint=hint
         )

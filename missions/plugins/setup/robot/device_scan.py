@@ -72,10 +72,10 @@ def _device_at(
         askable = reason is not None and port.shut is None and port.usb is not None
         if askable and talk.ask_yes_no(f"ask {port.call}", question, default=False):
             heard(consent=True)
-    kept = talk.measure_once(key, list) if talk.has_answer(key) else []
-    if not kept:
+    saved = talk.measure_once(key, list) if talk.has_answer(key) else []
+    if not saved:
         return _ask_device(talk, table, port, probing)
-    title, about, keys, units = kept
+    title, about, keys, units = saved
     kind, _, name = title.partition(".")
     return ProbedDevice(table.find(kind, name), port, about, keys, tuple((each[0], each[1], each[2]) for each in units))
 
@@ -97,6 +97,6 @@ def _ask_device(
     wired = (it for _, _, it in table.iter_drivers() if isinstance(it, Driver) and issubclass(it.keys, SerialKeys))
     names = list(dict.fromkeys(f"{driver.kind}.{driver.name}" for driver in (*probing, *wired)))
     default = NO_DEVICE if sure is None else f"{sure.kind}.{sure.name}"
-    said = talk.ask_choice(f"on {port.call}", f"which device is on {port.path}?", [NO_DEVICE, *names], default)
-    kind, _, name = said.partition(".")
-    return None if said == NO_DEVICE else ProbedDevice(table.find(kind, name), port)
+    answer = talk.ask_choice(f"on {port.call}", f"which device is on {port.path}?", [NO_DEVICE, *names], default)
+    kind, _, name = answer.partition(".")
+    return None if answer == NO_DEVICE else ProbedDevice(table.find(kind, name), port)

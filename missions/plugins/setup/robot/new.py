@@ -75,13 +75,13 @@ def use(name: str | None, no_robot: bool) -> int:
         return _forget_robot()
     path = find_file("robots", name)
     config = load_robot(path)
-    stays = name if name in shipped_files("robots") or not Path(name).is_file() else str(path.resolve())
+    stored_name = name if name in shipped_files("robots") or not Path(name).is_file() else str(path.resolve())
     try:
         with report_write_errors(config_folder() / DEFAULTS_FILE, "NAME"):
-            kept = set_default("robot", yaml_word(stays))
+            kept = set_default("robot", yaml_word(stored_name))
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
-    click.echo(f"{stays} is this computer's robot now: {kept}")
+    click.echo(f"{stored_name} is this computer's robot now: {kept}")
     mission = suggest_mission(config)
     click.echo(f"  next: mission run {mission} --robot mine" if mission else "  next: mission robot check")
     return SUCCESS
@@ -197,7 +197,7 @@ def _fill_sections(
     """
     whole: dict[str, RobotPart] = {}
     for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):
-        part, before, told = parts[kind], dict(parts[kind].section), ""
+        part, before, last_error = parts[kind], dict(parts[kind].section), ""
         while True:
             if issubclass(part.driver.keys, DynamixelKeys):
                 _ask_servos(talk, machine, kind, part, max(extra_timeout, 0.004))
@@ -214,7 +214,7 @@ def _fill_sections(
                 if talk.yes:
                     raise
                 talk.print(str(error))
-                again, told = told == str(error), str(error)
+                again, last_error = last_error == str(error), str(error)
             if again and talk.ask_yes_no(f"{kind}?out", f"the same error again: leave the {kind} out?", default=True):
                 del parts[kind]
                 break

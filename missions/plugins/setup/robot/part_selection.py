@@ -123,7 +123,7 @@ def _with_gentle_torque(reference: ReferenceRobot) -> ReferenceRobot:
     strong = [name for name, joint in reference.arm.joints.items() if joint.torque > limit]
     arm = reference.sections["arm"]
     joints = {
-        name: {**told, "torque": GENTLE_TORQUE} if name in strong else told for name, told in arm["joints"].items()
+        name: {**entry, "torque": GENTLE_TORQUE} if name in strong else entry for name, entry in arm["joints"].items()
     }
     return replace(reference, sections={**reference.sections, "arm": {**arm, "joints": joints}})
 

@@ -48,7 +48,7 @@ def try_head(
 
 def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], name: str) -> dict[str, Any]:
     """Move a head and ask the user; return for each axis whether it is reversed, and its trim."""
-    found: dict[str, Any] = {}
+    answers: dict[str, Any] = {}
     with open_head(config, ports, head=name) as bench:
         bench.look(HeadPose(0.0, 0.0))
         for axis, way, pose in (
@@ -56,14 +56,14 @@ def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], nam
             ("tilt", "down", HeadPose(0.0, STEP_ANGLE)),
         ):
             bench.look(pose)
-            found[f"{axis} turned"] = not talk.ask_yes_no(f"tried {axis} way", f"did it turn {way}?", default=True)
+            answers[f"{axis} turned"] = not talk.ask_yes_no(f"tried {axis} way", f"did it turn {way}?", default=True)
             bench.look(HeadPose(0.0, 0.0))
         for axis in ("pan", "tilt"):
             side = "left" if axis == "pan" else "down"
             question = f"by how many degrees is it askew in {axis} now? positive is {side}"
             askew = talk.ask_text(f"tried {axis} askew", question, "0", lambda said: si_value(f"{said} deg", "angle"))
-            found[f"{axis} trim"] = -si_value(f"{askew} deg", "angle")
-    return found
+            answers[f"{axis} trim"] = -si_value(f"{askew} deg", "angle")
+    return answers
 
 
 def _apply_corrections(
@@ -89,9 +89,9 @@ def try_camera(talk: Dialogue, camera: Section) -> None:
     """Look through the camera, if the user agrees, and print problems of its pictures."""
     number, question = 0, f"test camera {without_secrets(str(camera.keys.source))}?"
     while not talk.yes and talk.ask_yes_no(f"picture {number}", question, default=number == 0):
-        told = talk.measure_once(f"picture {number} told", lambda: _camera_problems(camera))
-        talk.print(*(told or ["  its pictures are good"]))
-        if not told:
+        problems = talk.measure_once(f"picture {number} told", lambda: _camera_problems(camera))
+        talk.print(*(problems or ["  its pictures are good"]))
+        if not problems:
             return
         number, question = number + 1, "test again?"
 

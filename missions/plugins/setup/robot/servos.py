@@ -59,16 +59,16 @@ def name_joints(talk: Dialogue, arm: str, part: RobotPart) -> None:
         count = int(talk.ask_text(f"{arm} count", f"how many servos does the {arm} have?", "1", _check_count))
         kind = _ask_model(talk, f"{arm} model", f"which model are the servos of the {arm}?", part, usual)
         part.units = tuple((number, kind, "") for number in range(1, count + 1))
-    for number, told, _ in sorted(part.units):
-        model = told
-        if told not in MODELS:
-            question = f"which model is servo {number}, which reports {told}? '{NO_MODEL}' leaves it out"
+    for number, reported, _ in sorted(part.units):
+        model = reported
+        if reported not in MODELS:
+            question = f"which model is servo {number}, which reports {reported}? '{NO_MODEL}' leaves it out"
             model = _ask_model(talk, f"{arm} model {number}", question, part, NO_MODEL)
             if model == NO_MODEL:
                 talk.print(f"  servo {number} is left out")
                 continue
         of = "" if arm == "arm" else f" of the {arm}"
-        question = f"which joint does servo {number}{of} ({model}) move?"
+        question = f"what does servo {number}{of} ({model}) move?"
         name = talk.ask_text(f"{arm} joint {number}", question, f"joint{number}", check)
         joints[name] = {"id": number} | ({} if model == usual else {"model": model})
     part.section["joints"] = joints
@@ -148,10 +148,10 @@ def _write_id(talk: Dialogue, bus: ServoBus, one: ScannedServo, new: int, baud: 
     if one.model is None:
         return False
     bus.baud = one.baud
-    wanted = {"id": new} | ({} if one.baud == baud else {"baud": baud_code(baud, one.model.protocol)})
-    changes = plan_changes(bus, one.address, one.model.table, wanted)
-    told = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
-    if changes and not talk.ask_irreversible(f"  {one.model.name}: write {told} into the EEPROM?"):
+    values = {"id": new} | ({} if one.baud == baud else {"baud": baud_code(baud, one.model.protocol)})
+    changes = plan_changes(bus, one.address, one.model.table, values)
+    change_text = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
+    if changes and not talk.ask_irreversible(f"  {one.model.name}: write {change_text} into the EEPROM?"):
         return False
     apply_changes(bus, one.address, one.model.table, changes)
     talk.print(f"  {one.model.name} has ID {new}")
@@ -175,19 +175,19 @@ def find_limits(
             return _watch_joints(talk, bus, joints)
 
     ends = talk.measure_once(f"{name} ranges", measure)
-    kept = {str(joint): dict(entries) for joint, entries in part.section["joints"].items()}
+    joint_entries = {str(joint): dict(entries) for joint, entries in part.section["joints"].items()}
     for joint, (lowest, highest) in ends.items():
         turned = JointTravel(joints[joint], lowest, highest)
-        if (found := turned.range_within(LIMIT_MARGIN)) is None:
+        if (servo_range := turned.range_within(LIMIT_MARGIN)) is None:
             talk.print(f"  {joint} hardly moved: unchanged")
             continue
-        new = with_range(arm.joints[joint], found)
+        new = with_range(arm.joints[joint], servo_range)
         if new.ticks is not None:
-            kept[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
+            joint_entries[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
         else:
             lower, upper = ceil(10 * degrees(new.lower)) / 10, floor(10 * degrees(new.upper)) / 10  # never beyond
-            kept[joint]["limits"] = [f"{lower + 0.0:g} deg", f"{upper + 0.0:g} deg"]
-    part.section["joints"] = kept
+            joint_entries[joint]["limits"] = [f"{lower + 0.0:g} deg", f"{upper + 0.0:g} deg"]
+    part.section["joints"] = joint_entries
 
 
 def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:

@@ -89,18 +89,18 @@ def calibrate(
         check_keepable(path)
         check_writable(path, "--robot")
         with open_bus(target) as bench:
-            found = _watch_joints(bench, bench.select_joints(joints), zero=zero, seconds=seconds, yes=yes)
-        ranges = {each.joint.name: each.range_within(radians(margin)) for each in found}
-        click.echo(_table(found, ranges))
-        kept = {name: each for name, each in ranges.items() if each is not None}
-        if not kept:
+            travels = _watch_joints(bench, bench.select_joints(joints), zero=zero, seconds=seconds, yes=yes)
+        ranges = {each.joint.name: each.range_within(radians(margin)) for each in travels}
+        click.echo(_table(travels, ranges))
+        measured = {name: each for name, each in ranges.items() if each is not None}
+        if not measured:
             click.echo("no joint was turned: nothing is written", err=True)
             return FAILURE
         try:
-            before = write_ranges(path, kept, target.arm)
+            before = write_ranges(path, measured, target.arm)
         except (NotEditableError, OSError):
             click.echo("the limits in steps, which could not be written:", err=True)
-            for name, each in kept.items():
+            for name, each in measured.items():
                 click.echo(f"  {name}: {each.lowest} to {each.highest}", err=True)
             raise
     except NotEditableError as error:
@@ -114,17 +114,17 @@ def _watch_joints(
 ) -> list[JointTravel]:
     """Switch torque off, and track the joints until the end."""
     make_limp(bench, joints, yes=yes)
-    found = [_start_travel(bench, joint, zero=zero) for joint in joints]
-    names = ", ".join(each.joint.name for each in found)
+    travels = [_start_travel(bench, joint, zero=zero) for joint in joints]
+    names = ", ".join(each.joint.name for each in travels)
     click.echo(
         f"torque is off: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True
     )
     with wait_for_end(bench.clock, seconds) as over:
         while not over():
-            for each in found:
+            for each in travels:
                 each.sample(bench.bus)
-            show_line("  ".join(f"{each.joint.name} {_travel_degrees(each):.0f}" for each in found) + " deg")
-    return found
+            show_line("  ".join(f"{each.joint.name} {_travel_degrees(each):.0f}" for each in travels) + " deg")
+    return travels
 
 
 def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:

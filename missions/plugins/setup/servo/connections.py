@@ -101,27 +101,29 @@ class OpenBus:
 
         An ID that servos of both protocols have is refused, unless a joint of the robot file has it.
         """
-        found: list[ServoIdentity] = []
+        identities: list[ServoIdentity] = []
         trouble: DriverError | None = None
         for protocol in self._candidate_protocols(servo):
             damaged = self.bus.statistics(servo).corrupt
             try:
-                found.append(self.bus.identify(ServoAddress(servo, protocol), tries=2))
+                identities.append(self.bus.identify(ServoAddress(servo, protocol), tries=2))
             except NoReply as error:
                 if self.bus.statistics(servo).corrupt > damaged:
                     trouble = error
                 elif self.bus.answers_ping(ServoAddress(servo, protocol), tries=1):
                     trouble = ping_only_error(ServoAddress(servo, protocol), self.options)
-        if len(found) == 1 and trouble is None:
-            told = found[0]
-            if (model := find_model(told.number)) is None:
+        if len(identities) == 1 and trouble is None:
+            identity = identities[0]
+            if (model := find_model(identity.number)) is None:
                 hint = f"mission servo scan{self.options}"
-                raise DeviceFault(f"servo {servo}: unknown model number {told.number}", hint=hint)
-            return told.address, model
+                raise DeviceFault(f"servo {servo}: unknown model number {identity.number}", hint=hint)
+            return identity.address, model
         if trouble is not None:
             raise trouble
-        if found:
-            numbers = " and ".join(f"model {told.number} ({protocol_name(told.address.protocol)})" for told in found)
+        if identities:
+            numbers = " and ".join(
+                f"model {identity.number} ({protocol_name(identity.address.protocol)})" for identity in identities
+            )
             raise DeviceFault(f"two servos have ID {servo}: {numbers}", hint="unplug one of them, then try again")
         raise NoReply(
             f"no reply from servo {servo} on {self.bus.port} at {self.bus.baud} baud, in any protocol",
@@ -189,8 +191,8 @@ def open_bus(
                 simulation = closings.enter_context(closing(Simulation(config, frozenset({target.arm}), clock)))
                 simulation.open()
                 port = simulation.ports[target.arm]
-            waits = reply_timeout if target.is_virtual else REPLY_TIMEOUT
-            bus = ServoBus(port, clock, baud=arm.baud, reply_timeout=waits, framing=framing or arm.framing)
+            timeout = reply_timeout if target.is_virtual else REPLY_TIMEOUT
+            bus = ServoBus(port, clock, baud=arm.baud, reply_timeout=timeout, framing=framing or arm.framing)
         closings.enter_context(closing(bus))
         bus.open()
         target.report_if_simulated()

@@ -130,20 +130,20 @@ def home(
     calibration_origin.load_settings(
         file
     )  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
-    kept = dict(load_calibration(str(file))) if file.exists() else {}
+    old_calibration = dict(load_calibration(str(file))) if file.exists() else {}
     with open_bus(target) as bench:
-        found = _watch_joints(bench, bench.select_joints(joints), endless, seconds, yes=yes)
-        click.echo(_travel_table(found, radians(margin)))
-        if any(each.problem(_margin_steps(each, margin)) for each in found):
+        servos = _watch_joints(bench, bench.select_joints(joints), endless, seconds, yes=yes)
+        click.echo(_travel_table(servos, radians(margin)))
+        if any(each.problem(_margin_steps(each, margin)) for each in servos):
             click.echo("nothing is written", err=True)
             return FAILURE
         modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
-        new = {each.joint: each.calibration(_margin_steps(each, margin), modes[each.joint.name]) for each in found}
+        new = {each.joint: each.calibration(_margin_steps(each, margin), modes[each.joint.name]) for each in servos}
         plans = _plan_changes(bench, new)
         if plans and (lost := calibration_origin.describe_lost_calibration(bench.bus, plans, file)):
             click.echo(lost, err=True)
         _confirm_eeprom(plans, yes=yes)
-        if not _save_calibration(bench, file, kept, new):
+        if not _save_calibration(bench, file, old_calibration, new):
             click.echo("the servos are unchanged; --restore --into FILE writes a saved calibration", err=True)
             return FAILURE
         _apply_changes(bench, plans, file)
@@ -235,16 +235,16 @@ def _watch_joints(
         with wait_for_end(bench.clock, None) as over:
             while not over():
                 show_line(" ".join(f"{joint.name} {_present_position(bench, joint)}" for joint in joints))
-    found = list(_read_middles(bench, joints, endless))
+    servos = list(_read_middles(bench, joints, endless))
     click.echo(
         f"torque is off: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True
     )
     with wait_for_end(bench.clock, seconds) as over:
         while not over():
-            for each in found:
+            for each in servos:
                 each.sample(bench.bus)
-            show_line("  ".join(f"{each.joint.name} {_travel_degrees(each):.0f}" for each in found) + " deg")
-    return found
+            show_line("  ".join(f"{each.joint.name} {_travel_degrees(each):.0f}" for each in servos) + " deg")
+    return servos
 
 
 def _read_middles(bench: OpenBus, joints: Iterable[Joint], endless: Collection[str]) -> Iterator[HomedServo]:
@@ -280,8 +280,8 @@ def _plan_changes(bench: OpenBus, wanted: Mapping[Joint, MotorCalibration]) -> d
         values = {"position_offset": each.homing_offset, "min_position": each.range_min, "max_position": each.range_max}
         if changes := plan_changes(bench.bus, joint.address, joint.model.table, values):
             plans[joint] = changes
-            said = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
-            click.echo(f"{joint.title}: {said}")
+            change_text = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
+            click.echo(f"{joint.title}: {change_text}")
     if not plans:
         click.echo("the servos have these values already")
     return plans

@@ -206,8 +206,8 @@ def _wait_for_torque(arm: OpenArm, names: Sequence[str]) -> list[str]:
     """Return the joints that report torque before ``RECOVERY_TIMEOUT``."""
     begun = arm.clock.now()
     while True:
-        told = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
-        stiff = [name for name in names if name in told and (state := told[name].value) is not None and state.torque]
+        fresh = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
+        stiff = [name for name in names if name in fresh and (state := fresh[name].value) is not None and state.torque]
         if len(stiff) == len(names) or arm.clock.now() - begun > RECOVERY_TIMEOUT:
             return stiff
         pause()

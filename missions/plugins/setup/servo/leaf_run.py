@@ -42,12 +42,12 @@ def run_leaf(
     to rest as its file says. Raises InvalidFileError for invalid arguments, before anything is opened.
     """
     arguments = {**arguments, "on": target.arm}
-    told = ", ".join(f"{name}: {value}" for name, value in arguments.items())
-    source = SourceText(kind.tag, f"mission: {kind.tag}\ntree:\n  {kind.tag}: {{{told}}}\n")
+    argument_text = ", ".join(f"{name}: {value}" for name, value in arguments.items())
+    source = SourceText(kind.tag, f"mission: {kind.tag}\ntree:\n  {kind.tag}: {{{argument_text}}}\n")
     plan = check_plan(source, {kind.tag: kind}, things, robot=target_of(config))
     ports = {} if target.port is None else {target.arm: target.port}
-    order = RunRequest(kind.tag, robot=target.robot, simulate="wire" if target.is_virtual else None, ports=ports)
-    result, root = run_plan(plan, order, target.report_if_simulated)
+    request = RunRequest(kind.tag, robot=target.robot, simulate="wire" if target.is_virtual else None, ports=ports)
+    result, root = run_plan(plan, request, target.report_if_simulated)
     return EXIT_CODES[result.result], next(node for node in root.iterate() if isinstance(node, kind))
 
 

@@ -93,9 +93,9 @@ def info(target: ServoTarget, servos: tuple[str, ...], rate: float | None, as_js
         elif len(servos) == 1 and servos[0] not in bench.groups:
             _show_registers(bench, servos[0], as_json=as_json)
         else:
-            felt = _read_joints(bench.bus, bench.select_joints(servos))
-            click.echo(_joints_as_json(bench, felt) if as_json else _joint_table(felt))
-            return SUCCESS if all(each.state is not None for each in felt) else FAILURE
+            snapshots = _read_joints(bench.bus, bench.select_joints(servos))
+            click.echo(_joints_as_json(bench, snapshots) if as_json else _joint_table(snapshots))
+            return SUCCESS if all(each.state is not None for each in snapshots) else FAILURE
     return SUCCESS
 
 
@@ -105,11 +105,11 @@ def _watch_joints(bench: OpenBus, names: Sequence[str], interval: float, *, as_j
     with Live(console=console(), auto_refresh=False) as live:
         while True:
             begun = bench.clock.now()
-            felt = _read_joints(bench.bus, chosen)
+            snapshots = _read_joints(bench.bus, chosen)
             if as_json:
-                click.echo(_joints_as_json(bench, felt))
+                click.echo(_joints_as_json(bench, snapshots))
             else:
-                live.update(Text(_joint_table(felt), no_wrap=True, overflow="ellipsis"), refresh=True)
+                live.update(Text(_joint_table(snapshots), no_wrap=True, overflow="ellipsis"), refresh=True)
             pause(max(0.0, begun + interval - bench.clock.now()))
 
 
@@ -253,8 +253,8 @@ def set_register(target: ServoTarget, servo: str, register: str, value: int, yes
         servos = [bench.servo(servo)] if register == "id" else bench.servos(servo)
         for _, model in servos:
             model.table.find_register(register)  # of all first: none is changed where another cannot be
-        wanted = {at: (model, {register: _encode_value(register, value, model)}) for at, model in servos}
-        code = _write_registers(bench, wanted, yes=yes)
+        values = {at: (model, {register: _encode_value(register, value, model)}) for at, model in servos}
+        code = _write_registers(bench, values, yes=yes)
     if register == "baud" and target.robot is not None:
         click.echo(f"  set baud: {value} in the robot file once all its servos have it", err=True)
     return code

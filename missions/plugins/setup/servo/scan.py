@@ -172,8 +172,8 @@ def find_differences(
                 troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
             elif servo.model is not joint.model and not servo.answers_ping_only:
                 cure = "connect it alone, and scan again" if servo.model is None else servo.model.robot_file_hint
-                told = f"{_model_text(servo)}, the robot file says {joint.model.name}"
-                troubles.append(f"{joint.title} has another model: {told}\n  try: {cure}")
+                models = f"{_model_text(servo)}, the robot file says {joint.model.name}"
+                troubles.append(f"{joint.title} has another model: {models}\n  try: {cure}")
     return troubles
 
 

@@ -91,7 +91,9 @@ def test_a_file_that_unpacks_to_far_more_than_it_is_is_not_unpacked(
         tmp_path / "a.mcap", [about(), *(("/log", {"t": 1.0, "kind": "voice", "message": "x" * 60_000}),) * 200]
     )
     assert path.stat().st_size < 100_000
-    with pytest.raises(InvalidRecordError, match="would decompress to more than 100 times that: not written by MissionTree"):
+    with pytest.raises(
+        InvalidRecordError, match="would decompress to more than 100 times that: not written by MissionTree"
+    ):
         _ = open_record(path).events
 
 

@@ -172,5 +172,7 @@ def test_no_name_of_a_file_leads_out_of_the_folder(greeted: RunRecord, tmp_path:
 
 def test_no_file_of_a_record_hides_behind_another(greeted: RunRecord, tmp_path: Path) -> None:
     files = {"behaviours/mine.py": b"good", "behaviours/../mine.py": b"evil"}
-    with pytest.raises(InvalidRecordError, match=r"two files of the record have the same name: behaviours/\.\./mine\.py"):
+    with pytest.raises(
+        InvalidRecordError, match=r"two files of the record have the same name: behaviours/\.\./mine\.py"
+    ):
         RerunFiles(greeted.header, files, tmp_path / "unpacked").unpack()

@@ -128,10 +128,7 @@ def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_no
 
 def test_a_report_has_a_section_on_joints_and_says_the_worst(tmp_path: Path) -> None:
     found = study_record(record_of(tmp_path, elbow=waves))
-    assert (
-        "Joint error: 1.49° root mean square, 3.0° at most (elbow, at 1.50 s)."
-        in summary_sentences(found)
-    )
+    assert "Joint error: 1.49° root mean square, 3.0° at most (elbow, at 1.50 s)." in summary_sentences(found)
     assert "Work of the motors: 3 J." in summary_sentences(found)
     text = report_page(found)
     assert "<h2>Joints</h2>" in text

@@ -91,15 +91,15 @@ def _colour(about: str) -> Schema:
 
 
 _TIMESTAMP: Schema = {
-    "description": "When.",
+    "description": "Time.",
     "type": "object",
     "title": "time",
     "properties": {"sec": integer(minimum=0), "nsec": integer(minimum=0, maximum=999_999_999)},
     "required": ["sec", "nsec"],
 }
 _PIXEL_POSITION = number_object("Pixels from the top left corner.", "xy")
-_ROTATION = number_object("A turn, as a quaternion.", "xyzw")
-_POSE = open_object("Place and turn.", position=number_object("Metres.", "xyz"), orientation=_ROTATION)
+_ROTATION = number_object("Rotation as a quaternion.", "xyzw")
+_POSE = open_object("Position and rotation.", position=number_object("Metres.", "xyz"), orientation=_ROTATION)
 
 
 FOXGLOVE_SCHEMAS: Mapping[str, Schema] = {
@@ -108,7 +108,7 @@ FOXGLOVE_SCHEMAS: Mapping[str, Schema] = {
         timestamp=_TIMESTAMP,
         level=integer("0 unknown, 1 debug, 2 info, 3 warning, 4 error, 5 fatal.", minimum=0, maximum=5),
         message=string("The line."),
-        name=string("Who speaks: mission, voice or person."),
+        name=string("Speaker: mission, voice or person."),
         file=string("The mission."),
         line=integer("Always 0."),
         t=TIME,
@@ -123,14 +123,14 @@ FOXGLOVE_SCHEMAS: Mapping[str, Schema] = {
         t=TIME,
         gaze=nullable(
             open_object(
-                "Where the camera looked, in the odometry frame; null where that was not known.",
+                "Direction of the camera in the odometry frame; null if unknown.",
                 yaw=any_float("Radians to the left."),
                 pitch=any_float("Radians downwards."),
             )
         ),
     ),
     "foxglove.ImageAnnotations": open_object(
-        "What was found in a picture.",
+        "Percepts in a picture.",
         circles=typed("array", "None.", maxItems=0),
         points=array(
             "Boxes.",
@@ -139,44 +139,44 @@ FOXGLOVE_SCHEMAS: Mapping[str, Schema] = {
                 timestamp=_TIMESTAMP,
                 type=integer("2: a closed line.", minimum=0, maximum=4),
                 points=array("", _PIXEL_POSITION),
-                outline_color=_colour("Of the line."),
-                outline_colors=array("", _colour("Of a stretch.")),
-                fill_color=_colour("Inside."),
+                outline_color=_colour("Colour of the line."),
+                outline_colors=array("", _colour("Colour of a segment.")),
+                fill_color=_colour("Fill colour."),
                 thickness=number("Pixels."),
             ),
         ),
         texts=array(
-            "Words.",
+            "Labels.",
             open_object(
                 "",
                 timestamp=_TIMESTAMP,
                 position=_PIXEL_POSITION,
-                text=string("The words."),
+                text=string("The label."),
                 font_size=number("Pixels."),
-                text_color=_colour("Of the letters."),
-                background_color=_colour("Behind them."),
+                text_color=_colour("Text colour."),
+                background_color=_colour("Background colour."),
             ),
         ),
     ),
     "foxglove.FrameTransform": open_object(
-        "Where one frame is in another.",
+        "Transform between two frames.",
         timestamp=_TIMESTAMP,
-        parent_frame_id=string("The other."),
-        child_frame_id=string("The one."),
+        parent_frame_id=string("The parent frame."),
+        child_frame_id=string("The child frame."),
         translation=number_object("Metres.", "xyz"),
         rotation=_ROTATION,
     ),
     "foxglove.PoseInFrame": open_object(
-        "Where the base is.", timestamp=_TIMESTAMP, frame_id=string("odom."), pose=_POSE
+        "Pose of the base.", timestamp=_TIMESTAMP, frame_id=string("odom."), pose=_POSE
     ),
     "foxglove.LaserScan": open_object(
-        "A turn of the range finder.",
+        "A scan of the range finder.",
         timestamp=_TIMESTAMP,
         frame_id=string("base."),
         pose=_POSE,
-        start_angle=number("Of the first beam: radians, anticlockwise."),
-        end_angle=number("Of the last."),
-        ranges=array("Metres, 0 where nothing came back.", number()),
+        start_angle=number("Angle of the first beam: radians, anticlockwise."),
+        end_angle=number("Angle of the last beam."),
+        ranges=array("Metres, 0 without an echo.", number()),
         intensities=array("None.", number()),
     ),
 }
@@ -188,24 +188,24 @@ def _percepts(about: str, /, **members: Schema) -> Schema:
     return array(about, open_object("", **_PERCEPT, **members))
 
 
-_TICK = integer("The tick in which.")
+_TICK = integer("Tick number.")
 _MEASURED = {
-    "stamp": number("When it was measured, in seconds of the run."),
-    "quality": enumeration("How far it can be trusted.", "good", "stale", "none"),
+    "stamp": number("Time of the measurement, in seconds of the run."),
+    "quality": enumeration("Quality of the measurement.", "good", "stale", "none"),
 }
 _PERCEPT = {
-    "id": integer("Stays while it is followed."),
+    "id": integer("Constant while it is tracked."),
     "stamp": _MEASURED["stamp"],
     "box": closed_object(
-        "Where in the picture.",
+        "Bounding box in the picture.",
         x=any_float("Pixels from the left."),
         y=any_float("Pixels from the top."),
         width=any_float("Pixels."),
         height=any_float("Pixels."),
     ),
-    "bearing": any_float("Radians left of the picture's middle."),
-    "elevation": any_float("Radians below it."),
-    "yaw": any_float("Its direction in the odometry frame, filtered: radians to the left."),
+    "bearing": any_float("Radians left of the centre of the picture."),
+    "elevation": any_float("Radians below the centre."),
+    "yaw": any_float("Filtered direction in the odometry frame: radians to the left."),
     "pitch": any_float("Radians downwards."),
     "yaw_rate": any_float("rad/s."),
     "pitch_rate": any_float("rad/s."),
@@ -214,66 +214,58 @@ _PERCEPT = {
 
 MISSIONTREE_SCHEMAS: Mapping[str, Schema] = {
     "missiontree.Mission": closed_object(
-        "What was run, and how: the first message of a record.",
+        "Settings of the run: the first message of a record.",
         mission=string("The mission's name."),
         file=string("The attachment that is the mission."),
         robot=string("The robot's name."),
-        world=string("What a simulated robot stands in; empty for a real one."),
-        params=mapping_of("The params that the caller gave.", string()),
-        seed=integer("For whatever is drawn by chance."),
-        simulate=enumeration("How the robot is simulated; empty for a real one.", "", "wire", "fast"),
-        eyes=enumeration("How it sees; empty without a camera.", "", "pixels", "truth"),
-        rate=number("Ticks a second."),
-        started=string("The time of day at which the run's clock showed 0: ISO 8601, UTC."),
-        versions=mapping_of("What it was run with.", string()),
-        command=array("What was typed.", string()),
-        parts=array("The parts of the robot that the mission has to do with.", string()),
-        values=mapping_of("All params, as they turned out.", string()),
-        behaviours=array("The attachments with leaves of the user's own.", string()),
-        paths=mapping_of("Where each attached file was found.", string()),
-        models=mapping_of("The SHA-256 of files too large to attach.", string()),
-        mocks=array("The leaves that a test had replaced.", string()),
-        eye=array("Where the camera sits on the base: x forward, y left, z up (m).", number(), minItems=3, maxItems=3),
-        lag=nullable(
-            number(
-                "How long (s) the base takes to begin what it is told, as earlier runs had learnt it; "
-                "null where none had."
-            )
-        ),
-        format=integer("How the record is laid out."),
+        world=string("World of a simulated robot; empty for a real one."),
+        params=mapping_of("Params of the caller.", string()),
+        seed=integer("Random seed."),
+        simulate=enumeration("Kind of simulation; empty for a real robot.", "", "wire", "fast"),
+        eyes=enumeration("Perception; empty without a camera.", "", "pixels", "truth"),
+        rate=number("Ticks per second."),
+        started=string("Time of day at time 0 of the run's clock: ISO 8601, UTC."),
+        versions=mapping_of("Versions of software.", string()),
+        command=array("Command line.", string()),
+        parts=array("Parts of the robot that the mission uses.", string()),
+        values=mapping_of("All params as evaluated.", string()),
+        behaviours=array("Attachments with user leaves.", string()),
+        paths=mapping_of("Original path of each attached file.", string()),
+        models=mapping_of("SHA-256 of files too large to attach.", string()),
+        mocks=array("Leaves that a test replaced.", string()),
+        eye=array("Position of the camera on the base: x forward, y left, z up (m).", number(), minItems=3, maxItems=3),
+        lag=nullable(number("Delay (s) of the base after a command, learnt in earlier runs; null if unknown.")),
+        format=integer("Version of the record format."),
     ),
     "missiontree.Moment": closed_object(
-        "A moment of the executive, in which time stood still, and all that it was told from outside.",
+        "A tick of the executive, with all replies of the robot's parts.",
         t=TIME,
         kind=enumeration(
             "A tick of the tree, a look at the robot while paused, or a step of halting the tree.",
             *("tick", "look", "halt"),
         ),
-        tick=integer("How many ticks had been made, this one with them."),
-        late=any_float("Seconds after it was due."),
-        spent=any_float("Seconds of real time that it took."),
+        tick=integer("Number of ticks so far, including this one."),
+        late=any_float("Delay in seconds."),
+        spent=any_float("Duration in seconds of real time."),
         overheld=nullable(
             typed(
                 "array",
-                "Which leaf held a tick for too long, and since when; null where none did.",
+                "Leaf that overran the tick limit, and the time; null without one.",
                 prefixItems=[string(), number()],
                 minItems=2,
                 maxItems=2,
             )
         ),
         answers=array(
-            "Every answer, in order: part, question, arguments, and the answer. "
-            "It is left out where it is as in the message before that has it.",
+            "Replies in order: part, query, arguments, and the reply. "
+            "A reply that equals the last one to the same query is left out.",
             typed(
                 "array",
                 prefixItems=[
                     string("The part of the robot."),
-                    string("What was asked, or commanded."),
-                    typed("array", "With which arguments."),
-                    {
-                        "description": "What came of it. Values that are more than plain JSON "
-                        'carry their kind under "$".'
-                    },
+                    string("The query or command."),
+                    typed("array", "The arguments."),
+                    {"description": 'The reply. Values that plain JSON cannot represent have their type under "$".'},
                 ],
                 minItems=3,
                 maxItems=4,
@@ -284,19 +276,19 @@ MISSIONTREE_SCHEMAS: Mapping[str, Schema] = {
         "A node of the tree has a new status.",
         t=TIME,
         tick=_TICK,
-        node=string("The node's key: its place in the tree."),
+        node=string("Key of the node: its place in the tree."),
         name=string("Its name."),
-        kind=string("The word in the mission."),
+        kind=string("Tag in the mission."),
         line=integer("Its line in the file."),
         status=enumeration("Its status now.", "idle", "running", "success", "failure", "suspended", "skipped"),
-        reason=string("Why, in words."),
+        reason=string("The reason."),
     ),
     "missiontree.Feedback": closed_object(
         "A node that goes on running has a new message.",
         t=TIME,
         tick=_TICK,
         node=string("The key of the node: its place in the tree."),
-        reason=string("What it waits for, or how far it is."),
+        reason=string("Progress or waiting reason."),
     ),
     "missiontree.VariableSet": closed_object(
         "A variable of a mission has a new value.",
@@ -304,111 +296,109 @@ MISSIONTREE_SCHEMAS: Mapping[str, Schema] = {
         tick=_TICK,
         scope=string("The key of the sub-mission whose variable it is; empty for the mission itself."),
         name=string("The variable."),
-        value={"description": 'Its value. What is more than plain JSON carries its kind under "$".'},
+        value={"description": 'Its value. Values that plain JSON cannot represent have their type under "$".'},
         dimension=nullable(string("The dimension of a quantity, whose value is in SI units.")),
     ),
     "missiontree.View": open_object(
-        "All that one frame showed.",
+        "Percepts of one frame.",
         t=TIME,
         looked=nullable(number("The stamp of the frame.")),
-        faces=_percepts("Faces, largest first.", name=string("Whose it is, where that is known.")),
+        faces=_percepts("Faces, largest first.", name=string("Name of the person, if known.")),
         things=_percepts(
             "Coloured shapes.",
-            name=string("As it was asked for."),
+            name=string("Name in the mission."),
             colour=string("Its colour."),
             shape=string("Its shape."),
             size=nullable(any_float("Its width (m).")),
         ),
         markers=_percepts(
             "Markers of other robots.",
-            number=integer("The marker's."),
-            name=string("The robot's."),
-            heading=any_float("Which way it is turned: radians."),
+            number=integer("Number of the marker."),
+            name=string("Name of the robot."),
+            heading=any_float("Its heading: radians."),
         ),
         scene=nullable(
             open_object(
                 "",
                 stamp=_MEASURED["stamp"],
                 brightness=any_float("Mean grey level."),
-                contrast=any_float("In grey levels."),
-                motion=nullable(any_float("Share of it that has changed.")),
+                contrast=any_float("Standard deviation of grey levels."),
+                motion=nullable(any_float("Share of changed pixels.")),
             )
         )
         | {"description": "The picture as a whole."},
-        spent=number("Seconds that searching the frame took; 0 in simulated time."),
+        spent=number("Seconds of the search; 0 in simulated time."),
     ),
     "missiontree.CommandSent": closed_object(
-        "Somebody has commanded a part of the robot.",
+        "A command to a part of the robot.",
         t=TIME,
         tick=_TICK,
         to=string("The part."),
         source=string("A behaviour, safety or teleop."),
-        values=typed("object", "What was commanded."),
+        values=typed("object", "Values of the command."),
     ),
     "missiontree.FaultRaised": closed_object(
-        "A part of the robot tells of itself.",
+        "A part of the robot disconnects, reconnects or reports a fault.",
         t=TIME,
         part=string("The part."),
         what=string("offline, online or fault."),
-        detail=string("In words."),
-        hint=string("What to type next."),
+        detail=string("Details."),
+        hint=string("Next command to type."),
     ),
     "missiontree.ReflexFired": closed_object(
-        "The base feels something, or is stopped or weak; or not any more.",
+        "A reflex of the base begins or ends.",
         t=TIME,
         tick=_TICK,
-        what=string("What it feels."),
-        where=string("More of it: sides, a button, why it is stopped."),
-        on=boolean("Whether it begins or ends."),
+        what=string("The reflex."),
+        where=string("Details: sides, a button, the reason of a stop."),
+        on=boolean("True when it begins."),
     ),
-    "missiontree.Notified": closed_object(
-        "The mission has something to tell somebody who is not there.", t=TIME, tick=_TICK, text=string("What.")
-    ),
+    "missiontree.Notified": closed_object("A notification of the mission.", t=TIME, tick=_TICK, text=string("What.")),
     "missiontree.Ended": closed_object(
-        "The mission is over and the robot at rest.",
+        "End of the mission, with the robot at rest.",
         t=TIME,
         mission=string("The mission's name."),
-        result=enumeration("How it ended.", "success", "failure", "interrupted", "error"),
+        result=enumeration("Result.", "success", "failure", "interrupted", "error"),
         reason=string("Why."),
-        seconds=number("How long it ran."),
-        ticks=integer("How many ticks it had."),
+        seconds=number("Duration in seconds."),
+        ticks=integer("Number of ticks."),
     ),
     "missiontree.Lost": closed_object(
-        "Messages that did not come into the record before here.",
+        "Messages lost before this one.",
         t=TIME,
-        counts=mapping_of("How many, by topic.", integer()),
+        counts=mapping_of("Number by topic.", integer()),
         why=string("Why."),
     ),
     "missiontree.BaseState": closed_object(
-        "The base: where it is, how it moves, what it is told and feels.",
+        "State of the base: pose, velocity, setpoint, sensors.",
         t=TIME,
         **_MEASURED,
-        x=any_float("Metres forward from where it began."),
-        y=any_float("Metres left of that."),
+        x=any_float("Metres forward from the start."),
+        y=any_float("Metres left of the start."),
         heading=any_float("Radians, anticlockwise, continuous."),
         speed=any_float("m/s."),
         turn=any_float("rad/s."),
-        wanted_speed=any_float("What the mission asks for: m/s."),
+        wanted_speed=any_float("Requested speed: m/s."),
         wanted_turn=any_float("rad/s."),
-        given_speed=any_float("What of it is in force: m/s."),
+        given_speed=any_float("Speed after limits and reflexes: m/s."),
         given_turn=any_float("rad/s."),
         battery_voltage=any_float("V."),
         battery_percent=any_float("0..100."),
-        bumper=string("The sides that touch."),
-        cliff=string("The sides that see a cliff."),
-        wheel_drop=string("The wheels that hang."),
-        charging=boolean("Whether it is being charged."),
-        docked=boolean("Whether it stands on its dock."),
-        reckoned=boolean("Whether place and speed are dead reckoning: nothing measures them."),
+        bumper=string("Pressed bumper sides."),
+        cliff=string("Sides with a cliff."),
+        wheel_drop=string("Dropped wheels."),
+        charging=boolean("True while charging."),
+        docked=boolean("True on its dock."),
+        reckoned=boolean("True if pose and speed are dead reckoning."),
     ),
     "missiontree.HeadState": closed_object(
-        "Where the head looks, and where it is to look: radians, left and down positive.",
+        "Pose and goal of the head: radians, left and down positive.",
         t=TIME,
         **_MEASURED,
         pan=any_float("To the left."),
         tilt=any_float("Downwards."),
-        wanted_pan=nullable(any_float("As accepted; null before the first command.")),
-        wanted_tilt=nullable(any_float("The same.")),
+        wanted_pan=nullable(any_float("Accepted goal; null before the first command.")),
+        wanted_tilt=nullable(any_float("Accepted goal; null before the first command.")),
     ),
     "missiontree.ArmState": closed_object(
         "The joints, by name.",
@@ -424,25 +414,25 @@ MISSIONTREE_SCHEMAS: Mapping[str, Schema] = {
                 load=any_float("-1..1 of the stall torque."),
                 voltage=any_float("V."),
                 temperature=any_float("degC."),
-                moving=boolean("Whether it moves."),
-                torque=boolean("Whether it is stiff."),
-                blocked=string("Reason for which its driver has given up its goal; empty while it follows."),
+                moving=boolean("True while it moves."),
+                torque=boolean("True if torque is on."),
+                blocked=string("Reason why its driver abandoned the goal; empty while it follows."),
             ),
         ),
     ),
     "missiontree.DeviceStates": closed_object(
-        "Whether the devices are there, and the figures of their wires.",
+        "Connection and counters of the devices.",
         t=TIME,
         devices=mapping_of(
             "Each part.",
             closed_object(
                 "",
-                online=boolean("Whether it is there."),
-                detail=string("What is the matter."),
-                hint=string("What to type next."),
-                counters=mapping_of("Totals since it was opened.", integer()),
+                online=boolean("True if connected."),
+                detail=string("Problem."),
+                hint=string("Next command to type."),
+                counters=mapping_of("Totals since the device was opened.", integer()),
                 reconnected_at=nullable(
-                    number("Seconds of the run at which it was last back from a long absence; null without one.")
+                    number("Time (s of the run) of the last reconnect after a long disconnect; null without one.")
                 ),
             ),
         ),
