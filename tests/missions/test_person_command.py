@@ -67,12 +67,12 @@ def test_somebody_is_added_from_pictures_listed_and_forgotten(bench: Bench) -> N
     outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     assert outcome.code == 0
     assert "4 of 6 recommended pictures" in outcome.err
-    assert outcome.out.startswith("Anna: 4 pictures kept in ")
+    assert outcome.out.startswith("Anna: 4 pictures saved in ")
     assert bench.run("add", "Ben", *bench.write("ben", *near("ben"))).code == 0
     listed = bench.run("list")
     assert [line.split()[:2] for line in listed.out.splitlines()[1:3]] == [["Anna", "4"], ["Ben", "4"]]
     assert "of 100 looks at known people" in listed.out
-    assert "of 100 at strangers" in listed.out
+    assert "of 100 looks at strangers" in listed.out
     data = json.loads(bench.run("list", "--json").out)
     assert [each["name"] for each in data["people"]] == ["Anna", "Ben"]
     assert 0 <= data["rates"]["refused"] <= 1
@@ -109,7 +109,7 @@ def test_pictures_that_are_there_already_are_told_of(bench: Bench) -> None:
     bench.run("add", "Anna", *others)
     outcome = bench.run("add", "Anna", first, *others)
     assert outcome.code == 0
-    assert outcome.out.startswith("Anna: 1 pictures kept in ")
+    assert outcome.out.startswith("Anna: 1 pictures saved in ")
     assert outcome.out.endswith(", 3 before\n")
     assert outcome.err.startswith("3 duplicate pictures skipped\n")
 

@@ -405,7 +405,7 @@ def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Wo
         """Plugs in one servo after the other, as it is asked to."""
 
         def __call__(self, question: str, **told: object) -> str:
-            if "plug in one servo alone" in question:
+            if "connect only one servo" in question:
                 done = sum("connect only one servo" in each for each in self.asked)
                 one.present, other.present = done == 0, done == 1
                 super().__call__(question)
@@ -493,7 +493,7 @@ def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytes
     bench.session(Slow())
     out = capsys.readouterr().out
     assert "turtlebot2 ships with MissionTree: choose another name" in out
-    assert "'two words' is no name" in out
+    assert "'two words' is not a valid name" in out
     assert find_file("robots", "kit").is_file()
 
 
@@ -562,7 +562,7 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
     assert config.sections["base"].driver.name == "waveshare"
     assert config.sections["base"].keys.port == "/dev/serial/by-id/usb-rover_1"
     out = capsys.readouterr().out
-    assert "a robot has one base: " in out
+    assert "a robot has only one base: " in out
     assert bench.written["ttyUSB0"] == []
 
 
@@ -658,8 +658,8 @@ def test_answers_that_cannot_be_kept_are_said_to_be_lost_once(
     for key in ("name", "like"):
         talk.save_answer(key, "kit")
     assert not talk.is_saved
-    assert capsys.readouterr().out.count("answers cannot be kept") == 1
+    assert capsys.readouterr().out.count("answers cannot be saved") == 1
     (tmp_path / "state").unlink()
     talk.save_answer("base", "none")
     assert talk.is_saved
-    assert Dialogue(tmp_path / "state" / "robot_new.json").knows("name")  # type: ignore[unreachable]
+    assert Dialogue(tmp_path / "state" / "robot_new.json").has_answer("name")  # type: ignore[unreachable]

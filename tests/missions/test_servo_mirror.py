@@ -98,4 +98,4 @@ def test_a_leader_with_other_joints_is_told_before_anything_is_opened(
     file = tmp_path / "other.yaml"
     file.write_text("robot: other\narm: {driver: dynamixel, port: /dev/null, joints: {neck: {id: 1}}}\n")
     told = command(capsys, "servo", "mirror", str(file), "--robot", "so101", "--seconds", "1")
-    assert (told.code, "no joint of the one has the name of one of the other" in told.err) == (2, True)
+    assert (told.code, "no joints with the same name" in told.err) == (2, True)

@@ -167,7 +167,7 @@ def test_what_a_hand_shows_is_written_and_can_be_played(
     assert degrees(highest) == pytest.approx(40.0, abs=1.0)
     assert mission("servo play lift --robot three.yaml --dry-run").code == 0
     again = mission("servo record lift --robot three.yaml --seconds 1")
-    assert (again.code, "--force writes over it" in again.err) == (2, True)
+    assert (again.code, "--force replaces it" in again.err) == (2, True)
 
 
 @pytest.mark.usefixtures("robot")

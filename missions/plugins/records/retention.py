@@ -43,7 +43,7 @@ def list_records(folder: Path) -> list[Path]:
     try:
         for path in folder.iterdir():
             if path.suffix == ".mcap" and path.is_file():
-                with suppress(FileNotFoundError):  # removed meanwhile
+                with suppress(FileNotFoundError):  # another process removed it
                     found.append((path.stat().st_mtime, path))
     except FileNotFoundError:
         return []
@@ -80,11 +80,11 @@ def _sort_by_age(folder: Path, records: Sequence[Path]) -> list[Path]:
     A computer without a real-time clock may create the newest record in 1970. So a file keeps the order in which
     records were first seen; new ones are sorted by modification time.
     """
-    there = {path.name: path for path in reversed(records)}  # the oldest first
+    there = {path.name: path for path in reversed(records)}
     with suppress(OSError):
         known = os.fsdecode(read_regular(folder / ORDER_FILE, MAX_ORDER_BYTES)).split("\0")
         there = {name: there[name] for name in known if name in there} | there
-    with suppress(OSError):  # without room for it, or with something else in its place, the stamps will do
+    with suppress(OSError):  # the modification times are enough if the file cannot be written
         os.close(regular_opener(str(folder / ORDER_FILE), os.O_RDWR | os.O_CREAT))
         save_file(folder / ORDER_FILE, os.fsencode("".join(f"{name}\0" for name in there)), 0o600)
     return [*there.values()][::-1]

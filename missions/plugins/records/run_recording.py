@@ -60,7 +60,7 @@ def _default_folder() -> Path | None:
     folder = retention.records_folder()
     try:
         removed = retention.remove_old_records(folder, time_of_day().timestamp())
-    except OSError as error:  # such as a full disk: a robot does not refuse to move for that
+    except OSError as error:  # a full disk must not keep the robot from running
         click.echo(f"mission: not recorded: {folder}: {error.strerror or error}", err=True)
         return None
     if removed:

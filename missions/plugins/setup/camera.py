@@ -24,7 +24,7 @@ from missions.library.drivers import parse_robot
 from missions.plugins.setup.camera_frames import camera_frames
 from perception.calibration import BoardViews, Chessboard, LensCalibration, calibrate
 
-# What calibration has found of a camera's lens, as the camera section of a robot file says it, and kept there.
+# Lens parameters in the camera section of a robot file.
 
 COEFFICIENTS = tuple(field.name for field in fields(DistortionKeys))
 """Lens distortion coefficients, in OpenCV's order."""
@@ -86,7 +86,7 @@ def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, 
     """Return whether the new text differs from the old robot by the lens only: an anchor may be used elsewhere too."""
     try:
         new = parse_robot(source)
-    except InvalidFileError:  # the anchor was lost
+    except InvalidFileError:  # the edit removed an anchor
         return False
     was, is_now = _camera(old), _camera(new)
     new_entries = lens_entries(

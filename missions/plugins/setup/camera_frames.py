@@ -69,7 +69,7 @@ def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -
             continue
         health = camera.health()
         if seen_at is not None and not health.online and not live:
-            return  # a film is over
+            return  # end of the film
         most = RETURN_TIMEOUT
         if seen_at is None:
             most = PICTURE_TIMEOUT if health.detail.endswith(NOT_YET_TEXT) else FAILURE_TIMEOUT

@@ -24,7 +24,7 @@ from drivers.transport.ports import DEBUG_CONNECTOR_PROBLEM, PINS_HINT, leads_to
 from missions.assembly.learnt_delays import BASE, CAMERA, load_delays
 from missions.library.folders import data_folder, state_folder
 
-# The installed MissionTree: its version, and which of its extras are there.
+# Installation: version, packages and extras.
 
 
 def check_folders() -> Iterator[Finding]:
@@ -87,7 +87,7 @@ def check_robot(
         part: ports.get(part) or (section.keys.port if isinstance(section.keys, SerialKeys) else "")
         for part, section in config.sections.items()
     }
-    wires = {port: Lock() for port in port_names.values()}  # parts on one wire are looked at one after another
+    wires = {port: Lock() for port in port_names.values()}  # parts on one port are checked one after another
 
     delays = load_delays(config)
 
@@ -98,7 +98,7 @@ def check_robot(
         late = f"{delays[part] * 1000:.0f} ms, learnt in earlier runs" if part in delays else "not learnt yet"
         return found + [Finding("delay", late)] * (part in (CAMERA, BASE))
 
-    with ThreadPoolExecutor(max(1, len(port_names))) as pool:  # most of the time each waits for its device
+    with ThreadPoolExecutor(max(1, len(port_names))) as pool:  # each check mostly waits for its device
         for part, findings in zip(port_names, pool.map(look_at, port_names), strict=True):
             robot = f"{robot_name} --port {port_names[part]}" if part in ports else robot_name
             for finding in findings:
@@ -153,7 +153,7 @@ def _check_device(
         yield from _run_checkup(section, replace(keys, port=where) if wired else keys, site)
     elif wired and section.driver.probe:
         yield _probe_port(section, port, machine, clock)
-    elif not section.driver.needs:  # what is made of another part is looked at with that
+    elif not section.driver.needs:  # a part made of another one is checked with that
         yield Finding("driver", f"{section.driver.name}: not checked, because its driver has no check-up")
 
 

@@ -36,7 +36,7 @@ from missions.plugins.setup.head_connection import (
 )
 from perception.delay import MAX_STEADY_JITTER
 
-# Putting the head straight by hand: arrow keys turn it, and what was turned is its trim.
+# Trimming with arrow keys.
 
 TRIM_STEPS = (0.5, 1.0, 2.0, 5.0)
 """Degrees per key press; the sketch accepts whole degrees."""
@@ -93,7 +93,7 @@ def _turn(head: Trimmable, turn: tuple[int, int], signs: tuple[int, int], step: 
     try:
         head.trim(pan=pan, tilt=tilt)
     except BadRequest:
-        return  # as far as it goes
+        return  # at the limit
 
 
 BOOT_NOTICES: Mapping[BootState, str] = MappingProxyType(

@@ -140,7 +140,7 @@ def open_robot_head(
     if virtual and port is not None:
         raise click.UsageError("--port needs --robot NAME, and excludes --simulate")
     carriers = config.sections[head].driver.needs
-    part = head if isinstance(keys, SerialKeys) or not carriers else carriers[0]  # on whose board, or bus, it is
+    part = head if isinstance(keys, SerialKeys) or not carriers else carriers[0]  # the part that has the port
     ports = {} if port is None else {part: port}
     with open_head(config, ports, head=head, virtual=virtual, stay=stay, camera=camera) as bench:
         yield bench

@@ -46,7 +46,7 @@ from perception.model_files import ModelFileError
 from perception.scene_motion import measure_scene
 from perception.tracks import MARKER_FAMILIES, MarkerSet
 
-# Looking at pictures and films frame by frame, as a robot's eyes would, without a robot.
+# Perception of pictures and videos without a robot.
 
 DEFAULT_CAMERA = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
 """Camera of pictures without a robot."""
@@ -124,7 +124,7 @@ class FrameAnalyser:
         faces = tuple(self._face(image, each.box, lens) for each in found)
         things: tuple[Thing, ...] = ()
         markers: tuple[Marker, ...] = ()
-        for look in (0, 1) if still else (1,):  # what is followed counts once it was seen twice: a picture twice over
+        for look in (0, 1) if still else (1,):  # trackers confirm on the second frame, so analyse a picture twice
             frame = StillFrame(image, (number + look) * FRAME_INTERVAL)
             things = self._things.sense(frame, lens, None)
             markers = () if self._markers is None else self._markers.sense(frame, lens, None)
@@ -240,14 +240,14 @@ def command(
             shots = _live_shots(
                 device, None if camera is None else (camera.width, camera.height), lens.orientation, seconds or inf
             )
-        else:  # what a robot has filmed is upright
+        else:  # recorded pictures of a robot are upright already
             shots = _file_shots(files, UPRIGHT if rotate is None and flip is None else lens.orientation)
         show_page = sys.stdout.isatty() and not as_json if view is None else view
         with interruptible(), _serve_page() if live and show_page else nullcontext() as page:
             written = _write_annotated(_analyse_shots(shots, looker, page, as_json=as_json, live=live), folder, files)
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
-    except (FileNotFoundError, ModelFileError) as error:  # of a detector
+    except (FileNotFoundError, ModelFileError) as error:  # the model file of a detector
         raise click.UsageError(f"{error}") from error
     if folder is not None:
         click.echo(written_message(folder, subject=f"{written} pictures to "), err=as_json)

@@ -111,7 +111,7 @@ def repair(path: Path) -> None:
     You can interrupt and repeat it at any time: no readable data are lost.
     """
     with _report_errors():
-        open_record(path)  # says in words what is none of ours
+        open_record(path)  # raises a clear error for other files
         from missions.plugins.records.recording.repair import repair_record as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
 
         mended = mend_file(path)

@@ -180,7 +180,7 @@ def _rerun_perception(record: RunRecord, mission: str | None, options: _RerunOpt
             comparison = rerun_perception(
                 record, config.camera, interests_of(sources.plan(config, mission).tree, config.camera)
             )
-        except FileNotFoundError as error:  # of a detector
+        except FileNotFoundError as error:  # the model file of a detector
             raise click.UsageError(str(error)) from error
         if not comparison.picture_count:
             raise click.UsageError(_no_pictures_message(record))

@@ -46,7 +46,7 @@ def report(file: Path, output: Path | None, pictures: int, plots: Path | None) -
     base, the tracking error, and faults.
     """
     if output is None and plots is None:
-        output = file.with_name(f"{file.stem}_report.html")  # not the name of a picture of the mission
+        output = file.with_name(f"{file.stem}_report.html")  # `mission show` writes NAME.html
     elif output is not None and output.suffix.lower() not in PAGE_SUFFIXES:
         raise click.BadParameter(
             f"{output}: not the name of an HTML page\n  try: -o {shlex.quote(str(output.with_suffix('.html')))}",

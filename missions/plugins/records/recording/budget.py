@@ -17,14 +17,14 @@ class FrameBudget:
     def __init__(self, max_bytes: float, rate: float) -> None:
         self.rate = rate
         self._bytes_left = max_bytes
-        self._bytes_to_halving = max_bytes / 2  # what may still be used before the rate is halved
+        self._bytes_to_halving = max_bytes / 2
         self._next_frame_at = float("-inf")
 
     def accept(self, t: float) -> bool:
         """Return whether to record the frame of time ``t`` (s); an accepted frame delays the next one."""
         if self.rate <= 0 or t < self._next_frame_at:
             return False
-        # On a steady beat the rate is met on the average, though frames come at times of their own.
+        # A fixed time grid keeps the average rate although frames arrive at irregular times.
         beat = 1 / self.rate
         self._next_frame_at = max(self._next_frame_at + beat, t + beat / 2)
         return True

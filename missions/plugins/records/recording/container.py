@@ -106,7 +106,9 @@ class McapContainer:
         """
         left = MAX_EXPANSION_RATIO * self.end + EXPANSION_ALLOWANCE
         for span, chunk in self.read(Opcode.CHUNK, Chunk.read, on_damage):
-            left -= chunk.uncompressed_size if chunk.uncompressed_size <= MAX_RECORD_SIZE else 0  # else: just damaged
+            left -= (
+                chunk.uncompressed_size if chunk.uncompressed_size <= MAX_RECORD_SIZE else 0
+            )  # larger ones are damaged
             if left < 0:
                 size = f"{self.end / 1e6:.1f} MB, and would decompress to more than {MAX_EXPANSION_RATIO} times that"
                 raise InvalidRecordError(f"{self.path}: has {size}: not written by MissionTree, and not read")

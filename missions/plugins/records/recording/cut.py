@@ -47,8 +47,8 @@ class _Excerpt:
         """Write the range; return the number of messages."""
         container = self._record.container
         held = [message._replace(time=max(message.time, self._first)) for message in self._initial_state()]
-        # All channels are known now that every chunk was read. Any, since only half of the writer is typed.
-        writer: Any = Writer(file, chunk_size=1 << 40)  # a chunk ends where one of the record does
+        # Every chunk was read, so all channels are known. Any: the mcap writer is only partly typed.
+        writer: Any = Writer(file, chunk_size=1 << 40)  # chunks end where those of the record do
         writer.start(profile=MCAP_PROFILE, library=MCAP_PROFILE)
         span = {"from": str(self._start), "to": str(self._end), "of": self._record.path.name}
         for name, table in ({**container.metadata(), CUT_METADATA: span}).items():

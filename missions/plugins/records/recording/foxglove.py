@@ -34,7 +34,7 @@ class Epoch:
     """Start time of a run; converts seconds of the run into Unix time."""
 
     def __init__(self, start_ns: int) -> None:
-        self._start_ns = start_ns  # ns since 1970
+        self._start_ns = start_ns
 
     def nanoseconds(self, t: float) -> int:
         """Return ``t`` (s of the run) in ns since 1970."""

@@ -101,7 +101,7 @@ def _next_commands(record: RunRecord) -> Iterator[str]:
         yield f"mission record repair {path}    close it for other programs"
     failure = next(iter(record.failures()), None)
     moment = record.end_time if failure is None else failure.t
-    time = ceil(1000 * (moment - TIME_TOLERANCE)) / 1000  # not before it
+    time = ceil(1000 * (moment - TIME_TOLERANCE)) / 1000  # round up, so that it is not earlier
     yield f"mission record replay {path}"
     yield f"mission show {path} --at {time:.3f}s" + ("" if failure is None else "    the first failure of a node")
     yield f"mission record report {path}"

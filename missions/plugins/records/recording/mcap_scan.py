@@ -33,9 +33,9 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 FIRST_PRIVATE_OPCODE = 0x80
 """First opcode for private use; readers skip unknown ones."""
 
-_FOOTER = struct.Struct("<BQQQI")  # what and how long; where the index begins, and its table of contents; its checksum
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, CRC
 _COMPRESSION_FIELD = b"\x04\x00\x00\x00zstd"
-_COMPRESSION_OFFSET = RECORD_HEADER.size + 28  # of a chunk: its two times, its size and its checksum
+_COMPRESSION_OFFSET = RECORD_HEADER.size + 28  # after two times, size and CRC of a chunk
 _DATA_END = (Opcode.DATA_END, 4)
 _READ_BYTES = 1024 * 1024
 
@@ -49,7 +49,7 @@ MAX_SPANS = 5_000_000
 def scan_file(path: Path) -> McapContainer | None:
     """Return the container at ``path``; None if it does not begin like an MCAP file. Raises OSError."""
     if path.exists() and not path.is_file() and not path.is_dir():
-        return None  # a pipe would be waited for
+        return None  # opening a pipe would block
     with path.open("rb") as file:
         if file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
             return None
@@ -84,7 +84,7 @@ def _read_by_index(path: Path, file: BinaryIO, size: int) -> McapContainer | Non
     spans.sort(key=lambda span: span.start)
     ends = [len(MCAP_MAGIC), *(span.end for span in spans)]
     if not all(end <= span.start < span.end <= start for end, span in zip(ends, spans, strict=False)):
-        return None  # it lies, or names one chunk a million times
+        return None  # malicious index, such as one chunk a million times
     return replace(found, spans=spans)
 
 

@@ -153,5 +153,5 @@ def _model_checksums(config: RobotConfig) -> dict[str, str]:
     path = Path(config.camera.model).expanduser() if config.camera.model else models_folder() / YUNET.file
     try:
         return {path.name: hashlib.sha256(read_regular(path, MAX_MODEL_BYTES)).hexdigest()}
-    except OSError:  # then there are no eyes either, and who makes them says so
+    except OSError:  # making the detector reports this error
         return {}

@@ -22,7 +22,7 @@ END_CHUNKS = 4
 """Number of chunks at the end of a record that are searched for its result."""
 
 _TIMES = struct.Struct("<QQ")
-_CHUNK_HEADER_BYTES = 9  # bytes before what a chunk holds
+_CHUNK_HEADER_BYTES = 9  # opcode and length
 
 
 class ChunkedRecord:
@@ -36,7 +36,7 @@ class ChunkedRecord:
         with path.open("rb") as file:
             for span in container.chunk_spans:
                 times = container.chunk_times.get(span.start)
-                if times is None:  # it was never closed, and has no index
+                if times is None:  # no index: the record was not closed
                     file.seek(span.start + _CHUNK_HEADER_BYTES)
                     found = file.read(_TIMES.size)
                     times = _TIMES.unpack(found) if len(found) == _TIMES.size else None

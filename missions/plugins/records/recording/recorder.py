@@ -39,7 +39,7 @@ from missions.plugins.records.recording.writer_client import RecordLoss, RecordW
 from missions.trees.drawing import ACTIVE
 from perception.api import Frame, Gaze, View
 
-# The pictures of a record: some of the frames that were searched, as JPEG, packed where nobody waits for it.
+# Encoding of some of the searched frames as JPEG, off the run's threads.
 
 JPEG_QUALITY = 80
 """JPEG quality in percent."""
@@ -112,7 +112,7 @@ class PictureEncoder:
     def _encode(self, frame: Frame, gaze: Gaze | None) -> None:
         try:
             done, packed = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        except cv2.error:  # a picture of a form that JPEG does not have
+        except cv2.error:  # a shape or type that JPEG does not support
             done = False
         if done:
             self._budget.consume(len(packed))
@@ -178,13 +178,11 @@ class Recorder:
         budget, overtaken = FrameBudget(limit / 2, frame_rate), partial(self._count_loss, "/camera", SUPERSEDED)
         self._pictures = PictureEncoder(self._enqueue_picture, budget, lossless=lossless, on_miss=overtaken)
         self._queue: deque[object] = deque()
-        self._queued_picture_bytes = 0  # of those that wait; changed by += in more than one thread, under the lock
+        self._queued_picture_bytes = 0  # modified by several threads, under the lock
         self._open = self._overflowed = False
-        self._unreported_losses: dict[str, Counter[str]] = {}  # by the reason; of which the writer does not know yet
+        self._unreported_losses: dict[str, Counter[str]] = {}  # by reason; not yet sent to the writer
         self._nodes: Mapping[str, Node] = {}
-        self._running_reasons: dict[
-            str, str
-        ] = {}  # by the keys of nodes that run, the reasons that the record has of them
+        self._running_reasons: dict[str, str] = {}  # last recorded message of each running node
         self._feedback_at = float("-inf")
         self._lock = Lock()
         self._queue_shrank, self._closing = Flag(), Flag()
@@ -284,7 +282,7 @@ class Recorder:
             self._feedback_at = tick_record.t + FEEDBACK_INTERVAL
             self._record_feedback(tick_record)
         if self._overflowed and len(self._queue) < MAX_QUEUED_ITEMS // 2:
-            self._overflowed = False  # from the beginning of a moment on, so that of each there is all or nothing
+            self._overflowed = False  # only at the start of a tick, so that no tick is recorded in part
         while (
             self._lossless and self._open and self._writer.accepts_items and len(self._queue) >= MAX_QUEUED_ITEMS // 2
         ):
@@ -305,7 +303,7 @@ class Recorder:
 
     def _record_feedback(self, tick_record: TickRecord) -> None:
         """Record new messages of running nodes, for which there is no event."""
-        for key, known_reason in list(self._running_reasons.items()):  # another thread tells of changes meanwhile
+        for key, known_reason in list(self._running_reasons.items()):  # a copy: another thread modifies it
             node = self._nodes.get(key)
             if node is not None and node.status is Status.RUNNING and node.reason != known_reason:
                 self._running_reasons[key] = node.reason
@@ -356,7 +354,7 @@ class Recorder:
 
     def _record_health(self, health_check: HealthCheck) -> None:
         """Record the health of the devices."""
-        with suppress(Exception):  # what a driver has to say of itself must not end a record
+        with suppress(Exception):  # an exception of a driver must not end the record
             self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.now(), health_check()))
 
     def _send_queue(self) -> None:

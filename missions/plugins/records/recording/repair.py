@@ -109,7 +109,7 @@ class _IndexBuilder:
         self.chunks: list[ChunkIndex] = []
         self.damaged: list[RecordSpan] = []
         self._container = container
-        self._last_message_index = b""  # of the messages in the last chunk
+        self._last_message_index = b""
         self._counts: Counter[int] = Counter()
         self._attachments: list[AttachmentIndex] = []
         self._tables: list[MetadataIndex] = []
@@ -126,12 +126,12 @@ class _IndexBuilder:
             for opcode, start, end in split_records(data):
                 container.register(opcode, data[start:end])
             places = _message_offsets(data)
-            if not places.keys() <= container.channels.keys():  # what told of them is gone
+            if not places.keys() <= container.channels.keys():  # the definition of a channel is lost
                 damaged(span)
                 continue
             offsets, written = _encode_message_indexes(places, span.end)
             file.seek(span.end)
-            if [span] == last:  # what may be torn is made anew
+            if [span] == last:  # the index of the last chunk may be torn: write it again
                 self.end, self._last_message_index = span.end, written
             elif file.read(len(written)) != written:
                 offsets, written = {}, b""
@@ -223,7 +223,7 @@ def _metadata_index(span: RecordSpan, table: Metadata) -> MetadataIndex:
 
 
 def _encode_records(records: Iterable[McapRecord]) -> bytes:
-    builder: Any = RecordBuilder()  # Any, since only half of it is typed
+    builder: Any = RecordBuilder()  # Any: the mcap builder is only partly typed
     for record in records:
         record.write(builder)
     return bytes(builder.end())

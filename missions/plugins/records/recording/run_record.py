@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from missions.plugins.records.recording.container import McapContainer
 
 
-# Whether a file is a record of ours, and which; if it is none, what it is instead.
+# Identification of record files.
 
 MCAP_PROFILE = "missiontree"
 """MCAP profile of our records."""
@@ -187,7 +187,7 @@ def start_time_ns(header: RecordHeader) -> int:
 def _cut_start(table: Mapping[str, str] | None) -> float | None:
     try:
         start = 0.0 if table is None else float(table["from"])
-    except (KeyError, ValueError):  # damaged: no other beginning is said to be the true one
+    except (KeyError, ValueError):  # damaged: the start is unknown
         return float("nan")
     return start if start > 0 else None
 
@@ -234,13 +234,13 @@ class RunRecord:
         ]
         found.sort(key=_sort_key)
         status = "running"
-        for event in found:  # a tick's result is what the root came to in it
+        for event in found:  # the result of a tick is the status of the root
             if isinstance(event, NodeChanged) and event.node == ROOT_KEY:
                 status = event.status
             elif isinstance(event, Ticked):
                 event.status = status
                 if event.late is not None and event.late * self.header.rate <= 1:
-                    event.late = None  # less than a tick: that is not late
+                    event.late = None  # delays under one tick do not count
         return found
 
     @cached_property
@@ -265,7 +265,7 @@ class RunRecord:
     def series(self, name: str) -> tuple[list[float], list[float]]:
         """Return the known times and values of one of ``SERIES``. Raises KeyError for another name."""
         topic, field = SERIES[name]
-        if topic not in self._series_messages:  # all that is drawn of a part stands in the same messages
+        if topic not in self._series_messages:  # read all series of a topic at once
             fields = [other for other_topic, other in SERIES.values() if other_topic == topic]
             self._series_messages[topic] = list(self.read(lambda _, data: _known_values(data, fields), topic))
         found = [(time, known[field]) for time, known in self._series_messages[topic] if field in known]
@@ -330,7 +330,7 @@ class RunRecord:
     def decode_event(self, topic: str, data: Any) -> Event | None:
         """Return the event of a message, None for a tick record that is not a tick; the status of a tick is not set."""
         if topic == "/moments":
-            # It is told when it is over. In real time it takes some, though for the tree that stands still.
+            # A tick event has the end of the tick; in real time a tick has a duration.
             spent = 0.0 if self.header.simulate == "fast" else check_time(data["spent"])
             late = check_time(data["late"])
             if data["kind"] != "tick":
@@ -342,7 +342,7 @@ class RunRecord:
 
     def read(self, decode: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
         """Yield ``decode(topic, data)`` of each message on ``topics``."""
-        kept = not {"/camera"}.issuperset(topics)  # pictures are looked at one by one
+        kept = not {"/camera"}.issuperset(topics)  # pictures are not kept in memory
         messages = size = 0
         for topic, _, data in self.container.messages(frozenset(topics)):
             messages, size = messages + 1, size + len(data)

@@ -46,7 +46,7 @@ class TickEncoder:
         try:
             answers = b",".join(self._encode_answer(*answer) for answer in tick_record.answers)
         except Exception:
-            self.reset()  # none of its answers will stand there
+            self.reset()  # the message is not written, so its replies are unknown to the decoder
             raise
         return dumps(fields)[:-1] + b',"answers":[' + answers + b"]}"
 

@@ -74,9 +74,9 @@ class StateSampler:
     def __init__(self, epoch: Epoch, eye: tuple[float, float, float]) -> None:
         self._epoch = epoch
         self._eye = eye
-        self._sent_at: dict[str, float] = {}  # by topic and frame, when it was told last
-        self._stamps: dict[str, float] = {}  # and of when that was
-        self._values: dict[str, object] = {}  # and what it said
+        self._sent_at: dict[str, float] = {}  # last message time by topic and frame
+        self._stamps: dict[str, float] = {}  # measurement time of that message
+        self._values: dict[str, object] = {}  # content of that message
         self._requested = self._applied = ZERO_VELOCITY
         self._driven_at = float("-inf")
         self._head_goal: HeadPose | None = None
@@ -187,7 +187,7 @@ class StateSampler:
         """Return whether to write a state now; an accepted state delays the next one."""
         if self._stamps.get(key) == stamp:
             return False
-        # A tick may come a little early: what is due within a tenth of a period is due.
+        # A tick may come early by up to a tenth of the interval.
         wait = UNCHANGED_INTERVAL if self._values.get(key) == value else interval
         if t < self._sent_at.get(key, float("-inf")) + 0.9 * wait:
             return False
@@ -200,7 +200,7 @@ def _fields(state: JointState) -> Json:
     return fields if isinstance(fields, dict) else {}
 
 
-# The end of a record's file: what is written to it is there as a whole, or not at all.
+# Output file that is written in complete chunks only.
 
 
 class ChunkSink(BytesIO):
@@ -243,10 +243,10 @@ class ChunkSink(BytesIO):
         os.fdatasync(self._fd)
 
 
-# From what a run hands over to the messages of its record.
+# Conversion of items to messages.
 #
-# Each message is JSON, with ``t`` in seconds of the run where it is ours; its topic's schema stands in
-# ``missions.plugins.records.recording.schemas``. An event is its fields, as ``missions.executive.events`` has them.
+# Messages are JSON; ours have ``t`` in seconds of the run. Their schemas are in
+# ``missions.plugins.records.recording.schemas``. Events have the fields of ``missions.executive.events``.
 
 TOPIC_SCHEMAS: Mapping[str, str] = {
     "/mission": "missiontree.Mission",
@@ -395,15 +395,15 @@ class RecordWriter:
         self._contents = contents
         self._limit = limit
         self._max_chunk_bytes = min(MAX_CHUNK_BYTES, limit / 20)
-        # Any, since only half of it is typed. When a chunk ends is said here.
+        # Any: the mcap writer is only partly typed. The chunk size is huge, since ``flush`` ends chunks.
         self._writer: Any = Writer(sink, chunk_size=64 * MAX_CHUNK_BYTES)
         self._builder = MessageBuilder(contents.header)
         self._channels: dict[str, int] = {}
         self._counts: Counter[str] = Counter()
-        self._chunk_counts: Counter[str] = Counter()  # messages in the chunk in progress
-        self._unrecorded_losses: Counter[str] = Counter()  # messages lost of which the record does not tell yet
+        self._chunk_counts: Counter[str] = Counter()
+        self._unrecorded_losses: Counter[str] = Counter()  # lost messages that the record does not count yet
         self._reasons: dict[str, None] = {}
-        self._has_gaps = False  # of which the library does not know, so that the index that it would write is wrong
+        self._has_gaps = False  # unknown to the mcap writer, so its index would be wrong
         self._chunk_bytes = self._index_bytes = 0
         self._last_time = 0.0
 
@@ -423,7 +423,7 @@ class RecordWriter:
             writer.add_attachment(began, began, name, "application/octet-stream", data)
         if self._contents.tree:
             writer.add_attachment(began, began, TREE_ATTACHMENT, "application/json", self._contents.tree)
-        # All channels stand in the first chunk, so that no chunk that may be lost has one that another needs.
+        # Define all channels in the first chunk: later chunks may be lost without harm to others.
         for topic, name in TOPIC_SCHEMAS.items():
             data = schema(name)
             number = writer.register_schema(name, "jsonschema", data)
@@ -483,7 +483,7 @@ class RecordWriter:
         """Close the record as far as possible; return the result. Call it once."""
         self.flush()
         if self._unrecorded_losses:
-            self.flush()  # for what was lost there was no room, but there may be for the news of it
+            self.flush()  # the lost chunk did not fit, but the count of its losses may
         whole = not self._has_gaps
         if whole:
             self._writer.finish()

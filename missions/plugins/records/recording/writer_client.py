@@ -110,8 +110,8 @@ class RecordWriterClient:
         self._process: subprocess.Popen[bytes] | None = None
         self._input_fd = self._output_fd = -1
         self._received = b""
-        self._last_output = ""  # the last words of an interpreter that fails
-        self._output_closed = False  # the process has closed its output
+        self._last_output = ""  # last line that is not JSON, such as an interpreter's error
+        self._output_closed = False
         self._abandon_reason = ""
 
     @property
@@ -157,13 +157,13 @@ class RecordWriterClient:
             stderr=subprocess.STDOUT,
             bufsize=0,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
-            start_new_session=True,  # a Ctrl-C is the run's to hear
+            start_new_session=True,  # Ctrl-C must reach only the run
         )
         if process.stdin is None or process.stdout is None:
             raise CannotRecordError(f"{self.path}: its writer process has no pipes")
         self._input_fd, self._output_fd = process.stdin.fileno(), process.stdout.fileno()
         os.set_blocking(self._input_fd, False)
-        with suppress(OSError, AttributeError):  # where the system has such a thing, and allows so much
+        with suppress(OSError, AttributeError):  # Linux only, and limited by pipe-max-size
             fcntl.fcntl(self._input_fd, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         self._advance(WriterEvent.START)
 
@@ -172,7 +172,7 @@ class RecordWriterClient:
         left = memoryview(BATCH_HEADER.pack(len(batch)) + batch)
         while left and self.accepts_items and not self._abandon_reason:
             if select.select([], [self._input_fd], [], POLL_INTERVAL)[1]:
-                with suppress(BlockingIOError, BrokenPipeError):  # a broken one is heard of below
+                with suppress(BlockingIOError, BrokenPipeError):  # receive() detects a broken pipe
                     left = left[os.write(self._input_fd, left) :]
             self.receive()
         return not left

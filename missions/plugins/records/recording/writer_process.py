@@ -98,12 +98,12 @@ class WriterProcess:
             return
         earlier = self._set_earlier_aside()
         with open(self._path, "xb", buffering=0, opener=open_for_owner) as file:
-            _lock(file)  # whoever mends records keeps away
+            _lock(file)  # keeps repairs away
             writer = RecordWriter(ChunkSink(file.fileno()), _unpack_contents(waiting.popleft()), limit=self._limit)
             try:
                 writer.begin()
             except OSError:
-                self._path.unlink()  # else it would be in the way of the next try
+                self._path.unlink()  # otherwise the next attempt would find an existing file
                 if earlier is not None:
                     earlier.restore()
                 raise
@@ -114,7 +114,7 @@ class WriterProcess:
         if earlier is not None:
             earlier.remove() if written.whole else self._restore_earlier(earlier)
         send_status(closed=asdict(written))
-        while self._reader.is_open:  # it was closed at its limit
+        while self._reader.is_open:  # the size limit was reached: discard further items
             for _ in self._reader.batches(POLL_INTERVAL):
                 pass
 
@@ -134,7 +134,7 @@ class WriterProcess:
                 self._report_losses(writer)
             waiting += self._reader.batches(max(0.0, flush_at - self._clock.now()))
         written = writer.close()
-        writer.sync()  # what is told to be closed outlives a power cut
+        writer.sync()  # "closed" promises that the record survives a power cut
         self._report_losses(writer)
         return written
 
@@ -194,7 +194,7 @@ def installed_versions() -> dict[str, str]:
     for package in REPORTED_PACKAGES:
         try:
             found[package] = version(package)
-        except PackageNotFoundError:  # as missiontree itself is, run from a checkout
+        except PackageNotFoundError:  # such as missiontree, run from a checkout
             continue
     return found
 
@@ -225,8 +225,8 @@ def send_status(**what: Any) -> None:
 def main() -> int:
     """Write a record for the parent process."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the run hears them, ends, and so ends this
-    os.set_blocking(sys.stdout.fileno(), False)  # a run that does not listen is not waited for
+        signal.signal(number, signal.SIG_IGN)  # the run handles signals; this process ends with its stdin
+    os.set_blocking(sys.stdout.fileno(), False)  # never block on a run that does not read
     os.nice(NICENESS)
     path, limit, overwrite = sys.argv[1:]
     keeper = WriterProcess(

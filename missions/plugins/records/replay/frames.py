@@ -18,7 +18,7 @@ from missions.trees.drawing_builder import with_states
 from perception.annotate import annotate
 from perception.api import Box, View
 
-# The robot's face in a record: how it looked at any time.
+# The robot's face over time.
 
 
 class RecordedFace:
@@ -130,7 +130,7 @@ class _CaptionSource:
 
 def _draw_caption(text: str, width: int) -> Image:
     strip: Image = np.zeros((CAPTION_HEIGHT, width, 3), np.uint8)
-    plain = text.encode("ascii", "replace").decode()  # the letters that OpenCV has
+    plain = text.encode("ascii", "replace").decode()  # OpenCV's fonts are ASCII only
     cv2.putText(
         strip, plain, (6, CAPTION_HEIGHT - 9), cv2.FONT_HERSHEY_SIMPLEX, CAPTION_SCALE, (235, 235, 235), 1, cv2.LINE_AA
     )

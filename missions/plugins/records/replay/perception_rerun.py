@@ -135,7 +135,7 @@ def _current_views(record: RunRecord, camera: CameraKeys, interests: Interests) 
         if image is None:
             continue
         if not vision.see(_Frame(image, stamp)) and vision.last_error is not None:
-            raise vision.last_error  # such as a model that is not there
+            raise vision.last_error  # such as a missing model file
         yield found.pop()
 
 

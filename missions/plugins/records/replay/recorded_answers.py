@@ -21,7 +21,7 @@ class RecordedCommand:
 
     def matches(self, name: str, arguments: tuple[object, ...]) -> bool:
         """Return whether it is the same command."""
-        # In words, too: what is not a number is not equal to itself.
+        # Compare the text too: NaN is not equal to itself.
         return self.name == name and (self.arguments == arguments or repr(self.arguments) == repr(arguments))
 
     def __str__(self) -> str:

@@ -42,7 +42,7 @@ from missions.plugins.records.replay.status_comparison import StatusComparison, 
 from missions.trees.drawing import TreeDrawing
 from missions.trees.drawing_builder import drawing_of
 
-# A robot that answers out of a record: no device is behind it, and nothing moves.
+# A robot without devices that replies from a record.
 
 JointGroups = Mapping[str, tuple[str, ...]]
 """Joint names by group."""

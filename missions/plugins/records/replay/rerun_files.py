@@ -151,7 +151,7 @@ class RerunFiles:
         """Return the lookups of files by kind; new moves do not overwrite recorded ones."""
         held = {kind: partial(self._find_thing, LOOKUPS[kind], holders) for kind, holders in FOLDERS_BY_KIND.items()}
         new = {"new move": lambda name: new_move_file(str(self._folder / NEW_FILES_FOLDER / Path(name).name))}
-        return {**LOOKUPS, **held, **new, "file": Path}  # files are only handed on
+        return {**LOOKUPS, **held, **new, "file": Path}  # paths are only passed on
 
     def _find_thing(self, look_up: Lookup, folders: tuple[str, ...], name: str) -> object:
         found = self._recorded_file(folders, name)

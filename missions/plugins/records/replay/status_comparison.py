@@ -10,7 +10,7 @@ from behaviours.node import Node
 from missions.executive.events import Event, NodeChanged, plain_status, status_word
 from missions.trees.drawing import TreeDrawing
 
-# Which node of today's tree is which node of the recorded one, where the mission has been changed since.
+# Pairing of recorded and current nodes of a mission that may have changed.
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class StatusComparison:
         stays = recorded[-1] if recorded else self._last_states.get(key, NodeStatus(IDLE))
         stands = NodeStatus(plain_status(status_word(node)), node.reason)
         both = [(was or stays, does or stands) for was, does in zip_longest(recorded, current)]
-        # A reason in other words is the difference only where no status is.
+        # A different status takes precedence over a different reason.
         was, does = max(both, key=lambda pair: (pair[0].status != pair[1].status, pair[0] != pair[1]))
         return StatusDifference(tick, t, self._recorded_places[key], self._current_places[node.key], was, does)
 

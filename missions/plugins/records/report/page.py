@@ -40,7 +40,7 @@ from missions.trees.drawing_builder import with_states
 from missions.trees.states import STATUSES, state_after
 from missions.trees.value_text import node_names, seconds_text
 
-# The plan of the world that a run took place in, with the way of the robot on it; none for a run in the real world.
+# Plan of the world with the path of the base; simulated runs only.
 
 WORLD_PREFIX = "world/"
 """Prefix of world files in a record."""
@@ -69,7 +69,7 @@ def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
     picture = b64encode(plan_svg(config.name, world, config.summary).encode()).decode()
     drawn = start_tag("img", src=f"data:image/svg+xml;base64,{picture}", alt=f"Plan of the world {config.name}")
     if route.poses:
-        # The way is drawn as it is without a plan, ahead being up: here ahead is where the robot looked at first.
+        # The path is drawn with the initial heading up; rotate it by the robot's initial heading on the plan.
         put = f"translate({frame.x:g} {frame.y:g}) rotate({90 - frame.heading:.3f}) scale({UNITS_PER_METRE})"
         way = tag("g", route_markup(route, BASE_RADIUS), transform=put)
         label = f"Path of the base, {route.length:.1f} m long"

@@ -116,7 +116,7 @@ def _draw_timeline(axes: Axes, lanes: Sequence[Lane], begin: float, end: float) 
 
 def _new_figure(height: float) -> tuple[Figure, Axes]:
     figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
-    FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
+    FigureCanvasAgg(figure)  # an own canvas avoids a window and pyplot's global state
     return figure, figure.subplots()
 
 

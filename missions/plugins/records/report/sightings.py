@@ -95,7 +95,7 @@ def summarise_sightings(views: Views) -> list[SightingSummary]:
             before = found.get(key, SightingSummary("", time, time, 0, None))
             near = [each for each in (before.nearest, percept.distance) if each is not None and isfinite(each)]
             if isinstance(percept, Face) and percept.name not in ("", UNKNOWN):
-                names[key] = percept.name  # and so it was all the time, though it may not have been decided
+                names[key] = percept.name  # the name holds for the whole track, though recognition came later
             found[key] = replace(
                 before,
                 name=names.get(key) or percept_name(percept),

@@ -114,7 +114,7 @@ def variable_histories(
     for event in record.events:
         if isinstance(event, VariableSet):
             rows = found.setdefault((event.scope, event.name), [])
-            # What a mission begins with, the head of a record has with its unit.
+            # Initial values come from the record header, which keeps their units.
             written = "" if rows or event.scope else record.header.values.get(event.name, "")
             row = slider.position(event.t), texts.index(written or variable_text(event))
             if not rows or rows[-1][1] != row[1]:

@@ -30,7 +30,7 @@ from missions.trees.drawing import TreeDrawing
 from missions.trees.drawing_builder import CONDITION_SYMBOL
 from missions.trees.value_text import NodeName, count_text, node_names, seconds_text
 
-# All that a report tells of a record, found once: for its words, its page and its pictures for papers.
+# Analysis of a record, shared by summary, page and plots.
 
 MAX_PICTURES = 60
 """Default number of camera pictures in a report."""

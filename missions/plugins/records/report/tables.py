@@ -134,7 +134,7 @@ def _facts(record: RunRecord) -> Iterator[tuple[str, str]]:
     yield "command", shlex.join(head.command)
 
 
-# How joints kept to their goals, as tables: on a page, on a terminal, and for other programs.
+# Joint statistics as HTML, text, JSON and CSV.
 
 JOINT_HEADINGS = ("joint", "rms deg", "max deg", "at s", "motor J", "load %", "degC", "samples")
 """Columns of the joint table on a terminal."""

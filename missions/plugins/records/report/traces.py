@@ -15,10 +15,10 @@ from missions.trees.drawing import TreeBox
 from missions.trees.value_text import percept_name
 from perception.api import Marker, Percept, Thing, View
 
-# How well a robot kept what it followed in the middle of its picture: the tracking error.
+# Tracking error: angle of the target from the camera axis.
 #
-# A record does not say which percept a leaf has followed. It is found as such leaves choose it: the one that the file
-# names, else the first, largest one; and that as long as it is in view.
+# A record does not contain the target of a leaf. It is inferred by the rule of the leaves: the percept that the file
+# names, else the first and largest one, as long as it is in view.
 
 FOLLOWED_PERCEPTS = {
     "track_face": "faces",
@@ -84,7 +84,7 @@ def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float
             and event.name == named[1]
             and (not event.scope or box.key.startswith(f"{event.scope}."))
         ]
-        # A mission inside the mission has variables of its own: the innermost count.
+        # A sub-mission has its own variables: the innermost scope wins.
         newest = max(known, key=lambda event: (len(event.scope), event.t), default=None)
         if newest is not None and isinstance(newest.value, Percept):
             return newest.value.id

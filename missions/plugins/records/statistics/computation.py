@@ -94,7 +94,7 @@ def _reaction_times(
     ages: dict[str, list[float]] = {}
     newest: dict[str, float] = {}
     for moment in ticks:
-        sent_at = moment.t + (moment.spent if real else 0.0)  # within it, or right at its end: nearer is not known
+        sent_at = moment.t + (moment.spent if real else 0.0)  # upper bound: commands are sent during the tick
         for part, stamp in _commands_after_look(moment.answers).items():
             if stamp > newest.get(part, float("-inf")):
                 newest[part] = stamp

@@ -169,11 +169,11 @@ def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequ
 
 def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched: set[str], halted: set[str]) -> bool:
     """Return whether a node that was halted in this tick was ticked before in it."""
-    while node.parent is not None and node.parent.place.key in halted:  # all of these were halted by one above
+    while node.parent is not None and node.parent.place.key in halted:  # an ancestor halted all of these
         node = node.parent
     if node.parent is None or node.parent.place.key not in touched:
         return False
-    ended = ("success", "failure")  # the last to end has ended it, and what stands behind that was not asked
+    ended = ("success", "failure")  # later siblings of the child that ended it were not ticked
     return node.parent.place.kind in AT_ONCE and any(
         key in touched and tallies[key].status in ended for key in node.later_siblings
     )

@@ -96,7 +96,7 @@ def _sorted_nodes(stats: Stats) -> list[tuple[NodeLabel, NodeFigures]]:
 
 
 def _node_row(place: NodeLabel, node: NodeFigures) -> tuple[str, ...]:
-    depth = "  " * (len(place.sort_key) - 1)  # in the place of its key
+    depth = "  " * (len(place.sort_key) - 1)  # indent by depth in the tree
     counts = (node.ticks, node.runs, node.success, node.failure, node.halted)
     times = ("", "", "")
     if node.runs:

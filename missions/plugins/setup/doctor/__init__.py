@@ -96,7 +96,7 @@ def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: li
         "robot": config.name if config else "",
         "ailing": lines,
     }
-    with suppress(OSError):  # without a home, or on a full disk: the check-up itself is what counts
+    with suppress(OSError):  # no home or a full disk must not fail the check
         checkup_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         save_file(checkup_file(), anonymise(json.dumps(content), private_words(machine)).encode(), PRIVATE_MODE)
 

@@ -13,7 +13,7 @@ from drivers.api import ZERO_VELOCITY, BaseState, Odometers, Velocity
 from drivers.api.driver import Finding, failure, warning
 from drivers.base.gyro_drift import drift
 
-# The leaf that tries a base: at rest, a little to its left and back, a little ahead and back.
+# Leaf that tries a base: at rest, a little to its left and back, a little ahead and back.
 
 REST_TIME = 2.0
 """Seconds at rest in which the drift of a gyro is measured."""
@@ -107,7 +107,7 @@ class TryBase(Leaf):
     trial: BaseTrial
     _index = 0
     _phase = TrialPhase.READY
-    _start_readings = InstrumentReadings()  # the instruments when the step began
+    _start_readings = InstrumentReadings()
     _until = 0.0
     _commanded = 0.0
     _commanded_at = 0.0
@@ -206,7 +206,7 @@ def read_instruments(state: BaseState) -> InstrumentReadings:
     found: Odometers | None = state.odometers
     if found is not None:
         return InstrumentReadings(found.left, found.right, found.turn, found.gyro)
-    # Without a turn in between, the way is along x of the start; the trial turns back before it drives.
+    # The trial turns back before it drives, so the way is along the initial x axis.
     way, half = state.pose.x, state.pose.heading * WHEEL_TRACK / 2
     return InstrumentReadings(way - half, way + half, state.pose.heading)
 

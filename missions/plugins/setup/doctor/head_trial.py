@@ -60,7 +60,7 @@ class TryHead(Leaf):
         self._start_pose()
 
     def update(self) -> Status:
-        self.robot.sight.looked()  # a camera that nobody asks rests
+        self.robot.sight.looked()  # perception sleeps unless it is queried
         if self._index == len(TRIAL_POSES):
             return SUCCESS
         name, pose = TRIAL_POSES[self._index]

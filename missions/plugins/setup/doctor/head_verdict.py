@@ -61,7 +61,7 @@ def judge_head(pictures: PictureLookup, field_of_view: float) -> Iterator[Findin
         )
         return
     swapped = SWAPPED_SERVOS in pan.message and SWAPPED_SERVOS in tilt.message
-    for each in (pan, tilt):  # of swapped plugs both axes tell; of a person who walks by, one
+    for each in (pan, tilt):  # swapped plugs show on both axes, a walking person on one
         yield (
             each
             if swapped or SWAPPED_SERVOS not in each.message

@@ -28,7 +28,7 @@ from missions.plugins.setup.servo.leaf_run import run_plan
 from missions.request import RunRequest
 from perception.api import Frame
 
-# The leaf that tries a joint: a little way to and fro, gently, from where it stands.
+# Leaf that moves a joint a little way back and forth from its present position.
 
 TRAVEL = math.radians(4.0)
 """Travel of a joint in radians."""

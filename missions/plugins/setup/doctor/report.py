@@ -28,7 +28,7 @@ def private_words(machine: HostMachine) -> dict[str, str]:
     """Return private words and their replacements, longest first."""
     names = {platform.node(): "HOST", machine.read_text("/etc/hostname"): "HOST", str(Path.home()): "~"}
     names |= dict.fromkeys((os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name), "USER")
-    with suppress(KeyError):  # a user without a name
+    with suppress(KeyError):  # no passwd entry
         names[pwd.getpwuid(machine.uid).pw_name] = "USER"
     serials = {usb.serial: "SERIAL" for _, usb in iter_usb_devices(machine) if len(usb.serial) >= MIN_SERIAL_LENGTH}
     ours = {name for name in names if name in {"", "root", "/"}}
@@ -46,13 +46,13 @@ def anonymise(text: str, replacements: dict[str, str]) -> str:
 
 
 _PRIVATE_PATTERNS = (
-    (re.compile(r"//[^/\s@]+@"), "//SECRET@"),  # a name and a password in an address
+    (re.compile(r"//[^/\s@]+@"), "//SECRET@"),  # user and password of a URL
     (re.compile(r"(?<=[?&])([\w-]+)=[^&\s]+"), r"\1=SECRET"),
     (re.compile(r"/(home|Users)/[^/\s]+"), "~"),
     (re.compile(r"(?<=/dev/serial/by-id/)(\S+?)_[^_\s-]+(?=-if|-port|\s|$)"), r"\1_SERIAL"),
     (re.compile(r"\b(?:[0-9a-fA-F]{2}:){5}[0-9a-fA-F]{2}\b"), "MAC"),
     (re.compile(r"\b\d{1,3}(?:\.\d{1,3}){3}\b"), "ADDRESS"),
-    (re.compile(r"\b(?=\w*\d)(?=\w*[A-Za-z])\w{20,}\b"), "SECRET"),  # long, of figures and letters: a key
+    (re.compile(r"\b(?=\w*\d)(?=\w*[A-Za-z])\w{20,}\b"), "SECRET"),  # long, with digits and letters: a key
 )
 """Patterns of private data."""
 

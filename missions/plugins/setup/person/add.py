@@ -36,7 +36,7 @@ from perception.face_finder import FaceDetector
 from perception.patches import Patches, describe_face, likeness
 from perception.people import MAX_PICTURES, MIN_PICTURES, RECOMMENDED_PICTURES, NotOneFaceError, PatchRecogniser, enrol
 
-# What the commands of ``mission person`` share: whose people are meant, and saying what cannot be done.
+# Shared by the commands of ``mission person``.
 
 robot_option = shared_option("--robot", type=ROBOT, help="Robot whose people are used; without it, yours.")
 
@@ -81,9 +81,7 @@ def print_people_error(error: PeopleError) -> None:
     click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
 
 
-# ``mission person list``: whom the robot knows, and how surely.
-
-# ``mission person remove``: forget people, and delete their pictures.
+# ``mission person remove`` and ``list``.
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission person remove Anna")
@@ -164,7 +162,7 @@ def _calibration_text(calibration: GalleryCalibration) -> str:
     return f"{refused},\n{accepted} ({calibration.look_count} looks, {doubt})"
 
 
-# Taking pictures of somebody who stands before a camera: which of them are good enough, and what to do next.
+# Selection of good pictures of a person before a camera.
 
 INSTRUCTIONS = (
     "look straight into the camera",
@@ -290,7 +288,7 @@ def add(
     folder that nobody else can read. Ask them first.
     """
     people, camera = people_for(robot), camera_keys(robot)
-    proper_name(name)  # what cannot be one is said before anybody poses
+    proper_name(name)  # reject an invalid name before anyone poses
     detector = face_detector(camera)
     try:
         if files:
@@ -361,7 +359,7 @@ def _portraits_from_camera(
                     health = eye.health()
                     raise NotConnected(health.detail, hint=health.hint)
                 if seen and not eye.health().online and not is_live(source):
-                    break  # a film is over
+                    break  # end of the film
                 continue
             seen, before = True, refusal
             refusal = collector.offer(frame.image, frame.stamp)
@@ -392,7 +390,7 @@ def _advice(people: People, name: str) -> Iterator[str]:
     """Yield advice on the number of pictures of a person, and on people who look alike."""
     portraits = people.portraits(print_people_error)
     if name not in portraits:
-        return  # there is no room, and that was told
+        return  # no room for it, which portraits() has printed
     calibration, count = PatchRecogniser(portraits).calibration, len(portraits[name])
     if count < RECOMMENDED_PICTURES:
         yield f"{count} of {RECOMMENDED_PICTURES} recommended pictures: with fewer, {name} is less often recognised"

@@ -38,7 +38,7 @@ def scan_devices(
     """Print the connected devices; return the scan, and the identified devices."""
     desk = scan_hardware(machine)
     probing = probing_drivers(table.iter_drivers())
-    ports = [plug.port for plug in desk.ports if not plug.port.path.startswith("/dev/ttyS")]  # a PC's own
+    ports = [plug.port for plug in desk.ports if not plug.port.path.startswith("/dev/ttyS")]  # built-in ports of a PC
     found = [_device_at(talk, machine, table, port, probing, extra_timeout) for port in ports]
     if not ports:
         talk.print("no serial port: no adapter found (see mission ports)")
@@ -62,7 +62,7 @@ def _device_at(
         found = probe_port(port, probing, SystemClock(), consent=consent, extra_timeout=extra_timeout, path=path)
         talk.print(*port_lines(ScannedPort(port, found)))
         if consent or found.device is not None:
-            talk.save_answer(key, _probe_as_json(found))  # so that it is opened once
+            talk.save_answer(key, _probe_as_json(found))  # so that the port is opened only once
         return found
 
     key = f"heard {port.call}"

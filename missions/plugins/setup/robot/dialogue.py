@@ -29,7 +29,9 @@ class Dialogue:
         self._file = file
         self._answers: dict[str, Any] = {}
         self._save_failed = False
-        with suppress(OSError, ValueError, TypeError, RecursionError):  # none, or not to be read: as if there were none
+        with suppress(
+            OSError, ValueError, TypeError, RecursionError
+        ):  # start without answers if the file is missing or invalid
             if file.is_file():
                 self._answers = dict(json.loads(read_regular_text(file)))
 
@@ -69,7 +71,7 @@ class Dialogue:
                 continue
             if kept is not None:
                 return self._repeat_answer(question, answer)
-            if not self.yes:  # a default that nobody has seen is no answer for a later dialogue
+            if not self.yes:  # a default that the user has not seen is not saved
                 self.save_answer(key, answer)
             return answer
 

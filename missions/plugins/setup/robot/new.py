@@ -35,7 +35,7 @@ from missions.plugins.setup.robot.part_trials import try_camera, try_head
 from missions.plugins.setup.robot.parts import RobotPart, ask_figures, robot_text, udev_rules
 from missions.plugins.setup.robot.servos import adopt_limits, assign_ids, find_limits, name_joints, offer_calibration
 
-# What a robot may do first: proposed to who has made one, or has made one this computer's.
+# First mission of a new robot.
 
 FIRST_MISSIONS: Sequence[tuple[str, Mapping[str, str]]] = (
     ("greet", {}),
@@ -57,7 +57,7 @@ def suggest_mission(config: RobotConfig) -> str:
     return ""
 
 
-# ``mission robot use``: the robot that this computer has, or none.
+# ``mission robot use``.
 
 
 @click.command(epilog="Example: mission robot use turtlebot2_arm")

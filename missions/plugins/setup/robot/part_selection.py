@@ -304,7 +304,12 @@ def _part_of_device(device: ProbedDevice, reference: ReferenceRobot | None) -> R
             section = {key: it for key, it in section.items() if key not in {"joints", "groups", "calibration"}}
     return RobotPart(
         device.driver,
-        {**dict.fromkeys(("port", *section)), **section, **device.keys, "port": device.port.call},  # the port first
+        {
+            **dict.fromkeys(("port", *section)),
+            **section,
+            **device.keys,
+            "port": device.port.call,
+        },  # keep the port first
         device.port,
         device.units,
     )

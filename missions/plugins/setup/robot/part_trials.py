@@ -79,7 +79,7 @@ def _apply_corrections(
     elif turned:
         section["flip"] = not section.get("flip", False)
     if trim:
-        trim = -trim if section.get("flip", False) else trim  # it is told in the servo's own direction
+        trim = -trim if section.get("flip", False) else trim  # a trim has the servo's own direction
         before = si_value(section["trim"], "angle") if "trim" in section else 0.0
         section["trim"] = f"{round(degrees(before + trim), 1) + 0.0:g} deg"
     head.section[axis] = section

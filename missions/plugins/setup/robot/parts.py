@@ -17,7 +17,7 @@ from drivers.finding.serial_ports import SerialPortInfo
 from missions.plugins.schema.keys import bounds_text, format_default
 from missions.plugins.setup.robot.dialogue import Dialogue
 
-# A robot file as text, with a comment behind each figure; and the udev rules of its ports.
+# Text of a robot file with comments, and the udev rules of its ports.
 
 COMMENT_COLUMN = 30
 """Minimum column of comments."""

@@ -185,7 +185,7 @@ def find_limits(
         if new.ticks is not None:
             joint_entries[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
         else:
-            lower, upper = ceil(10 * degrees(new.lower)) / 10, floor(10 * degrees(new.upper)) / 10  # never beyond
+            lower, upper = ceil(10 * degrees(new.lower)) / 10, floor(10 * degrees(new.upper)) / 10  # round inwards
             joint_entries[joint]["limits"] = [f"{lower + 0.0:g} deg", f"{upper + 0.0:g} deg"]
     part.section["joints"] = joint_entries
 
@@ -208,7 +208,7 @@ def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) ->
     return {each.joint.name: (each.lowest, each.highest) for each in turned}
 
 
-# Servos of a new robot that LeRobot, or another program, has calibrated: its file, or their limits, are taken over.
+# Servos that LeRobot or another program calibrated: use its file, or their limits.
 
 CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
 """Registers of a calibration, in the order of ``Calibrated``."""

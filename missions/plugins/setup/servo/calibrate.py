@@ -139,7 +139,7 @@ def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
     stiff = any(bench.bus.read(joint.address, joint.model.table["torque_enable"]) for joint in joints)
     confirm_limp([joint.name for joint in joints], stiff=stiff, simulated=bench.simulated, yes=yes)
     for joint in joints:
-        bench.require_sole(joint)  # a person may have replugged something meanwhile
+        bench.require_sole(joint)  # the user may have replugged a servo
         bench.bus.write(joint.address, joint.model.table["torque_enable"], 0)
 
 

@@ -71,7 +71,7 @@ def load_settings(path: Path) -> RegisterValues:
         raise _unreadable_error(file, error) from error
     try:
         found = file.stat()
-        if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # a pipe would be waited for
+        if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # reading a pipe would block
             raise ValueError(f"not a regular file of at most {MAX_FILE_BYTES} bytes")
         return _validate(json.loads(read_regular_text(file)))
     except (OSError, ValueError, RecursionError) as error:

@@ -141,7 +141,7 @@ class OpenBus:
     def _candidate_protocols(self, servo: int) -> list[Protocol]:
         """Return the protocols to try for an ID: those of its joints in the robot file, else all."""
         own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
-        return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # which 2.0 has not
+        return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # protocol 2.0 reserves it
 
     def _answers_reads(self, at: ServoAddress) -> bool:
         """Return whether a read is answered, intact or damaged."""
@@ -287,9 +287,9 @@ def pause(seconds: float = POLL_INTERVAL) -> None:
     threading.Event().wait(seconds)
 
 
-# Waiting for a person at a terminal: until Enter is pressed, or for so many seconds where that was asked.
+# Waiting for Enter, or for a time.
 #
-# Before torque goes off or gets less, the person is asked to hold the arm: ``confirm_limp``, ``confirm_weak``.
+# ``confirm_limp`` and ``confirm_weak`` ask the user to hold the arm before it loses torque.
 
 
 def require_terminal(seconds: float | None) -> None:

@@ -47,7 +47,7 @@ class HomedServo:
     offset: int
     lowest: int = 0
     highest: int = 0
-    position: int = 0  # counted on where its steps begin anew
+    position: int = 0  # continues beyond the wrap-around of the steps
     no_stops: bool = False
 
     def sample(self, bus: ServoBus) -> None:
@@ -78,7 +78,7 @@ class HomedServo:
 
     def calibration(self, margin: int, drive_mode: int) -> MotorCalibration:
         """Return the entry of the calibration file, ``margin`` steps short of either end."""
-        if self.is_endless:  # as LeRobot writes it
+        if self.is_endless:  # LeRobot's format
             return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST_STEP)
         low, high = self.lowest + HALF_TURN + margin, self.highest + HALF_TURN - margin
         return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, max(0, low), min(LAST_STEP, high))
@@ -129,7 +129,7 @@ def home(
         check_writable(each, "--into")
     calibration_origin.load_settings(
         file
-    )  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
+    )  # fail before torque goes off: an unreadable file would lose the origins of other joints
     old_calibration = dict(load_calibration(str(file))) if file.exists() else {}
     with open_bus(target) as bench:
         servos = _watch_joints(bench, bench.select_joints(joints), endless, seconds, yes=yes)

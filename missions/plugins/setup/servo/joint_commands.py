@@ -123,7 +123,7 @@ def _enable_torque(bench: OpenBus, joint: Joint) -> None:
     cls=SharingCommand,
     context_settings={"ignore_unknown_options": True},
     epilog="Example: mission servo move elbow 30 deg --speed '45 deg/s'",
-)  # so that an angle may be below zero
+)  # allows negative angles
 @partial(target_options, baud=False)
 @click.argument("joint")
 @click.argument("angle", nargs=-1, required=True)
@@ -175,7 +175,7 @@ def _restart_servo(target: ServoTarget, servo: str, *, yes: bool) -> int:
         require_unique_id(bench.bus, at, model.number)
         stiff = bool(bench.bus.read(at, model.table["torque_enable"]))
         confirm_limp([f"servo {at.id}"], stiff=stiff, simulated=bench.simulated, yes=yes)
-        require_unique_id(bench.bus, at, model.number)  # a person may have replugged something meanwhile
+        require_unique_id(bench.bus, at, model.number)  # the user may have replugged a servo
         bench.bus.reboot(at)
         pause(BOOT_TIME)
         bench.bus.ping(at)

@@ -156,7 +156,7 @@ class _JointReader:
             torque=read.joint_torque_limit,
             ticks=self._clamped_ticks(fields, read.motor),
         )
-        for at in _unknown_keys(fields):  # which ROS ignores
+        for at in _unknown_keys(fields):  # ROS ignores unknown keys
             self._note(fields, at, f"'{at[-1]}' is left out: dynamixel_controllers has no such key")
         for at, what in OMITTED_KEYS.items():
             if getattr(read.motor if at[0] == "motor" else read, at[-1]) is not None:
@@ -251,7 +251,7 @@ def _motor_id(node: Node | None) -> object:
     return "?" if number is None else value_of(number)
 
 
-# Robot files that MissionTree itself writes, of joints that were imported: read back before they are handed out.
+# Robot files with imported joints; each is parsed again before it is returned.
 
 
 def robot_text(
@@ -378,7 +378,7 @@ def _add_to_robot(path: Path, found: ForeignJoints, text: str, part: str) -> Non
         raise NotEditableError(f"{path}: it has {', '.join(there)} already")
     lines = text.partition("  joints:\n")[2].splitlines()
     new = source.text
-    for line in reversed(lines):  # each is put in front of the others
+    for line in reversed(lines):  # with_value inserts before the others
         name, _, value = line.strip().partition(": ")
         new = with_value(SourceText(source.name, new), (part, "joints", name), value)
     arm = arm_keys(parse_robot(SourceText(source.name, new)), part)

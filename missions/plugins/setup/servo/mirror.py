@@ -62,7 +62,7 @@ def mirror(
     first.check()
     couplings = couple_joints(
         _limits_of(first), _limits_of(target), ranged
-    )  # a wrong leader is told before anything is opened
+    )  # rejects a wrong leader before anything is opened
     with open_arms(first, target) as (leading, following):
         leading.wait_for_reports({each.leader for each in couplings})
         following.wait_for_reports({each.follower for each in couplings})
@@ -110,7 +110,7 @@ def _mirror(leading: OpenArm, following: OpenArm, couplings: Sequence[Coupling],
             read.clear()
             try:
                 goals = mirroring.step(clock.now())
-            except NotConnected:  # its driver has told so, and looks for it
+            except NotConnected:  # its driver reports it and reconnects
                 mirroring.pause()
                 continue
             if clock.now() - shown > DISPLAY_INTERVAL:

@@ -73,7 +73,7 @@ def play(
         return SUCCESS
     things = {"move": lambda _: movement}
     code, leaf = run_leaf(target, config, Play, {"move": "it", "speed": speed}, things=things)
-    tracking = getattr(leaf, "tracking", None)  # there is none where it never began
+    tracking = getattr(leaf, "tracking", None)  # missing if the leaf never started
     if tracking is None:
         return code
     if tracking.samples:

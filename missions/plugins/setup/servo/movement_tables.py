@@ -26,7 +26,7 @@ def plan_playback(movement: Gesture, limits: Mapping[str, JointLimits], speed: f
     """
     start: dict[str, float] = {}
     for frame in movement.keyframes:
-        start = {**frame.positions, **start}  # a joint that is named later stands there until then
+        start = {**frame.positions, **start}  # a joint holds its first position until its first keyframe
     first = movement.keyframes[0].time
     frames = [Keyframe(frame.time - first, frame.positions) for frame in movement.keyframes]
     speeds = {joint: limits[joint].speed for joint in start}

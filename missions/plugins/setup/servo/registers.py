@@ -29,7 +29,7 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo.connections import OpenBus, confirm_limp, confirm_weak, open_bus, pause
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
-# ``mission servo info``: every register of a servo with its meaning; or the state of joints, again and again.
+# ``mission servo info``: registers of a servo, or states of joints.
 
 REGISTER_HEADINGS = ("address", "register", "value", "meaning", "delivered", "kept in")
 
@@ -158,7 +158,7 @@ def meaning(model: ServoModel, register: Register, value: int) -> str:
         except BadRequest:
             return "no rate"
     if register.unit == "ticks":
-        # Places are measured from the middle of the range; all else that is in ticks is the width of something.
+        # Positions count from the middle of the range; other values in ticks are widths.
         place = any(word in register.name for word in ("position", "angle_limit")) and "offset" not in register.name
         return f"{degrees(model.angle(value)):+.1f} deg" if place else f"{degrees(value * model.tick):.1f} deg wide"
     if register.unit == "1/1023":
@@ -231,7 +231,7 @@ yes_option = click.option(
     cls=SharingCommand,
     context_settings={"ignore_unknown_options": True},
     epilog="Example: mission servo set 3 return_delay 0 --port /dev/ttyUSB0",
-)  # so that a value may be below zero
+)  # allows negative values
 @target_options
 @click.argument("servo", metavar="ID|JOINT|GROUP|all")
 @click.argument("register", metavar="REGISTER")
@@ -252,7 +252,7 @@ def set_register(target: ServoTarget, servo: str, register: str, value: int, yes
             _enable_replies(bench, servo, yes=yes)
         servos = [bench.servo(servo)] if register == "id" else bench.servos(servo)
         for _, model in servos:
-            model.table.find_register(register)  # of all first: none is changed where another cannot be
+            model.table.find_register(register)  # check all before any is changed
         values = {at: (model, {register: _encode_value(register, value, model)}) for at, model in servos}
         code = _write_registers(bench, values, yes=yes)
     if register == "baud" and target.robot is not None:
@@ -283,7 +283,7 @@ def _enable_replies(bench: OpenBus, selector: str, *, yes: bool) -> None:
             if not sys.stdin.isatty():
                 raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
             click.confirm("write this into the EEPROM?", abort=True, err=True)
-            _require_one_ping(bench, at)  # a person may have replugged something meanwhile
+            _require_one_ping(bench, at)  # the user may have replugged a servo
         with suppress(NoReply):
             bench.bus.write(at, model.table[STATUS_RETURN_LEVEL], ANSWER_EVERYTHING)
         try:

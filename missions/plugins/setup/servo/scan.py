@@ -21,7 +21,7 @@ VIRTUAL_REPLY_TIMEOUT = 0.015
 
 BAUD_RATES = (
     *(1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000),
-    *(128_000, 76_800, 38_400),  # of Feetech's alone
+    *(128_000, 76_800, 38_400),  # Feetech only
 )
 """Baud rates of servos, most common first."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-# The parts that the schemas of messages are made of.
+# Schema builders.
 
 Schema = dict[str, object]
 """A JSON Schema."""
@@ -83,7 +83,7 @@ TIME = number("Seconds of the run.")
 """Schema of ``t`` in all our messages."""
 
 
-# The messages that Foxglove knows (docs.foxglove.dev/docs/sdk/schemas), with fields of ours.
+# Foxglove's messages (docs.foxglove.dev/docs/sdk/schemas) with our extra fields.
 
 
 def _colour(about: str) -> Schema:
