@@ -74,6 +74,7 @@ def take(served: Served, browser: Browser, folder: Path) -> None:
     keep(page, folder, "run")
     page.press("Run simulated")
     wait_until(lambda: page.tab.evaluate("document.querySelector('canvas')?.ariaLabel.includes('face')"))
+    wait_until(lambda: any("gesture" in each.name and "running" in each.name for each in page.tab.all("treeitem")))
     keep(page, folder, "live")
     wait_until(lambda: page.tab.evaluate("!!document.querySelector('.result.success')"))
     page.go("Records")
