@@ -15,7 +15,7 @@ DEVELOPER_EXTRA = "dev"
 
 
 def extras() -> dict[str, list[str]]:
-    """Return the required distributions of each extra on this machine; those of MissionTree itself have an empty name."""
+    """Return the required distributions of each extra on this machine; an empty name is MissionTree itself."""
     result: dict[str, list[str]] = {}
     for requirement in _requirements():
         match = _REQUIREMENT.match(requirement)

@@ -32,7 +32,7 @@ FINAL_STATES = frozenset({GoalState.SUCCEEDED, GoalState.CANCELLED, GoalState.FA
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a request: its state, the reason of a failure, and the latest feedback and result as JSON (or empty)."""
+    """Progress of a request: state, reason of a failure, and latest feedback and result as JSON (or empty)."""
 
     state: GoalState
     reason: str = ""

@@ -141,7 +141,7 @@ class RangeGuardKeys:
         default=None,
         low=0.02,
         high=2.0,
-        help="Body from above: a radius, or corners [x, y], from the middle of its wheels; the default is the driver's.",
+        help="Body from above: a radius, or corners [x, y], from the middle of its wheels; default: the driver's.",
         hint="footprint: 0.18 m",
     )
     gap: float = key(

@@ -11,7 +11,7 @@ from drivers.api.marks import UNSAMPLED, command
 
 
 class Priority(IntEnum):
-    """Priority of an utterance: a higher one interrupts a lower one, which is repeated from its beginning afterwards."""
+    """Priority of an utterance: a higher one interrupts a lower one, which is repeated afterwards."""
 
     LOW = 0
     NORMAL = 1
@@ -20,7 +20,7 @@ class Priority(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SpeechStyle:
-    """Style of speech: synthesiser voice, words per minute, language; empty and 0 are the defaults of the robot file."""
+    """Style of speech: synthesiser voice, words per minute, language; empty and 0 are the robot file's defaults."""
 
     voice: str = ""
     speed: float = 0.0

@@ -201,7 +201,7 @@ class ArduinoBoard:
         fresh = self._link.online and now - tacho.stamp <= STALE_AFTER
         return Reading(rates, tacho.stamp, Quality.GOOD if fresh else Quality.STALE)
 
-    # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.LinkHandler ---------------------------------------------------
 
     def on_connected(self) -> None:
         """Start a session with a board that may be booting."""

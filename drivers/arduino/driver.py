@@ -69,8 +69,8 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         self.board.require_ready()
         accepted = self.limits.clamp(target)
         pan, tilt = self._motion.axes
-        # The motion ends at whole degrees of the servos. From between two degrees the next motion would have to cover the
-        # missing part of a degree first, so its start would be delayed until the next poll.
+        # The motion ends at whole degrees of the servos. From between two degrees the next motion would have to cover
+        # the missing part of a degree first, so its start would be delayed until the next poll.
         self._motion.look(
             HeadPose(pan.nearest_angle(accepted.pan), tilt.nearest_angle(accepted.tilt)), self._sync_time()
         )
@@ -185,50 +185,50 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
 OFFLINE_HINT = "flash docs/keeper_head/keeper_head.ino; check its power and cable"
 
 
-def make(keys: ArduinoKeys, site: DriverContext) -> Head:
+def make(keys: ArduinoKeys, context: DriverContext) -> Head:
     """Return the driver; servo angles are stored, except of a virtual head."""
-    link = SerialLink(site.part, site.port, keys.baud, report=site.report)
-    remembered = None if site.state_folder is None else ServoAngleStore(site.state_folder, site.port)
+    link = SerialLink(context.part, context.port, keys.baud, report=context.report)
+    remembered = None if context.state_folder is None else ServoAngleStore(context.state_folder, context.port)
     if keys.protocol == "lines":
         from drivers.head.guardian_head import GuardianHead  # noqa: PLC0415 - few boards have that sketch
 
         return GuardianHead(
             link,
-            site.clock,
+            context.clock,
             pan=make_servo_axis(keys.pan),
             tilt=make_servo_axis(keys.tilt),
             speed=keys.speed,
             acceleration=keys.acceleration,
             away=keys.away,
-            report=site.report,
-            name=site.part,
+            report=context.report,
+            name=context.part,
             angle_store=remembered,
             hint=OFFLINE_HINT,
         )
     board = ArduinoBoard(
         link,
-        site.clock,
-        boot_delay=0.0 if site.is_virtual else keys.boot,
-        report=site.report,
+        context.clock,
+        boot_delay=0.0 if context.is_virtual else keys.boot,
+        report=context.report,
         away=keys.away,
         angle_store=remembered,
     )
-    return _make_head(board, keys, site)
+    return _make_head(board, keys, context)
 
 
-def make_second(keys: SecondPanTiltKeys, site: DriverContext) -> ArduinoHead:
+def make_second(keys: SecondPanTiltKeys, context: DriverContext) -> ArduinoHead:
     """Return the driver of a second pan/tilt device on the board of the robot's head."""
-    first: ArduinoHead = site.needed_parts["head"]
-    return _make_head(first.board, keys, site)
+    first: ArduinoHead = context.needed_parts["head"]
+    return _make_head(first.board, keys, context)
 
 
-def _make_head(board: ArduinoBoard, keys: TwoServoKeys, site: DriverContext) -> ArduinoHead:
+def _make_head(board: ArduinoBoard, keys: TwoServoKeys, context: DriverContext) -> ArduinoHead:
     return ArduinoHead(
         board,
-        site.clock,
+        context.clock,
         pan=make_servo_axis(keys.pan),
         tilt=make_servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
-        name=site.part,
+        name=context.part,
     )

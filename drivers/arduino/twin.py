@@ -5,12 +5,12 @@ from drivers.head.twin import ServoHeadTwin, make_head_twin
 from drivers.sim.context import SimContext
 
 
-def make(keys: ArduinoKeys, stage: SimContext) -> ServoHeadTwin:
+def make(keys: ArduinoKeys, context: SimContext) -> ServoHeadTwin:
     """Return the twin of a head."""
-    return make_head_twin(keys, keys.away, stage)
+    return make_head_twin(keys, keys.away, context)
 
 
-def make_second(keys: SecondPanTiltKeys, stage: SimContext) -> ServoHeadTwin:
+def make_second(keys: SecondPanTiltKeys, context: SimContext) -> ServoHeadTwin:
     """Return the twin of a second pan/tilt device on the board of a head."""
-    board: ArduinoKeys = stage.part_keys["head"]
-    return make_head_twin(keys, board.away, stage)
+    board: ArduinoKeys = context.part_keys["head"]
+    return make_head_twin(keys, board.away, context)

@@ -262,7 +262,7 @@ class VirtualRodney:
         self.max_step = max(self.max_step, abs(shaft.goal - before))
 
 
-def make(keys: ArduinoKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
+def make(keys: ArduinoKeys, context: SimContext) -> VirtualDevice:  # noqa: ARG001
     """Return a virtual Rodney head; its state is the angles of four servos in degrees."""
     pan, tilt = make_servo_axis(keys.pan), make_servo_axis(keys.tilt)
     if keys.protocol == "lines":
@@ -283,9 +283,9 @@ def make(keys: ArduinoKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
     )
 
 
-def make_second(keys: SecondPanTiltKeys, stage: SimContext) -> VirtualDevice:
+def make_second(keys: SecondPanTiltKeys, context: SimContext) -> VirtualDevice:
     """Return a second pan/tilt device on the board of a virtual Rodney head."""
-    return VirtualDevice(None, head_pose=_make_head_pose(stage.parts["head"].device, keys))
+    return VirtualDevice(None, head_pose=_make_head_pose(context.parts["head"].device, keys))
 
 
 def _make_head_pose(device: VirtualRodney, keys: TwoServoKeys) -> Callable[[float], HeadPose]:

@@ -43,7 +43,7 @@ NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 class BaseSettings(TypedDict, total=False):
     """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard), and callbacks.
 
-    ``on_change`` is called whenever a contact, a hazard or a button changes, ``on_steering`` with each change of steering.
+    ``on_change`` is called when a contact, a hazard or a button changes, ``on_steering`` with each change of steering.
     ``guard`` is the section of the robot file, for the range guard.
     """
 

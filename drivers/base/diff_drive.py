@@ -271,7 +271,7 @@ class DiffDriveBase(ArbitratedBase):
             return Health(True, counters=counters, reconnected_at=returned)
         return Health(False, str(error), error.hint, counters, returned)
 
-    # --- drivers.transport.link.LinkHandler --------------------------------------------------------------------------------
+    # --- drivers.transport.link.LinkHandler ---------------------------------------------------------------------------
 
     def on_connected(self) -> None:
         """Greet the base on a port that was just opened. Commands from before are dropped."""

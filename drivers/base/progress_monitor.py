@@ -285,7 +285,8 @@ class ProgressMonitor:
             self._overloaded_since = now
         if now - self._overloaded_since < OVERCURRENT_TIMEOUT:
             return None
-        reason = f"{describe_command(sent)}, {describe_overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
+        cause = f"{describe_overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
+        reason = f"{describe_command(sent)}, {cause}"
         return MotionFault(reason, "free its wheels and its way")
 
     def _compare(self, sent: Velocity, state: BaseState) -> MotionFault | None:

@@ -245,11 +245,12 @@ class WheelTwinOdometry:
 
 
 class BaseTwin(ArbitratedBase):
-    """Simulated base: a ``drivers.api.Base`` with a ``body`` and an ``odometry``. Call ``step`` every ``STEP_INTERVAL``.
+    """Simulated base: a ``drivers.api.Base`` with a ``body`` and an ``odometry``. Not thread-safe.
 
+    Call ``step`` every ``STEP_INTERVAL``.
     A base that does not ``feel`` has no contacts, one without a ``gauge`` no battery voltage. ``dropouts`` is the share
     0..1 of lost reports, drawn from ``seed``. ``capabilities`` are its optional ones. Arbitration, limits and reflexes
-    are those of the drivers. For one thread. Raises ValueError for values out of range.
+    are those of the drivers. Raises ValueError for values out of range.
     """
 
     STEP_INTERVAL = STEP_INTERVAL
@@ -482,29 +483,31 @@ class BaseTwin(ArbitratedBase):
         return f"{self.name}: connected but silent: too many reports are lost", "lower the dropouts of the world"
 
 
-def make(keys: BaseKeys, stage: SimContext, odometry: TwinOdometry | None = None) -> BaseTwin:
+def make(keys: BaseKeys, context: SimContext, odometry: TwinOdometry | None = None) -> BaseTwin:
     """Return the twin of a base with contacts, for any brand."""
     return BaseTwin(
-        stage.clock,
-        odometry=odometry or GyroTwinOdometry(stage.physics.gyro_noise),
-        body=stage.make_body(),
-        dropouts=stage.physics.dropouts,
-        seed=stage.seed,
+        context.clock,
+        odometry=odometry or GyroTwinOdometry(context.physics.gyro_noise),
+        body=context.make_body(),
+        dropouts=context.physics.dropouts,
+        seed=context.seed,
         capabilities=keys.capabilities,
-        **settings_of(keys, stage),
+        **settings_of(keys, context),
     )
 
 
-def make_wheel_base(keys: BaseKeys, stage: SimContext, odometry: WheelTwinOdometry, *, gauge: bool = True) -> BaseTwin:
+def make_wheel_base(
+    keys: BaseKeys, context: SimContext, odometry: WheelTwinOdometry, *, gauge: bool = True
+) -> BaseTwin:
     """Return the twin of a base without contacts."""
     return BaseTwin(
-        stage.clock,
+        context.clock,
         odometry=odometry,
-        body=stage.make_body(),
+        body=context.make_body(),
         feels=False,
         gauge=gauge,
-        dropouts=stage.physics.dropouts,
-        seed=stage.seed,
+        dropouts=context.physics.dropouts,
+        seed=context.seed,
         capabilities=keys.capabilities,
-        **settings_of(keys, stage),
+        **settings_of(keys, context),
     )

@@ -152,7 +152,7 @@ def probe_port(
     extra_timeout: float = EXTRA_TIMEOUT,
     path: str = "",
 ) -> PortScan:
-    """Open a port and probe it; an error becomes a problem of the result. ``path`` is the device file, if it differs."""
+    """Open a port and probe it; an error becomes a problem. ``path`` is the device file, if it differs."""
     opened = ExclusivePort(path or port.path, clock, extra_timeout=extra_timeout)
     try:
         return identify_device(port, drivers, opened, consent=consent)

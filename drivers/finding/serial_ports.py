@@ -175,7 +175,8 @@ def find_serial_ports(machine: HostMachine) -> list[SerialPortInfo]:
 def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
     """Name the pins and the debug connector of a Raspberry Pi 5; /dev/serial0 leads to the latter."""
     if port.path == DEBUG_CONNECTOR:
-        own = f"the debug connector of this Raspberry Pi 5; its pins (GPIO 14 and 15) are {PINS_PORT}, after {UART_SETTING}"
+        pins = f"its pins (GPIO 14 and 15) are {PINS_PORT}, after {UART_SETTING}"
+        own = f"the debug connector of this Raspberry Pi 5; {pins}"
         return replace(port, own=own, call=port.path)
     return replace(port, own="the pins GPIO 14 and 15", call=port.path) if port.path == PINS_PORT else port
 
@@ -225,7 +226,8 @@ def _read_port(machine: HostMachine, path: str, names: tuple[str, ...], holders:
     latency = int(text) if text.isdecimal() else None
     slow = DeviceProblem(
         f"its adapter delays bytes by {latency} ms: servos and a Kobuki reply late",
-        f"echo {MAX_LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission robot udev)",
+        f"echo {MAX_LATENCY_MS} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
+        "  (or permanently: mission robot udev)",
     )
     obstacle = _find_obstacle(machine, path, holders)
     troubles = (slow,) if latency is not None and latency > MAX_LATENCY_MS else ()

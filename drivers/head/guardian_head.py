@@ -162,7 +162,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
             return Health(True, counters=counters, reconnected_at=returned)
         return Health(False, self._offline_text(), self._hint, counters, returned)
 
-    # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.LinkHandler ---------------------------------------------------
 
     def on_connected(self) -> None:
         """Request a report. DTR stays on when the port is closed, so that the next program does not reset a board."""
@@ -320,4 +320,5 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         return self._link.online and self._has_report and now - self._reported_at <= OFFLINE_TIMEOUT
 
     def _offline_text(self) -> str:
-        return f"{self.name}: {self._link.port}: {self._get_offline_reason() or 'open, but no reply from the servo controller'}"
+        reason = self._get_offline_reason() or "open, but no reply from the servo controller"
+        return f"{self.name}: {self._link.port}: {reason}"

@@ -82,9 +82,9 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
     """Head of two of the ``joints``, which the owner opens and closes: a ``drivers.api.Head``.
 
     It moves the joints to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: call
-    ``step`` every ``STEP_INTERVAL``. The pose is measured by the joints. When the joints are online for the first time, the
-    head moves to ``start``; a goal does not survive the loss of a joint, or its torque being switched off. ``changed``
-    is called by ``step``. Raises BadRequest for an unknown joint, ValueError for impossible values.
+    ``step`` every ``STEP_INTERVAL``. The pose is measured by the joints. When the joints are online for the first time,
+    the head moves to ``start``; a goal does not survive the loss of a joint, or its torque being switched off.
+    ``changed`` is called by ``step``. Raises BadRequest for an unknown joint, ValueError for impossible values.
     """
 
     STEP_INTERVAL = STEP_INTERVAL

@@ -25,8 +25,9 @@ from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 
 class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
-    """Simulated head of two hobby servos: a ``drivers.api.Head``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
+    """Simulated head of two hobby servos: a ``drivers.api.Head``. Not thread-safe.
 
+    Call ``step`` every ``STEP_INTERVAL``.
     ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: after
     ``open`` it moves from the start angles of the sketch to ``start``. The pose is the last setpoint in whole degrees,
     ``true_pose`` the simulated angles. The plug powers the board, so each connection is a restart: the goal is dropped,
@@ -150,7 +151,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         self._is_settled = False
 
     def _on_plugged(self) -> None:
-        """Continue from the start angles of a sketch that has just booted; move to the start pose only the first time."""
+        """Continue from the start angles of a booted sketch; move to the start pose only the first time."""
         now, axes = self._clock.now(), self._motion.axes
         self._reconnect.on_report(now, restarted=True)
         pan, tilt = (axis.to_radians(axis.start_degrees) for axis in axes)
@@ -167,15 +168,15 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
             self._motion.drop_goal(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.now())
 
 
-def make_head_twin(keys: TwoServoKeys, away: ReconnectPolicy, stage: SimContext) -> ServoHeadTwin:
+def make_head_twin(keys: TwoServoKeys, away: ReconnectPolicy, context: SimContext) -> ServoHeadTwin:
     """Return the twin of a head of two hobby servos."""
     return ServoHeadTwin(
-        stage.clock,
+        context.clock,
         pan=make_servo_axis(keys.pan),
         tilt=make_servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         away=away,
-        report=stage.report,
-        name=stage.part_name,
+        report=context.report,
+        name=context.part_name,
     )

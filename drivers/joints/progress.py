@@ -29,7 +29,7 @@ SETTLE_TIME = 0.3
 """Seconds near its goal after which a joint has arrived."""
 
 WRONG_WAY, WRONG_WAY_AFTER = radians(12), 0.5
-"""Distance in the wrong direction, and its minimum duration in seconds: a shorter one is that of a joint that brakes."""
+"""Distance in the wrong direction, and its minimum duration in seconds: a shorter one occurs in braking."""
 
 RETRY_AFTER = 2.0
 """Seconds without a command after which a joint that was given up may be tried again."""

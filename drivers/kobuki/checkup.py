@@ -19,13 +19,15 @@ LISTEN_TIME = 1.5
 MIN_REPORT_SHARE = 0.9
 """Smallest share of the 50 reports per second that must arrive."""
 
-MAX_REPORT_INTERVAL = 0.05
+VIRTUAL_EXTRA_TIMEOUT = 0.05
 """Additional timeout in seconds for a virtual base."""
 
 
-def checkup(keys: KobukiKeys, site: DriverContext) -> Iterator[Finding]:
+def checkup(keys: KobukiKeys, context: DriverContext) -> Iterator[Finding]:
     """Request the version, which moves nothing, and read reports; yield the findings."""
-    port = ExclusivePort(site.port, site.clock, extra_timeout=MAX_REPORT_INTERVAL if site.is_virtual else 0.0)
+    port = ExclusivePort(
+        context.port, context.clock, extra_timeout=VIRTUAL_EXTRA_TIMEOUT if context.is_virtual else 0.0
+    )
     try:
         heard = port.exchange(ProbeRequest(keys.baud, encode(RequestExtra(Extra.FIRMWARE)), LISTEN_TIME))
     finally:

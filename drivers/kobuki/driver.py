@@ -70,10 +70,10 @@ LIGHTS: Mapping[int, tuple[KobukiOutput, KobukiOutput]] = MappingProxyType(
 """Red and green output of each light; both together are orange."""
 
 
-def make(keys: KobukiKeys, site: DriverContext) -> DiffDriveBase:
+def make(keys: KobukiKeys, context: DriverContext) -> DiffDriveBase:
     """Return the driver for a section of a robot file."""
-    link = SerialLink("base", site.port, keys.baud, report=site.report)
-    return kobuki_base(link, site.clock, **settings_of(keys, site))
+    link = SerialLink("base", context.port, keys.baud, report=context.report)
+    return kobuki_base(link, context.clock, **settings_of(keys, context))
 
 
 def kobuki_base(link: SerialLink, clock: Clock, **settings: Unpack[BaseSettings]) -> DiffDriveBase:

@@ -20,6 +20,6 @@ class KobukiTwinOdometry(GyroTwinOdometry):
         return Velocity(*BaseControl.of(velocity.linear, velocity.angular).velocity)
 
 
-def make(keys: KobukiKeys, stage: SimContext) -> BaseTwin:
+def make(keys: KobukiKeys, context: SimContext) -> BaseTwin:
     """Return the twin for a section of a robot file."""
-    return make_twin(keys, stage, KobukiTwinOdometry(stage.physics.gyro_noise))
+    return make_twin(keys, context, KobukiTwinOdometry(context.physics.gyro_noise))

@@ -268,7 +268,7 @@ def _clip(value: float, most: int) -> int:
     return max(-most, min(round(value), most))
 
 
-def make(keys: KobukiKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
+def make(keys: KobukiKeys, context: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
     """Return the virtual device for a section of a robot file."""
-    device = VirtualKobuki(wheels=stage.make_wheels(), ground=stage.world, battery=stage.physics.battery)
+    device = VirtualKobuki(wheels=context.make_wheels(), ground=context.world, battery=context.physics.battery)
     return make_virtual_base(device, "kobuki")

@@ -6,7 +6,7 @@ from drivers.pi_car.declared import PiCarKeys
 from drivers.sim.context import SimContext
 
 
-def make(keys: PiCarKeys, stage: SimContext) -> BaseTwin:
+def make(keys: PiCarKeys, context: SimContext) -> BaseTwin:
     """Return the twin for a section of a robot file."""
     odometry = WheelTwinOdometry(TwoWheels(keys.track, keys.speed_at_full), reckoned=True)
-    return make_wheel_base(keys, stage, odometry, gauge=False)
+    return make_wheel_base(keys, context, odometry, gauge=False)

@@ -7,6 +7,6 @@ from drivers.virtual.device import VirtualDevice, make_virtual_base
 from drivers.virtual.guardian import VirtualCar
 
 
-def make(keys: PiCarKeys, stage: SimContext) -> VirtualDevice:
+def make(keys: PiCarKeys, context: SimContext) -> VirtualDevice:
     """Return the virtual device for a section of a robot file."""
-    return make_virtual_base(VirtualCar(stage.make_body(), TwoWheels(keys.track, keys.speed_at_full)), "car")
+    return make_virtual_base(VirtualCar(context.make_body(), TwoWheels(keys.track, keys.speed_at_full)), "car")

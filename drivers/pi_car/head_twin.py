@@ -5,6 +5,6 @@ from drivers.pi_car.declared import PiHeadKeys
 from drivers.sim.context import SimContext
 
 
-def make(keys: PiHeadKeys, stage: SimContext) -> ServoHeadTwin:
+def make(keys: PiHeadKeys, context: SimContext) -> ServoHeadTwin:
     """Return the twin of the head."""
-    return make_head_twin(keys, keys.away, stage)
+    return make_head_twin(keys, keys.away, context)

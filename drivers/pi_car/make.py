@@ -127,29 +127,29 @@ class GuardianProcess:
             self._out.close()
 
 
-def base(keys: PiCarKeys, site: DriverContext) -> DiffDriveBase:
+def base(keys: PiCarKeys, context: DriverContext) -> DiffDriveBase:
     """Return the driver of the car."""
     launcher = GuardianLauncher(motor_config(keys))
     protocol = GuardianProtocol(
         keys.track, keys.speed_at_full, offline_reason=lambda: launcher.last_message, hint=offline_hint()
     )
-    return DiffDriveBase(_link(launcher, site), site.clock, protocol, **settings_of(keys, site))
+    return DiffDriveBase(_link(launcher, context), context.clock, protocol, **settings_of(keys, context))
 
 
-def head(keys: PiHeadKeys, site: DriverContext) -> GuardianHead:
+def head(keys: PiHeadKeys, context: DriverContext) -> GuardianHead:
     """Return the driver of its pan/tilt head."""
     config = {"bus": keys.bus, "address": keys.address, "pan": keys.pan.servo, "tilt": keys.tilt.servo}
     launcher = GuardianLauncher(config)
     return GuardianHead(
-        _link(launcher, site),
-        site.clock,
+        _link(launcher, context),
+        context.clock,
         pan=make_servo_axis(keys.pan),
         tilt=make_servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         away=keys.away,
-        report=site.report,
-        name=site.part,
+        report=context.report,
+        name=context.part,
         offline_reason=lambda: launcher.last_message,
         hint=offline_hint(),
     )
@@ -170,9 +170,13 @@ def _motor(keys: CarMotorKeys) -> Mapping[str, int | None]:
     return {"forward": keys.forward, "backward": keys.backward, "enable": keys.enable}
 
 
-def _link(launcher: GuardianLauncher, site: DriverContext) -> SerialLink:
+def _link(launcher: GuardianLauncher, context: DriverContext) -> SerialLink:
     """Return a link to a guardian, or to a virtual one at a port."""
-    port = site.port or "the guardian"
+    port = context.port or "the guardian"
     return SerialLink(
-        site.part, port, guardian_wire.BAUD, report=site.report, opener=open_link_port if site.port else launcher
+        context.part,
+        port,
+        guardian_wire.BAUD,
+        report=context.report,
+        opener=open_link_port if context.port else launcher,
     )

@@ -12,9 +12,9 @@ REPLY_TIMEOUT = 0.3
 """Seconds until a request counts as unanswered."""
 
 
-def checkup(keys: RPLidarKeys, site: DriverContext) -> Iterator[Finding]:
+def checkup(keys: RPLidarKeys, context: DriverContext) -> Iterator[Finding]:
     """Stop the scan, and request model and health."""
-    port = ExclusivePort(site.port, site.clock)
+    port = ExclusivePort(context.port, context.clock)
     try:
         port.exchange(ProbeRequest(keys.baud, wire.request(wire.RPLidarCommand.STOP), 0.1))
         info_data = _request(port, keys.baud, wire.RPLidarCommand.INFO, wire.INFO_REPLY, wire.RPLidarInfo.LAYOUT.size)

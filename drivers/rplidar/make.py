@@ -56,7 +56,7 @@ class ScanAssembler:
         self._count = 0
 
     def add(self, nodes: Nodes, now: float) -> RangeScan | None:
-        """Add nodes, of which the last arrived at ``now`` (seconds); return the latest turn that they complete, if any."""
+        """Add nodes, of which the last arrived at ``now`` (seconds); return the latest complete turn, if any."""
         scan, start = None, 0
         for end in map(int, np.flatnonzero(nodes.new)):
             self._keep(nodes, start, end, now)
@@ -96,7 +96,7 @@ class ScanAssembler:
         return RangeScan(ranges, START, STEP, (begun + now) / 2, self._number - 1, model.min_range, model.max_range)
 
     def _beam_ranges(self, place: npt.NDArray[np.intp], distance: Words) -> Ranges:
-        """Return the smallest distance of each beam; a beam without a measurement takes the smaller of its neighbours."""
+        """Return the smallest distance of each beam; one without a measurement takes the smaller neighbour."""
         metres = (distance * METRES_PER_STEP).astype(np.float32)
         metres[(metres < self._model.min_range) | (metres > self._model.max_range)] = np.inf
         ranges = np.full(BEAMS, np.inf, dtype=np.float32)
@@ -290,7 +290,7 @@ class RPLidar:
         return RPLidarSession(self.name, self._model, self._link, self._clock, self._report)
 
 
-def make(keys: RPLidarKeys, site: DriverContext) -> RPLidar:
+def make(keys: RPLidarKeys, context: DriverContext) -> RPLidar:
     """Return the driver."""
-    link = SerialLink("range", site.port, keys.baud, gather_time=GATHER_TIME, report=site.report)
-    return RPLidar(link, site.clock, model=keys.model, place=keys.place, blind=keys.blind, report=site.report)
+    link = SerialLink("range", context.port, keys.baud, gather_time=GATHER_TIME, report=context.report)
+    return RPLidar(link, context.clock, model=keys.model, place=keys.place, blind=keys.blind, report=context.report)

@@ -265,8 +265,8 @@ class VirtualRPLidar:
         return angle.astype(np.uint16), np.where(lost, 0, distances * 4000).astype(np.uint16)
 
 
-def make(keys: RPLidarKeys, stage: SimContext) -> VirtualDevice:
+def make(keys: RPLidarKeys, context: SimContext) -> VirtualDevice:
     """Return a virtual RPLIDAR, which sees the world from the true pose of the base."""
-    world = SimulatedWorld() if stage.world is None else stage.world
-    look = make_range_function(world, keys.place, stage.pose, height=keys.position[2])
-    return VirtualDevice(VirtualRPLidar(look, model=keys.model, yaw=keys.yaw, seed=stage.seed), "rplidar")
+    world = SimulatedWorld() if context.world is None else context.world
+    look = make_range_function(world, keys.place, context.pose, height=keys.position[2])
+    return VirtualDevice(VirtualRPLidar(look, model=keys.model, yaw=keys.yaw, seed=context.seed), "rplidar")

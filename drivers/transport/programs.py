@@ -27,8 +27,9 @@ def explain_denied(device: Path, path: str = "", groups: Collection[int] | None 
     except (OSError, KeyError):
         return "no permission", f"ls -l {path}"
     if group not in DEVICE_GROUPS or not status.st_mode & stat.S_IRGRP or not status.st_mode & stat.S_IWGRP:
-        owner = f"it belongs to {_user_name(status.st_uid)} alone" if group in (_user_name(status.st_uid), "root") else (
-            f"it belongs to {_user_name(status.st_uid)} and group {group}, which is not made for devices")  # fmt: skip
+        user = _user_name(status.st_uid)
+        not_for_devices = f"it belongs to {user} and group {group}, which is not made for devices"
+        owner = f"it belongs to {user} alone" if group in (user, "root") else not_for_devices
         return f"no permission: {owner}", _grant_command(path, group)
     if status.st_gid in (groups if groups is not None else {os.getegid(), *os.getgroups()}):
         return f"no permission, though you are in its group {group}", f"ls -l {path}"
@@ -42,7 +43,8 @@ def _grant_command(path: str, group: str) -> str:
     """Return the command that gives the user this one device."""
     if group == "tty":  # a Raspberry Pi gives its serial port to the login console
         return "sudo raspi-config  (Interface Options, Serial Port: no login shell, but the port)"
-    return f"sudo setfacl -m u:$USER:rw {path}  (until it is plugged in again; permanently: a rule as in `mission robot udev`)"
+    remark = "until it is plugged in again; permanently: a rule as in `mission robot udev`"
+    return f"sudo setfacl -m u:$USER:rw {path}  ({remark})"
 
 
 def _user_name(number: int) -> str:

@@ -29,7 +29,7 @@ class ReconnectTracker:
         self.reconnected_at, self.latched, self._reported_at = None, "", -inf
 
     def on_report(self, now: float, *, restarted: bool = False) -> bool:
-        """Note that the part is online at ``now`` and may have ``restarted``; return whether to drop earlier commands."""
+        """Note that the part is online at ``now``, maybe ``restarted``; return whether to drop earlier commands."""
         before, self._reported_at = self._reported_at, now
         return before > -inf and self.on_return(now, now - before, restarted=restarted)
 

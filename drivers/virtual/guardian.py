@@ -15,7 +15,7 @@ from drivers.virtual.device import VirtualDevice
 
 
 class VirtualGuardian(ABC):
-    """Virtual guardian: a ``drivers.virtual.terminal.WireDevice``. Thread-safe. Its power does not come from the plug."""
+    """Virtual guardian: a ``drivers.virtual.terminal.WireDevice``. Thread-safe. The plug does not power it."""
 
     def __init__(self, baud: int) -> None:
         self.baud = baud

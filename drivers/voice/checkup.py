@@ -9,9 +9,9 @@ from drivers.voice.declared import SpeechKeys
 from drivers.voice.speech import auto
 
 
-def checkup(keys: SpeechKeys, site: DriverContext) -> Iterator[Finding]:
+def checkup(keys: SpeechKeys, context: DriverContext) -> Iterator[Finding]:
     """Search for a synthesiser."""
-    if isinstance(auto(keys, site), PrintedVoice):
+    if isinstance(auto(keys, context), PrintedVoice):
         fix = extra_hint("speak", "sudo apt install espeak-ng")
         yield warning("synthesiser", "not installed: speech is printed", fix)
     else:

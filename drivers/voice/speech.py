@@ -286,39 +286,43 @@ def _make_engine(settings: VoiceSettings, clock: Clock, report: StatusCallback) 
     return None
 
 
-def auto(keys: SpeechKeys, site: DriverContext) -> Voice:
+def auto(keys: SpeechKeys, context: DriverContext) -> Voice:
     """Return the first available voice: the synthesiser's wheel, an installed synthesiser, printed text."""
-    return _make_from_keys("auto", keys, site)
+    return _make_from_keys("auto", keys, context)
 
 
-def espeak(keys: SpeechKeys, site: DriverContext) -> Voice:
+def espeak(keys: SpeechKeys, context: DriverContext) -> Voice:
     """Return the voice of the synthesiser's wheel."""
-    return _make_from_keys("espeak", keys, site)
+    return _make_from_keys("espeak", keys, context)
 
 
-def program(keys: SpeechKeys, site: DriverContext) -> Voice:
+def program(keys: SpeechKeys, context: DriverContext) -> Voice:
     """Return the voice of an installed synthesiser."""
-    return _make_from_keys("program", keys, site)
+    return _make_from_keys("program", keys, context)
 
 
-def piper(keys: SpeechKeys, site: DriverContext) -> Voice:
+def piper(keys: SpeechKeys, context: DriverContext) -> Voice:
     """Return a voice of Piper."""
-    return _make_from_keys("piper", keys, site)
+    return _make_from_keys("piper", keys, context)
 
 
-def command(keys: SpeechKeys, site: DriverContext) -> Voice:
+def command(keys: SpeechKeys, context: DriverContext) -> Voice:
     """Return the voice of a command line."""
-    return _make_from_keys("command", keys, site)
+    return _make_from_keys("command", keys, context)
 
 
-def printed(keys: VoiceKeys, site: DriverContext) -> Voice:
+def printed(keys: VoiceKeys, context: DriverContext) -> Voice:
     """Return a voice that prints its text."""
     return make_voice(
-        VoiceSettings("print", keys.style), site.clock, site.print_line, report=site.report, changed=site.on_change
+        VoiceSettings("print", keys.style),
+        context.clock,
+        context.print_line,
+        report=context.report,
+        changed=context.on_change,
     )
 
 
-def _make_from_keys(driver: str, keys: SpeechKeys, site: DriverContext) -> Voice:
+def _make_from_keys(driver: str, keys: SpeechKeys, context: DriverContext) -> Voice:
     model = str(Path(keys.model).expanduser().absolute()) if keys.model else ""
     settings = VoiceSettings(driver, keys.style, keys.volume, keys.device, model, keys.command)
-    return make_voice(settings, site.clock, site.print_line, report=site.report, changed=site.on_change)
+    return make_voice(settings, context.clock, context.print_line, report=context.report, changed=context.on_change)

@@ -10,7 +10,10 @@ from drivers.sound.printed_voice import PrintedVoice
 
 
 class VoiceTwin(PrintedVoice):
-    """Printed voice that can be unplugged, which silences it. Call ``step`` every ``STEP_INTERVAL`` to end utterances."""
+    """Printed voice that can be unplugged, which silences it.
+
+    Call ``step`` every ``STEP_INTERVAL`` to end utterances.
+    """
 
     STEP_INTERVAL = 0.05
 

@@ -36,20 +36,23 @@ EMPTY_VOLTAGE, FULL_VOLTAGE = 9.0, 12.6
 """Volts of three lithium cells in series at 0 and at 100 percent."""
 
 HEARTBEAT_UNCONFIRMED = (
-    f"the rover does not confirm its heartbeat: after a kill or an unplug it may roll on for {DEFAULT_HEARTBEAT_TIMEOUT:g} s",
+    (
+        "the rover does not confirm its heartbeat: "
+        f"after a kill or an unplug it may roll on for {DEFAULT_HEARTBEAT_TIMEOUT:g} s"
+    ),
     "update its firmware (ugv_base_general, ugv_base_ros); until then stay within reach of its switch",
 )
 
 
-def make(keys: WaveshareKeys, site: DriverContext) -> DiffDriveBase:
+def make(keys: WaveshareKeys, context: DriverContext) -> DiffDriveBase:
     """Return the driver for a section of a robot file."""
     return waveshare_base(
-        SerialLink("base", site.port, keys.baud, report=site.report),
-        site.clock,
+        SerialLink("base", context.port, keys.baud, report=context.report),
+        context.clock,
         track=keys.track,
         encoders=keys.encoders,
         speed_at_full=keys.speed_at_full,
-        **settings_of(keys, site),
+        **settings_of(keys, context),
     )
 
 

@@ -132,8 +132,8 @@ class VirtualWaveshare:
         return {name: round(speed, 4) for name, speed in zip("LR", self._wheels.rims(moves), strict=True)}
 
 
-def make(keys: WaveshareKeys, stage: SimContext) -> VirtualDevice:
+def make(keys: WaveshareKeys, context: SimContext) -> VirtualDevice:
     """Return the virtual device for a section of a robot file."""
     unit = 1.0 if keys.encoders else wire.FULL_POWER / keys.speed_at_full
-    device = VirtualWaveshare(stage.make_body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
+    device = VirtualWaveshare(context.make_body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
     return make_virtual_base(device, "rover")

@@ -78,6 +78,8 @@ class WitMotionImu:
         """Do nothing: the IMU may continue to report."""
 
 
-def make(keys: WitMotionKeys, site: DriverContext) -> WitMotionImu:
+def make(keys: WitMotionKeys, context: DriverContext) -> WitMotionImu:
     """Return the driver."""
-    return WitMotionImu(SerialLink("imu", site.port, keys.baud, report=site.report), site.clock, level=keys.level)
+    return WitMotionImu(
+        SerialLink("imu", context.port, keys.baud, report=context.report), context.clock, level=keys.level
+    )

@@ -9,18 +9,18 @@ GRAVITY = 9.81
 
 
 class ImuTwin:
-    """Simulated IMU on a ``stage``: a ``drivers.api.Imu``."""
+    """Simulated IMU on a ``context``: a ``drivers.api.Imu``."""
 
     name = "imu"
 
-    def __init__(self, stage: SimContext) -> None:
-        self._stage = stage
-        self.plug = SimulatedPlug(self.name, stage.report)
+    def __init__(self, context: SimContext) -> None:
+        self._context = context
+        self.plug = SimulatedPlug(self.name, context.report)
         self._latest: Reading[Attitude] = Reading(None, 0.0, Quality.NONE)
 
     def attitude(self) -> Reading[Attitude]:
         """Return the current attitude; the last one, stale, while unplugged."""
-        now = self._stage.clock.now()
+        now = self._context.clock.now()
         if self.plug.online:
             self._latest = Reading(self._measure(now), now, Quality.GOOD)
         elif self._latest.value is not None:
@@ -43,14 +43,14 @@ class ImuTwin:
         return self.plug.health({})
 
     def _measure(self, now: float) -> Attitude:
-        scene = self._stage.scene
+        scene = self._context.scene
         if scene is None:
-            return Attitude(0.0, 0.0, self._stage.pose(now).heading, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY))
+            return Attitude(0.0, 0.0, self._context.pose(now).heading, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY))
         scene.advance(now)
         roll, pitch = scene.lean()
         return Attitude(roll, pitch, scene.pose().heading, scene.gyro_rates(), scene.proper_acceleration())
 
 
-def imu(keys: ImuKeys, stage: SimContext) -> ImuTwin:  # noqa: ARG001 - all makers are called with both
+def imu(keys: ImuKeys, context: SimContext) -> ImuTwin:  # noqa: ARG001 - all makers are called with both
     """Return the twin of an IMU."""
-    return ImuTwin(stage)
+    return ImuTwin(context)

@@ -37,6 +37,6 @@ class VirtualWitMotion:
         return wire.pack(self.report)
 
 
-def imu(keys: WitMotionKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
+def imu(keys: WitMotionKeys, context: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
     """Return a virtual IMU on an upright robot."""
     return VirtualDevice(VirtualWitMotion(keys.baud), "imu")
