@@ -37,7 +37,7 @@ class Chessboard:
 
     def __post_init__(self) -> None:
         if min(self.across, self.down) < 3:
-            raise ValueError(f"a board of {self.across}x{self.down} inner corners: 3 at least are needed each way")
+            raise ValueError(f"a board of {self.across}x{self.down} inner corners: at least 3 per direction are needed")
         if not self.square > 0:
             raise ValueError(f"a board with squares of {self.square} m: they must be above 0 m")
 

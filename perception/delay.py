@@ -94,7 +94,7 @@ class CameraDelay:
     def __init__(self, initial: float = 0.0) -> None:
         self._grid = DelayGrid(np.exp(((GRID - initial) / PRIOR_SPREAD) ** 2 / -2))
         self._checked_pairs = self._compared_pairs = 0
-        self._informative_pairs_since_change = 0  # pairs that told something
+        self._informative_pairs_since_change = 0  # as the name says, for the estimate after a change
         self.informative_pairs = 0
         self.seconds, self.spread = initial, PRIOR_SPREAD
         self.jitter = self.doubt = 0.0
@@ -259,7 +259,7 @@ class ExposureEstimator:
 
     def _is_resting(self, stamp: float) -> bool:
         """Return whether a comparison is unnecessary: the delay is known, and no turn has just begun."""
-        if not self._rest_from <= stamp < self._rest_until:  # a clock that was set back ends a rest, too
+        if not self._rest_from <= stamp < self._rest_until:  # a clock that was set back also ends a rest
             return False
         yaws = self._yaws(stamp, self.delay.seconds + ONSET_OFFSETS)
         if yaws is not None and abs(yaws[0] - yaws[1]) - abs(yaws[1] - yaws[2]) >= MIN_TURN:
@@ -276,7 +276,7 @@ class ExposureEstimator:
         if not chained:
             self.delay.start_chain(before.yaws)
         self._is_chained = True
-        # What moves to the right in a picture was turned away from to the left.
+        # If the picture moves to the right, the camera has turned to the left.
         turned = moved[0] * camera.field_of_view / other.shape[1]
         if self.delay.learn(turned, now.yaws - before.yaws, now.yaws, self._find_unrecorded(now)):
             self.delay.require_check()

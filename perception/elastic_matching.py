@@ -98,7 +98,7 @@ class Gallery:
         self, people: Mapping[str, Sequence[PictureDescription]], cohort: Sequence[Sequence[PictureDescription]] = ()
     ) -> None:
         if not people or not all(people.values()):
-            raise ValueError("faces: nobody to be recognised, or somebody without a picture")
+            raise ValueError("faces: no people, or a person without a picture")
         self.names = tuple(people)
         whole = [(person, number, patches) for person, pictures in enumerate([*people.values(), *cohort])
                  for number, picture in enumerate(pictures) for patches in picture.templates]  # fmt: skip

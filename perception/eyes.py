@@ -83,7 +83,7 @@ class Vision(NewestView):
         self._on_frame = on_frame
         self._on_trouble = on_trouble
         self._newest: Frame | None = None
-        self._measures_scene = senses.scene is not None  # else once somebody has asked for the scene
+        self._measures_scene = senses.scene is not None  # else from the first query of the scene on
         self._effort = VisionEffort()
         self._last_error: Exception | None = None
 
@@ -112,7 +112,7 @@ class Vision(NewestView):
         """
         try:
             self._search(frame)
-        except Exception as error:  # whatever it is, a robot that goes blind for good is worse
+        except Exception as error:  # any error: a permanently blind robot is worse
             self.note_error(error)
             return False
         self._last_error = None
@@ -167,7 +167,7 @@ class Vision(NewestView):
             return
         try:
             self._on_trouble(error)
-        except Exception as worse:  # the listener's fault must not blind the robot either
+        except Exception as worse:  # nor must an error of the callback
             self._last_error = worse
 
 
@@ -183,13 +183,13 @@ class Eyes:
         self.may_rest = False
         self._last_query_at = 0.0
         self._warm_pictures = WARM_UP_PICTURES  # pictures searched since the last rest
-        self._warm_up_started_at = 0.0  # when somebody asked who ended it
+        self._warm_up_started_at = 0.0  # time of the query that ended the rest
         self._wake_up = Event()
         self._source = source
         self._skippable_source = source if isinstance(source, SkippableSource) else None
         self._newest_stamp = 0.0  # of the newest picture
         self._skipped = self._frames_to_drop = (
-            0  # pictures after it that go by; those of them that are read nevertheless
+            0  # pictures skipped after it; and those of them that are still read and dropped
         )
         self._closing = Event()
         self._thread: Thread | None = None
@@ -232,7 +232,7 @@ class Eyes:
         """Wait until the next query."""
         self._warm_pictures = 0
         self._wake_up.clear()
-        if self._is_idle and not self._closing.is_set():  # who asks meanwhile has said so before
+        if self._is_idle and not self._closing.is_set():  # a query meanwhile has updated its time before the event
             self._wake_up.wait()
         self.vision.on_resume()
 

@@ -43,7 +43,7 @@ class Pinhole:
 
     def __post_init__(self) -> None:
         if self.width <= 0 or self.height <= 0:
-            raise ValueError(f"camera: a picture of {self.width}x{self.height} pixels cannot be")
+            raise ValueError(f"camera: a picture of {self.width}x{self.height} pixels is impossible")
         if not 0 < self.field_of_view < pi:
             raise ValueError(f"camera: the angle of view must be between 0 and pi rad, not {self.field_of_view}")
         if not all(0 < share < 1 for share in self.centre):

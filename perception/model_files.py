@@ -15,5 +15,5 @@ def check_model_size(model: Path, hint: str) -> None:
     """Raise ModelFileError if a file is larger than any model; ``hint`` is the next command. Raises OSError."""
     if (size := model.stat().st_size) > MAX_MODEL_BYTES:
         raise ModelFileError(
-            f"faces: {model} is no network: it has {size:,} bytes, at most {MAX_MODEL_BYTES:,} are read\n  try: {hint}"
+            f"faces: {model} is not a network: {size:,} bytes, above the limit of {MAX_MODEL_BYTES:,}\n  try: {hint}"
         )

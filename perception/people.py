@@ -36,9 +36,9 @@ class NotOneFaceError(ValueError):
     """A picture does not show exactly one face: ``face_count`` is the number of faces, ``hint`` the remedy."""
 
     def __init__(self, face_count: int) -> None:
-        super().__init__("there is no face in it" if face_count == 0 else f"there are {face_count} faces in it")
+        super().__init__("it shows no face" if face_count == 0 else f"there are {face_count} faces in it")
         self.face_count = face_count
-        self.hint = "look into the camera, in good light" if face_count == 0 else "cut one out: who of them is meant?"
+        self.hint = "look into the camera, in good light" if face_count == 0 else "crop it to one person"
 
 
 def enrol(image: Image, detector: FaceDetector) -> Image:

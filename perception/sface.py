@@ -83,7 +83,7 @@ class SFaceRecogniser:
         try:
             feature = self._network.feature(self._network.alignCrop(image, row)).ravel()
         except cv2.error as error:
-            raise ModelFileError(f"faces: {self._model} is another network than SFace\n  try: {FETCH_HINT}") from error
+            raise ModelFileError(f"faces: {self._model} is not the network SFace\n  try: {FETCH_HINT}") from error
         return np.asarray(feature / max(float(np.linalg.norm(feature)), 1e-9), np.float32)
 
     @cached_property
@@ -95,4 +95,4 @@ class SFaceRecogniser:
         try:
             return cast(_Network, cv2.FaceRecognizerSF.create(str(self._model), ""))
         except cv2.error as error:
-            raise ModelFileError(f"faces: {self._model} is no network\n  try: {FETCH_HINT}") from error
+            raise ModelFileError(f"faces: {self._model} is not a network\n  try: {FETCH_HINT}") from error

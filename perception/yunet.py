@@ -29,7 +29,7 @@ REGION_WIDTHS = 2.0  # how much of the picture is searched around a known face, 
 REGION_FACE_PIXELS = 31  # pixels to which that face is scaled then: its region fits into two steps
 CONFIRM_FACE_PIXELS = 47  # the same for a second opinion: three steps
 SAME_FACE_OVERLAP = 0.3  # overlap from which on two boxes are one face
-LANDMARK_FACE_PIXELS = 112  # the same where eyes, nose and mouth are asked for: as large as SFace has faces
+LANDMARK_FACE_PIXELS = 112  # the same for landmarks: the size of SFace's input
 
 SIZE_STEP = 32
 """The sides of the network's input are multiples of this many pixels; smaller pictures get a border."""
@@ -147,7 +147,7 @@ class YuNetFaceDetector:
         try:
             _, rows = self._network_for(width, height).detect(np.asarray(whole, np.uint8))
         except cv2.error as error:
-            raise ModelFileError(f"faces: {self._model} is another network than YuNet\n  try: {FETCH_HINT}") from error
+            raise ModelFileError(f"faces: {self._model} is not the network YuNet\n  try: {FETCH_HINT}") from error
         return np.empty((0, 15), np.float32) if rows is None else rows
 
     def _search(self, picture: Image | GreyImage, scale: float, left: float, top: float) -> list[Detection]:
@@ -174,4 +174,4 @@ class YuNetFaceDetector:
         try:
             return cast(_Network, cv2.FaceDetectorYN.create(str(self._model), "", (width, height), MIN_SCORE, 0.3, 50))
         except cv2.error as error:
-            raise ModelFileError(f"faces: {self._model} is no network\n  try: {FETCH_HINT}") from error
+            raise ModelFileError(f"faces: {self._model} is not a network\n  try: {FETCH_HINT}") from error

@@ -16,10 +16,10 @@ Cause = tuple[str, str]
 """A reason, and a hint."""
 
 ADDRESS_HINT = (
-    "usual ones: :81/stream and /capture (ESP32-CAM), /?action=stream (mjpg-streamer), :8080/video (IP Webcam), "
+    "usual addresses: :81/stream and /capture (ESP32-CAM), /?action=stream (mjpg-streamer), :8080/video (IP Webcam), "
     "/stream.mjpg; its manual or its page in a browser has the right one"
 )
-_ONE_VIEWER_HINT = "most small cameras have one viewer at a time: close it in the browser and in other programs"
+_ONE_VIEWER_HINT = "most small cameras allow one viewer at a time: close other browser tabs and programs"
 _DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
 
 _SUPPORTED_AUTH = (
@@ -59,28 +59,28 @@ def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected
 
 def cause_of_status(status: int, source: Source, has_credentials: bool | None = None) -> Cause:
     """Return the cause of an HTTP status code; ``has_credentials`` says whether the request had a name and a password."""
-    told = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
+    text = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
     scheme, rest = str(source).split("://", 1)
     if status == HTTPStatus.UNAUTHORIZED:
         if "@" in rest if has_credentials is None else has_credentials:
             return (
-                f"refuses this user name or password ({told})",
+                f"refuses this user name or password ({text})",
                 "its page in a browser shows whether they are right; in an address @ is %40, / is %2F, : is %3A",
             )
         place = display_name(source).split("://", 1)[1]
         return (
-            f"wants a user name and a password ({told})",
+            f"requires a user name and a password ({text})",
             f"write them into its address: {scheme}://NAME:PASSWORD@{place}",
         )
     if status == HTTPStatus.FORBIDDEN:
-        return f"forbids to look ({told})", f"its page in a browser says who may; {_ONE_VIEWER_HINT}"
+        return f"denies access ({text})", f"its page in a browser shows the permissions; {_ONE_VIEWER_HINT}"
     if status in (HTTPStatus.NOT_FOUND, HTTPStatus.GONE):
-        return f"has nothing at this address ({told})", ADDRESS_HINT
+        return f"has no page at this address ({text})", ADDRESS_HINT
     if status >= 500:
-        return f"is busy or faulty ({told})", f"{_ONE_VIEWER_HINT}; else restart the camera"
+        return f"is busy or faulty ({text})", f"{_ONE_VIEWER_HINT}; else restart the camera"
     if 300 <= status < 400:
-        return f"redirects for ever ({told})", ADDRESS_HINT
-    return f"answers {told}", ADDRESS_HINT
+        return f"redirects endlessly ({text})", ADDRESS_HINT
+    return f"replied {text}", ADDRESS_HINT
 
 
 def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
@@ -89,7 +89,7 @@ def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
         return None
     names = ", ".join(repr(way[:60]) for way in methods)
     hint = "choose Basic, or Digest with MD5, on the settings page of the camera"
-    return f"offers only ways to sign in that are not supported: {names}", hint
+    return f"offers only unsupported authentication methods: {names}", hint
 
 
 def cause_of_page(page: str) -> Cause:
@@ -98,8 +98,8 @@ def cause_of_page(page: str) -> Cause:
     named = f": {title[1].strip()!r}" if title else ""
     if re.search(r"type\s*=\s*[\"']?password|log.?in|sign.?in", page, re.IGNORECASE):
         hint = f"the stream has an address of its own, which takes NAME:PASSWORD@ before the host; {ADDRESS_HINT}"
-        return f"shows a web page to log in, and no pictures{named}", hint
-    return f"shows a web page, and no pictures{named}", f"the stream has an address of its own; {ADDRESS_HINT}"
+        return f"is a login page without pictures{named}", hint
+    return f"is a web page without pictures{named}", f"the stream has an address of its own; {ADDRESS_HINT}"
 
 
 def cause_of_error(error: Exception, source: Source) -> Cause:
@@ -109,9 +109,9 @@ def cause_of_error(error: Exception, source: Source) -> Cause:
         host, port = parts.hostname or "", parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 0)
     except ValueError:
         hint = "a port is 0 to 65535; in a password : is %3A, / is %2F, @ is %40, [ is %5B"
-        return "its host or port cannot be read", hint
+        return "invalid host or port", hint
     if not host:
-        return "names no host", f"{parts.scheme}://HOST/"
+        return "has no host", f"{parts.scheme}://HOST/"
     if isinstance(error, ssl.SSLError):
         return _cause_of_tls_error(error, host, port)
     if isinstance(error, HTTPException) and not isinstance(error, RemoteDisconnected):
@@ -119,16 +119,16 @@ def cause_of_error(error: Exception, source: Source) -> Cause:
     if isinstance(error, socket.gaierror | UnicodeError):
         return f"no such host: {host}", f"`ping {host}`; or write its number (a name in .local needs avahi-daemon)"
     if isinstance(error, TimeoutError) or getattr(error, "errno", None) == errno.ETIMEDOUT:
-        return f"{host} does not answer on port {port}", f"`ping {host}`: is it on, and in the same network?"
+        return f"{host} does not reply on port {port}", f"`ping {host}`: is it on, and in the same network?"
     if isinstance(error, ConnectionRefusedError) or getattr(error, "errno", None) == errno.ECONNREFUSED:
         hint = (
             f"is it on, and is {port} its port? ESP32-CAM streams on 81, RTSP cameras on 554; rpicam-vid needs --listen"
         )
         return f"connection refused: nothing listens on port {port} of {host}", hint
     if isinstance(error, RemoteDisconnected | ConnectionError):
-        return "closes the connection without an answer", f"{_ONE_VIEWER_HINT}; else restart the camera"
+        return "closed the connection without a reply", f"{_ONE_VIEWER_HINT}; else restart the camera"
     if getattr(error, "errno", None) in (errno.EHOSTUNREACH, errno.ENETUNREACH):
-        return f"there is no way to {host}", f"`ping {host}`: is it on, and in the same network?"
+        return f"no route to {host}", f"`ping {host}`: is it on, and in the same network?"
     return f"{getattr(error, 'strerror', None) or error}", f"`ping {host}`"
 
 
@@ -147,7 +147,7 @@ def _cause_of_tls_error(error: ssl.SSLError, host: str, port: int) -> Cause:
 
 def _cause_of_http_error(error: HTTPException, port: int) -> Cause:
     if not isinstance(error, BadStatusLine):
-        return f"its answer is no HTTP: {type(error).__name__}", ADDRESS_HINT
+        return f"its reply is not HTTP: {type(error).__name__}", ADDRESS_HINT
     line = str(error).strip().strip("'")
     hint = (
         "write https://"
@@ -156,4 +156,4 @@ def _cause_of_http_error(error: HTTPException, port: int) -> Cause:
         if "RTSP" in line
         else ADDRESS_HINT
     )
-    return f"does not speak HTTP on port {port}: it begins with {line[:30]!r}", hint
+    return f"does not speak HTTP on port {port}: its reply begins with {line[:30]!r}", hint

@@ -34,7 +34,7 @@ def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
     """Read pictures for a second and yield the findings."""
     frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
     if source_kind(keys.source) is SourceKind.DEVICE and not Path(device).exists():
-        yield failure("pictures", f"{device} is not there", "mission robot camera list")
+        yield failure("pictures", f"{device} does not exist", "mission robot camera list")
         return
     with closing(make(keys, site)) as camera:
         camera.open()
@@ -52,12 +52,12 @@ def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
                 break
         health = camera.health()
     if not frames:
-        yield failure("pictures", health.detail or "none came", health.hint or "mission robot camera list")
+        yield failure("pictures", health.detail or "no picture arrived", health.hint or "mission robot camera list")
         return
     height, width = frames[-1].image.shape[:2]
     width, height = keys.orientation.size(width, height)  # of the camera itself
     if (width, height) != (keys.width, keys.height):
-        cure = f"write width: {width} and height: {height}; the sizes that it can: mission robot camera list"
+        cure = f"write width: {width} and height: {height}; supported sizes: mission robot camera list"
         yield warning("pictures", f"{width}x{height}, the robot file says {keys.width}x{keys.height}", cure)
     live = source_kind(keys.source) in {SourceKind.DEVICE, SourceKind.URL}
     yield from _check_rate(frames, device=device, live=live)
@@ -71,22 +71,22 @@ def _check_rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterat
     rate = (last.number - first.number) / span if span > 0 else 0.0
     if live and rate < MIN_RATE:
         cure = f"more light; or: v4l2-ctl -d {device} -c exposure_dynamic_framerate=0"
-        yield warning("rate", f"{rate:.0f} pictures a second: many cameras halve them in the dark", cure)
+        yield warning("rate", f"{rate:.0f} pictures per second: many cameras halve the rate in the dark", cure)
     else:
-        yield Finding("rate", f"{rate:.0f} pictures a second")
+        yield Finding("rate", f"{rate:.0f} pictures per second")
 
 
 def _check_exposure(image: Image) -> Iterator[Finding]:
     brightness = float(image.mean())
-    told = f"mean brightness {brightness:.0f} of 255"
+    measured = f"mean brightness {brightness:.0f} of 255"
     if brightness < MAX_BLACK_BRIGHTNESS:
-        yield failure("exposure", f"the pictures are black ({told})", "take the lid off the lens; make light")
+        yield failure("exposure", f"the pictures are black ({measured})", "take the cap off the lens, or add light")
     elif brightness < MAX_DARK_BRIGHTNESS:
-        yield warning("exposure", f"the pictures are dark ({told})", "make light, in front of the robot")
+        yield warning("exposure", f"the pictures are dark ({measured})", "add light in front of the robot")
     elif brightness > MIN_OVEREXPOSED_BRIGHTNESS:
-        yield warning("exposure", f"the pictures are overexposed ({told})", "turn it from the lamp or the window")
+        yield warning("exposure", f"the pictures are overexposed ({measured})", "turn it away from the lamp or window")
     elif float(image.std()) < MIN_CONTRAST:
-        cure = "look whether something covers the lens; mission robot camera list  (is it another camera?)"
-        yield failure("exposure", f"the pictures are all of one colour ({told})", cure)
+        cure = "check for a covered lens; mission robot camera list  (is it another camera?)"
+        yield failure("exposure", f"the pictures have a single colour ({measured})", cure)
     else:
-        yield Finding("exposure", told)
+        yield Finding("exposure", measured)

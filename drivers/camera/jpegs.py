@@ -141,7 +141,7 @@ class TcpFeed:
             self.stop()
             raise source_error(self._name, self._source, cause_of_error(error, self._source)) from error
         if connection is None:
-            raise source_error(self._name, self._source, ("names no host, or no port", "tcp://HOST:8888"))
+            raise source_error(self._name, self._source, ("has no host or no port", "tcp://HOST:8888"))
         self._finder = JpegFinder()
         if begin == JPEG_START:
             return None

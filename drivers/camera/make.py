@@ -33,7 +33,7 @@ def open_source(
     > 0.
     """
     if rate <= 0:
-        raise BadRequest(f"camera: {rate} pictures a second: must be above 0")
+        raise BadRequest(f"camera: {rate} pictures per second: must be above 0")
     return ThreadedCamera(
         lambda: ReaderFeed("camera", source, size, rate),
         clock,

@@ -26,7 +26,7 @@ def iter_pictures(paths: Iterable[str | Path]) -> Iterator[NumberedPicture]:
         found = _list_files(path)
         files += found
         if not found:
-            faults.append(f"{path}: {'holds no pictures or videos' if path.is_dir() else 'no such file'}")
+            faults.append(f"{path}: {'contains no pictures or videos' if path.is_dir() else 'no such file'}")
     if faults:
         raise BadRequest("; ".join(faults), hint=f"pictures and videos end in {' '.join(sorted(PICTURES | VIDEOS))}")
     return (picture for file in files for picture in _iter_frames(file))
@@ -47,7 +47,7 @@ def _iter_frames(path: Path) -> Iterator[NumberedPicture]:
         yield path, number, image
     if number < 0:
         raise BadRequest(
-            f"{path}: cannot be decoded, {path.stat().st_size} bytes", hint=f"`file {path}` says what it is"
+            f"{path}: cannot be decoded, {path.stat().st_size} bytes", hint=f"`file {path}` shows its type"
         )
 
 

@@ -64,7 +64,9 @@ class ReaderProcess:
         self._map: mmap.mmap | None = None
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "OPENBLAS_NUM_THREADS": "1"}
-        if environment.get(FFMPEG_LOG_LEVEL) == FFMPEG_SILENT:  # of this process; from the reader it is to be heard
+        if (
+            environment.get(FFMPEG_LOG_LEVEL) == FFMPEG_SILENT
+        ):  # silences this process only: the reader's log is needed for the cause
             del environment[FFMPEG_LOG_LEVEL]
         try:
             self._process = subprocess.Popen(
@@ -75,14 +77,14 @@ class ReaderProcess:
                 bufsize=0,
                 pass_fds=(self._memory,),
                 env=environment,
-                start_new_session=True,  # a Ctrl-C is the run's
+                start_new_session=True,  # Ctrl-C is for the run only
             )
         except OSError:
             os.close(self._memory)
             raise
         self._pipes = [pipe for pipe in (self._process.stdin, self._process.stdout, self._process.stderr) if pipe]
         self._poll = poll()
-        for pipe in reversed(self._pipes[1:]):  # first what it complains of, then what comes of it
+        for pipe in reversed(self._pipes[1:]):  # error output first, so that it is complete when the reply arrives
             self._poll.register(pipe, POLLIN)
         self.send(pack_message({**request, "memory": self._memory}))
 
@@ -130,7 +132,7 @@ class ReaderProcess:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(QUIT_TIMEOUT)
         self._process.kill()
-        with suppress(subprocess.TimeoutExpired):  # stuck in a driver of the system: it ends when that does
+        with suppress(subprocess.TimeoutExpired):  # blocked in a kernel driver: it ends when the driver returns
             self._process.wait(QUIT_TIMEOUT)
         for pipe in self._pipes:
             pipe.close()
@@ -156,11 +158,11 @@ class ReaderFeed:
                        "rate": rate}  # fmt: skip
         self._clock = SystemClock()
         self._process: ReaderProcess | None = None
-        self._lock = Lock()  # over the process: it is not closed while another thread sends to it
-        self._pending_since: float | None = None  # when the picture was asked for that has not come
+        self._lock = Lock()  # guards the process: it must not be closed while another thread sends to it
+        self._pending_since: float | None = None  # time of the request without a reply
         self._count = 0  # pictures since the start
-        self._first_needed = 0  # the first of them that the reader was told to hand over
-        self._results = deque[Image | None]()  # of the reader, which ``grab`` has not returned yet
+        self._first_needed = 0  # number of the first picture that the reader must return
+        self._results = deque[Image | None]()  # results that ``grab`` has not returned yet
         self._closing = Event()
 
     @property
@@ -179,7 +181,7 @@ class ReaderFeed:
             process = self._process = self._process or ReaderProcess(self._request)
         except OSError as error:
             raise NotConnected(
-                f"{self._name}: {self.source_name}: no process to read it: {error}", hint="ulimit -u"
+                f"{self._name}: {self.source_name}: cannot start a process to read it: {error}", hint="ulimit -u"
             ) from error
         process.error_output = b""
         self._count = self._first_needed = 0
@@ -189,7 +191,7 @@ class ReaderFeed:
         reply = self._wait_for_reply(OPEN_TIMEOUT)
         if reply is None:
             trouble = NotConnected(
-                f"{self._name}: {self.source_name}: does not open within {OPEN_TIMEOUT:g} s", hint=self.hint
+                f"{self._name}: {self.source_name}: timed out after {OPEN_TIMEOUT:g} s while opening", hint=self.hint
             )
             raise self._add_cause(trouble, process)
         self._pending_since = None
@@ -241,7 +243,7 @@ class ReaderFeed:
             return
         if self._closing.is_set() or self._pending_since is not None:
             self._close(process, orderly=self._pending_since is None)
-        else:  # it is quicker to go on with the same process
+        else:  # reusing the process is faster
             process.send(bytes([RELEASE]))
         self._pending_since = None
 
@@ -270,7 +272,7 @@ class ReaderFeed:
         except (EOFError, ValueError) as error:
             how = process.exit_reason()
             self._close(process, orderly=False)
-            what = f"{self._name}: {self.source_name}: the process that reads it {how}"
+            what = f"{self._name}: {self.source_name}: its reader process {how}"
             raise NotConnected(what, hint=self.hint) from error
 
 

@@ -88,7 +88,7 @@ class FolderFeed:
             found = [self._path]
         if not found:
             kinds = " ".join(sorted(PICTURES))
-            raise NotConnected(f"{self._name}: {self._path}: holds no pictures", hint=f"pictures end in {kinds}")
+            raise NotConnected(f"{self._name}: {self._path}: contains no pictures", hint=f"pictures end in {kinds}")
         self._remaining, self._has_decoded, self._first_error = iter(found), False, None
         return 1.0 / self._rate
 
@@ -105,7 +105,9 @@ class FolderFeed:
                 self._has_decoded = True
                 return image
         if self._first_error is not None and not self._has_decoded:
-            raise NotConnected(f"{self._name}: gives no picture: {self._first_error}", hint=self._first_error.hint)
+            raise NotConnected(
+                f"{self._name}: no picture can be decoded: {self._first_error}", hint=self._first_error.hint
+            )
         return None
 
     def stop(self) -> None:
@@ -176,7 +178,7 @@ class SourceReader:
 def main() -> None:
     """Execute the commands from standard input until it ends."""
     out = os.dup(1)
-    os.dup2(2, 1)  # what libraries in C print is no reply
+    os.dup2(2, 1)  # output of C libraries must not be taken for a reply
     unframer, order = MessageParser(), None
     while order is None:
         data = os.read(0, 1)  # up to the end of the line: commands may follow it

@@ -82,7 +82,7 @@ class WebFeed:
         self._clock = clock or SystemClock()
         self._response: HTTPResponse | None = None
         self._finder = JpegFinder()
-        self._is_single_picture = self._is_polled = False  # each answer is a picture; it is asked for again and again
+        self._is_single_picture = self._is_polled = False  # each response is one picture, and is requested repeatedly
         self._poll_at = self._last_picture_at = 0.0
         self._video_feed: VideoFeed | None = None
 
@@ -120,7 +120,7 @@ class WebFeed:
             except NotConnected:
                 if not self._is_polled or self._clock.now() - self._last_picture_at > OFFLINE_TIMEOUT:
                     raise
-                self._poll_at = self._clock.now() + RETRY_INTERVAL  # one question that goes wrong is no camera lost
+                self._poll_at = self._clock.now() + RETRY_INTERVAL  # one failed request is not a disconnect
                 found = []
             if found:
                 return found[-1]
@@ -148,7 +148,7 @@ class WebFeed:
                 found += self._finder.feed(data)
         except _CONNECTION_ERRORS:
             data = b""
-        if not data:  # it is over
+        if not data:  # end of the response
             self.stop()
         return [each for each in found if each]
 
@@ -221,7 +221,7 @@ def _build_request(source: str) -> tuple[str, OpenerDirector, bool]:
     parts = urlsplit(source)
     host, port = parts.hostname or "", parts.port
     if not host:
-        raise ValueError("it names no host")
+        raise ValueError("it has no host")
     place = f"[{host}]" if ":" in host else host.encode("idna").decode()
     place = place if port is None else f"{place}:{port}"
     path, query = (quote(part, safe="/%:=&?~+!$,;'@()*[]") for part in (parts.path or "/", parts.query))
@@ -231,7 +231,7 @@ def _build_request(source: str) -> tuple[str, OpenerDirector, bool]:
     if given:
         passwords.add_password(None, url, unquote(parts.username or ""), unquote(parts.password or ""))
     opener = build_opener(
-        ProxyHandler({}),  # a camera is near
+        ProxyHandler({}),  # a camera is in the local network: no proxy
         HTTPSHandler(context=ssl.create_default_context()),
         _BasicHandler(passwords),
         _DigestHandler(passwords),

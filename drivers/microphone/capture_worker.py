@@ -49,7 +49,7 @@ class SoundForwarder:
             before = self.piece_count
             if select.select([orders], [], [], timeout)[0]:
                 return ""
-        return f"no sound has come for {timeout:g} s: is it still plugged in?"
+        return f"no sound for {timeout:g} s: is it still plugged in?"
 
 
 def find_device_id(name: str, backends: list[miniaudio.Backend]) -> object | None:
@@ -62,7 +62,7 @@ def find_device_id(name: str, backends: list[miniaudio.Backend]) -> object | Non
             identity: object = device["id"]
             return identity
     names = ", ".join(repr(device["name"]) for device in found)
-    sys.exit(f"no microphone is called {name!r}; there are: {names or 'none'}")
+    sys.exit(f"no microphone {name!r}; available: {names or 'none'}")
 
 
 def main() -> None:
@@ -80,7 +80,7 @@ def main() -> None:
             app_name="missiontree",
         )
     except miniaudio.MiniaudioError as error:
-        sys.exit(f"no sound card that records: {error.args[0]}")
+        sys.exit(f"no sound card for recording: {error.args[0]}")
     send({"ready": device.backend})
     passing = SoundForwarder()
     taking = passing.receive_sound()

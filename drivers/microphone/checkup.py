@@ -42,8 +42,10 @@ def check_microphone(microphone: Microphone, site: DriverContext) -> Iterator[Fi
     samples = np.concatenate([sound.samples for sound in heard]).astype(float)
     level = float(np.sqrt(np.mean(samples**2))) / 32768
     if not samples.any():
-        yield warning("sound", "nothing but zeros: it is muted", "alsamixer  (F4 shows what records; M lifts the mute)")
+        yield warning(
+            "sound", "all samples are zero: it is muted", "alsamixer  (F4 shows what records; M lifts the mute)"
+        )
     elif float(np.mean(np.abs(samples) >= 32767)) > MAX_CLIPPED_SHARE:
-        yield warning("sound", "it is too loud: the sound is cut off", "alsamixer  (F4 shows what records)")
+        yield warning("sound", "it is too loud: the sound is clipped", "alsamixer  (F4 shows what records)")
     else:
         yield Finding("sound", f"level {20 * np.log10(level):.0f} dB of full scale")

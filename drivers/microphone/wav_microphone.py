@@ -104,17 +104,17 @@ def load_wav(name: str, path: Path) -> Samples:
     """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
     if path.exists() and not path.is_file():
-        raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: it is no regular file", hint=hint)
+        raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: not a regular file", hint=hint)
     try:
         with path.open("rb") as file:
             form = read_header(file)
             if not RATE_LIMITS[0] <= form.rate <= RATE_LIMITS[1]:
                 low, high = RATE_LIMITS
                 raise NotConnected(
-                    f"{name}: {path}: says {form.rate} samples a second: {low} to {high} can be", hint=hint
+                    f"{name}: {path}: says {form.rate} samples per second: must be {low} to {high}", hint=hint
                 )
             if form.seconds > MAX_DURATION:
-                what = f"{name}: {path}: lasts {form.seconds / 60:.0f} min, and {MAX_DURATION / 60:.0f} are the most"
+                what = f"{name}: {path}: lasts {form.seconds / 60:.0f} min; the limit is {MAX_DURATION / 60:.0f} min"
                 cure = f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning"
                 raise NotConnected(what, hint=cure)
             sound = np.concatenate([block.mean(axis=1) for block in decode_blocks(file, form)])

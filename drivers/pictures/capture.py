@@ -100,7 +100,7 @@ class FreshnessMonitor:
             self._stamps.pop(0)
         span = stamp - self._stamps[0]
         slow = span >= RATE_WINDOW and (len(self._stamps) - 1) / span < MIN_RATE
-        return _Fault(f"fewer than {MIN_RATE:g} pictures a second", _SLOW_HINT) if slow else None
+        return _Fault(f"fewer than {MIN_RATE:g} pictures per second", _SLOW_HINT) if slow else None
 
 
 # Turning pictures.
@@ -224,8 +224,8 @@ class CaptureThread:
         self._condition = Condition()
         self._frame: CameraFrame | None = None
         self._last_read_number = -1
-        self._last_picture_at = 0.0  # the newest picture, decoded or not
-        self._read_at = inf  # since it was opened nobody has
+        self._last_picture_at = 0.0  # of the newest picture, decoded or not
+        self._read_at = inf  # no read since the opening
         self._frames = self._dropped = self._starts = 0
         self._online = False
         self._error = NotConnected(f"{name}: {feed.source_name}: {NOT_YET_TEXT}", hint=feed.hint)
@@ -338,14 +338,12 @@ class CaptureThread:
                 self._freshness.check(image, self._clock.now())
         who, shown = f"{self._name}: {self._feed.source_name}", self._frames - before
         if shown == 0:
-            return NotConnected(f"{who}: gives no picture that can be decoded", hint=self._feed.hint)
+            return NotConnected(f"{who}: no picture can be decoded", hint=self._feed.hint)
         if period is None:
-            return NotConnected(f"{who}: gives no more pictures, after {shown}", hint=self._feed.hint)
+            return NotConnected(f"{who}: no more pictures after {shown}", hint=self._feed.hint)
         if self._loop:
             return None
-        self._set_offline(
-            NotConnected(f"{who}: has ended after {shown} pictures", hint="with loop on it would start again")
-        )
+        self._set_offline(NotConnected(f"{who}: has ended after {shown} pictures", hint="set loop to repeat it"))
         self._closing.wait()
         return None
 

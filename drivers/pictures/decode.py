@@ -163,7 +163,7 @@ def load_picture(path: Path) -> Image:
         with open(path, "rb", opener=_open_regular_file) as file:
             length = os.fstat(file.fileno()).st_size
             if length > MAX_FILE_BYTES:
-                what = f"{path}: has {length / 1e6:.0f} MB, and a picture may have {MAX_FILE_BYTES / 1e6:.0f}"
+                what = f"{path}: has {length / 1e6:.0f} MB, above the limit of {MAX_FILE_BYTES / 1e6:.0f}"
                 raise BadRequest(what, hint=f"`ls -l {path}` shows it")
             data = file.read(MAX_FILE_BYTES)
     except OSError as error:
@@ -172,7 +172,7 @@ def load_picture(path: Path) -> Image:
     check_picture_size(str(path), size)
     image = decode_picture(data)
     if image is None:
-        raise BadRequest(f"{path}: cannot be decoded, {len(data)} bytes", hint=f"`file {path}` says what it is")
+        raise BadRequest(f"{path}: cannot be decoded, {len(data)} bytes", hint=f"`file {path}` shows its type")
     return image
 
 
@@ -193,7 +193,7 @@ def check_picture_size(name: str, size: Size | None) -> None:
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         width, height = size
         raise BadRequest(
-            f"{name}: has {width} x {height} pixels, and {MAX_PIXELS / 1e6:.0f} million are the most",
+            f"{name}: has {width} x {height} pixels, above the limit of {MAX_PIXELS / 1e6:.0f} million",
             hint=f"`ffmpeg -i {name} -vf scale=4000:-2 smaller{Path(name).suffix}` makes it smaller",
         )
 
@@ -245,5 +245,5 @@ def _open_regular_file(path: str, flags: int) -> int:
     number = os.open(path, flags | os.O_NONBLOCK)
     if not stat.S_ISREG(os.fstat(number).st_mode):
         os.close(number)
-        raise OSError(0, "is no file")
+        raise OSError(0, "not a regular file")
     return number

@@ -12,7 +12,7 @@ from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.wheels import SimulatedWheels
 from drivers.sim.world import SimulatedWorld
 
-if TYPE_CHECKING:  # physics are asked for by few
+if TYPE_CHECKING:  # imported only for physics
     from drivers.sim.rigid.scene import PhysicsScene
 
 

@@ -42,7 +42,7 @@ class PersonAction:
 
     def __post_init__(self) -> None:
         if (self.at is None) == (self.hears is None):
-            raise BadRequest(f"act: at={self.at}, hears={self.hears!r}: needs one of them")
+            raise BadRequest(f"act: at={self.at}, hears={self.hears!r}: exactly one of them must be set")
         if not all(isfinite(time) and time >= 0 for time in (self.at or 0.0, self.after)):
             raise BadRequest(f"act: at={self.at}, after={self.after}: must be 0 s or more")
 

@@ -76,7 +76,7 @@ class SimulatedPlug:
     def _connect(self) -> None:
         if self.online:
             self.connections += 1
-            self._report(DeviceStatus(self._name, "online", "the simulated device is there"))
+            self._report(DeviceStatus(self._name, "online", "the simulated device is connected"))
             self._on_online()
 
     def offline_error(self) -> NotConnected:

@@ -115,7 +115,7 @@ class Room:
             return f"{fixture.width} m wide at {fixture.along:+} m, but the wall ends at {half} m"
         if fixture.bottom < 0 or fixture.bottom + fixture.height > self.height:
             top = fixture.bottom + fixture.height
-            return f"from {fixture.bottom} to {top} m, but the wall from 0 to {self.height} m"
+            return f"from {fixture.bottom} to {top} m, but the wall spans 0 to {self.height} m"
         return ""
 
     def _check(self, fixture: Fixture) -> None:

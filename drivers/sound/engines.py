@@ -91,8 +91,8 @@ class EspeakEngine(WorkerClient):
         if not message.get("trouble"):
             return None
         name = self._worker.name
-        what = f"{name}: {message['trouble']}: it speaks with {self._default_voice or 'en'!r} instead"
-        return DeviceStatus(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md says which there are")
+        what = f"{name}: {message['trouble']}: speaking with {self._default_voice or 'en'!r} instead"
+        return DeviceStatus(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md lists voices")
 
 
 class PiperEngine:
@@ -133,5 +133,5 @@ class PiperEngine:
             )
             raise DeviceFault(f"{self._name}: {about}: cannot be read: {error}", hint=hint) from error
         if rate <= 0:
-            raise DeviceFault(f"{self._name}: {about}: not a rate of samples: {rate}")
+            raise DeviceFault(f"{self._name}: {about}: invalid sample rate: {rate}")
         return rate

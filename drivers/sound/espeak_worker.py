@@ -136,7 +136,7 @@ def handle_request(espeak: EspeakLibrary, request: dict[str, Any]) -> None:
     """Answer one request, unless a newer one has arrived meanwhile."""
     trouble = ""
     if not espeak.select_voice(request["voice"] or "en"):
-        trouble = f"espeak-ng has no voice that is called {request['voice'][:40]!r}"
+        trouble = f"espeak-ng has no voice {request['voice'][:40]!r}"
         if not espeak.select_voice(request["instead"] or "en"):
             espeak.select_voice("en")
     if not espeak.speak(request["text"], request["speed"]):

@@ -71,12 +71,12 @@ class SoundPlayer(WorkerClient):
         worker = WorkerProcess("voice", WORKER_PROGRAM, clock, arguments=arguments, hint=self.hint, report=report)
         super().__init__(worker, clock, report=report, hint=self.hint)
         self.mute_reason = ""
-        self._number = 0  # of the sound below
+        self._number = 0  # of the current sound
         self._sound_state = SoundState.ENDED
         self._sound_started_at = 0.0
-        self._on_start: StartCallback | None = None  # until it was told of the beginning
+        self._on_start: StartCallback | None = None  # until it was called
         self._seconds = 0.0
-        self._sent_pieces = self._acknowledged_pieces = 0  # pieces of it: sent, and there
+        self._sent_pieces = self._acknowledged_pieces = 0  # pieces sent, and acknowledged
         self._refusal = ""
 
     def play(self, sound: Speech, token: CancelToken, on_start: StartCallback) -> bool:
@@ -88,7 +88,7 @@ class SoundPlayer(WorkerClient):
             self._worker.send(message, samples)
             if not self._wait_until(lambda: self._acknowledged_pieces == self._sent_pieces, token, PLAY_TIMEOUT_MARGIN):
                 return self._stop_sound(token)
-            self._report_start(sound.seconds)  # it is heard while the rest of it is still to be sent
+            self._report_start(sound.seconds)  # it plays while the rest is still being sent
         return self._wait_for_end(token, sound.seconds)
 
     def play_file(self, path: Path, token: CancelToken, on_start: StartCallback) -> bool:
@@ -135,7 +135,7 @@ class SoundPlayer(WorkerClient):
         until = self._clock.now() + STOP_TIMEOUT
         try:
             self._worker.send({"stop": self._number}, timeout=STOP_TIMEOUT / 2)
-            with self._condition:  # what has not begun will not be heard: the stop comes right behind it
+            with self._condition:  # a sound that has not started will not start: the stop follows it
                 quiet = self._sound_state is not SoundState.PLAYING or self._condition.wait_for(
                     lambda: self._sound_state is SoundState.ENDED or not self._is_ready,
                     until - self._clock.now(),
@@ -154,7 +154,7 @@ class SoundPlayer(WorkerClient):
     def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:  # noqa: ARG002 - the player sends no sound
         match message:
             case {"mute": why}:
-                self.mute_reason = f"{self._worker.name}: {why}: what is said is printed"
+                self.mute_reason = f"{self._worker.name}: {why}: words are printed instead"
                 return DeviceStatus(self._worker.name, "fault", self.mute_reason, self._hint)
             case {"taken": self._number}:
                 self._acknowledged_pieces += 1

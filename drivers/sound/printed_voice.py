@@ -43,7 +43,7 @@ class PrintedVoice:
     def rest(self) -> None:
         """Cancel the current utterance and all waiting ones."""
         with self._lock:
-            for words in reversed(tuple(self._queue)):  # so that nobody's turn comes
+            for words in reversed(tuple(self._queue)):  # last first, so that none of them starts
                 words.cancel()
 
     def close(self) -> None:

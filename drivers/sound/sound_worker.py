@@ -164,7 +164,7 @@ class SoundCardPlayer:
         rate = self._device.sample_rate
         minutes = _file_duration(path) / 60
         if minutes > MAX_DURATION / 60:
-            why = f"lasts {minutes:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
+            why = f"lasts {minutes:.0f} min; the limit is {MAX_DURATION / 60:.0f} min"
             self._pipe.send(refused=number, why=why)
             return
         try:
@@ -216,9 +216,9 @@ class SoundCardPlayer:
         try:
             device = self._make_device(rate, self._backends)
             if device.backend == "Null" and self._backends is None:
-                self._pipe.send(mute="no sound card that plays")
+                self._pipe.send(mute="no sound card for playback")
         except (miniaudio.MiniaudioError, LookupError) as error:
-            self._pipe.send(mute=f"no sound card that plays: {error.args[0]}")
+            self._pipe.send(mute=f"no sound card for playback: {error.args[0]}")
             self._name = ""
             device = self._make_device(rate, [miniaudio.Backend.NULL])
         self._queue.on_device_opened(rate)
@@ -245,7 +245,7 @@ class SoundCardPlayer:
             if self._name.casefold() in device["name"].casefold():
                 return device["id"]
         names = ", ".join(repr(device["name"]) for device in found)
-        raise LookupError(f"no loudspeaker is called {self._name!r}; there are: {names or 'none'}")
+        raise LookupError(f"no loudspeaker {self._name!r}; available: {names or 'none'}")
 
     @property
     def backend(self) -> str:

@@ -175,7 +175,7 @@ def run_program(
     if token.is_cancelled:
         return None
     if ran is None:
-        raise NoReply(f"{name}: {command[0]}: has not ended after {timeout:.0f} s", hint=hint)
+        raise NoReply(f"{name}: {command[0]}: timed out after {timeout:.0f} s", hint=hint)
     if process.returncode != 0:
         raise DeviceFault(f"{name}: {command[0]}: ended with {process.returncode}: {ran.last_error_line}", hint=hint)
     return ran

@@ -94,7 +94,9 @@ def read_header(file: BinaryIO) -> WavFormat:
         elif name == b"ds64" and len(body) >= _SIZES.size:
             long_size = _SIZES.unpack_from(body)[1]
         if begin + size > end:
-            raise BadWav(f"its chunk {name.decode('latin-1').strip()!r} says {size} bytes, and {end - begin} follow")
+            raise BadWav(
+                f"its chunk {name.decode('latin-1').strip()!r} declares {size} bytes, but {end - begin} follow"
+            )
         file.seek(begin + size + size % 2)
     raise BadWav("it has no sound: its data chunk is missing")
 
@@ -113,26 +115,26 @@ def _make_format(form: bytes, begin: int, size: int, there: int) -> WavFormat:
     encoding, channels, rate, byte_rate, frame, bits = _FORMAT.unpack_from(form)
     if encoding == EXTENSIBLE:
         if len(form) < 40 or form[26:40] != _GUID_TAIL:
-            raise BadWav("its samples are of a kind that is not known (extensible)")
+            raise BadWav("its sample format is unknown (extensible)")
         encoding = int.from_bytes(form[24:26], "little")
     if encoding not in (*SAMPLE_WIDTHS, MS_ADPCM, IMA_ADPCM):
         raise BadWav(f"its samples are {ENCODING_NAMES.get(encoding, f'of kind {encoding:#x}')}, which is not decoded")
     if not channels or not rate:
-        raise BadWav(f"its format says {channels} channels and {rate} samples a second")
+        raise BadWav(f"its header declares {channels} channels and {rate} samples a second")
     width = frame // channels
     if encoding in SAMPLE_WIDTHS and (
         width not in SAMPLE_WIDTHS[encoding] or frame % channels or not 0 < bits <= 8 * width
     ):
         raise BadWav(
-            f"its format says {bits} bits in {frame} bytes for {channels} channels of {ENCODING_NAMES[encoding]}"
+            f"its header declares {bits} bits in {frame} bytes for {channels} channels of {ENCODING_NAMES[encoding]}"
         )
     if encoding not in SAMPLE_WIDTHS and not byte_rate:
-        raise BadWav("its format says 0 bytes a second")
+        raise BadWav("its header declares 0 bytes a second")
     if size == 0:
-        tail = f": its program did not end as it should, for {there} bytes follow" if there > 0 else ""
-        raise BadWav(f"its header says that it has no sound (0 bytes){tail}")
+        tail = f": the recorder was interrupted, since {there} bytes follow" if there > 0 else ""
+        raise BadWav(f"its header declares no sound (0 bytes){tail}")
     if there <= 0 or min(size, there) < frame:
-        raise BadWav("it has no sound: it ends behind its header")
+        raise BadWav("it has no sound: it ends after its header")
     return WavFormat(encoding, channels, rate, max(width, 1), byte_rate, begin, min(size, there))
 
 
@@ -231,13 +233,11 @@ def check_sound_file(name: str, path: Path) -> Path:
         fits, is_wav, why = False, True, f": {error}"
     if not fits:
         raise BadRequest(
-            f"{name}: {path}: is no WAV, MP3, FLAC or Ogg Vorbis file that can be played{why}",
+            f"{name}: {path}: not a playable WAV, MP3, FLAC or Ogg Vorbis file{why}",
             hint=f"`file {path}` shows what it is; `ffmpeg -i {path} new.wav` makes one that fits",
         )
     if is_wav and sound_duration(path) > MAX_DURATION:
-        what = (
-            f"{name}: {path}: lasts {sound_duration(path) / 60:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
-        )
+        what = f"{name}: {path}: lasts {sound_duration(path) / 60:.0f} min; the limit is {MAX_DURATION / 60:.0f} min"
         raise BadRequest(what, hint=f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning")
     return path
 

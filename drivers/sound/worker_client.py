@@ -55,7 +55,7 @@ class WorkerClient(ABC):
         self._clock = clock
         self._report = guard_callback(report)
         self._hint = hint
-        self._condition = Condition()  # over all that is told
+        self._condition = Condition()  # guards all messages and states
         self._program_state = ProgramState.CLOSED
         self._started_at = 0.0  # when it was started last
         self._deaths = 0  # in a row
@@ -116,7 +116,7 @@ class WorkerClient(ABC):
             if condition():
                 return True
             if not self._is_ready and not token.is_cancelled:
-                raise NotConnected(self._worker.health().detail or "it has died", hint=self._hint)
+                raise NotConnected(self._worker.health().detail or "the program died", hint=self._hint)
             return False
 
     def _wake(self) -> None:

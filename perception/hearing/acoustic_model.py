@@ -149,8 +149,12 @@ class AcousticModel:
     """Model in a ``folder``. Raises OSError if a file is missing, ValueError for another format."""
 
     def __init__(self, folder: Path) -> None:
-        told = dict(line.split() for line in (folder / "feat.params").read_text("utf-8").splitlines() if line.strip())
-        if other := [f"{key} {told.get(key)}" for key, value in REQUIRED_FEATURES.items() if told.get(key) != value]:
+        settings = dict(
+            line.split() for line in (folder / "feat.params").read_text("utf-8").splitlines() if line.strip()
+        )
+        if other := [
+            f"{key} {settings.get(key)}" for key, value in REQUIRED_FEATURES.items() if settings.get(key) != value
+        ]:
             raise ValueError(f"the acoustic model was trained on other features: {', '.join(other)}")
         means, variances = _read_table(folder / "means"), np.maximum(_read_table(folder / "variances"), 1e-4)
         self.slopes = np.concatenate([-0.5 / variances, means / variances], axis=-1).astype(np.float32)

@@ -33,7 +33,7 @@ class SphinxEngine:
 
     def __init__(self, grammar: PhraseGrammar, lexicon: Lexicon, acceptance: AcceptanceModel) -> None:
         if unknown := lexicon.unknown_words(grammar.words):
-            raise ValueError(f"cannot listen for {', '.join(map(repr, unknown))}: nobody says how it is pronounced")
+            raise ValueError(f"cannot listen for {', '.join(map(repr, unknown))}: no known pronunciation")
         self._grammar = grammar
         self._lexicon = lexicon
         self._acceptance = acceptance

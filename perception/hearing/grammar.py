@@ -33,9 +33,9 @@ def phrase_error(text: str) -> str:
     """Return the reason why a phrase cannot be listened for; empty if it can."""
     phrase = normalise(text)
     if not phrase:
-        return "there is no word in it"
+        return "it has no words"
     if any(sign.isdigit() for sign in phrase):
-        return "it has digits: write them out as they are said"
+        return "it has digits: write them as words"
     return ""
 
 

@@ -36,7 +36,7 @@ def espeak_to_phones(mnemonics: Sequence[str]) -> tuple[str, ...]:
         if plain in _SILENT_MNEMONICS:
             continue
         if plain not in _ESPEAK_PHONES:
-            raise ValueError(f"phoneme {mnemonic!r} is none of the voice en-us")
+            raise ValueError(f"phoneme {mnemonic!r} is not one of the voice en-us")
         found += _ESPEAK_PHONES[plain].split()
     return tuple(found)
 
@@ -116,7 +116,7 @@ class Lexicon:
         self._overrides = {word.casefold(): tuple(said.upper().split()) for word, said in (overrides or {}).items()}
         for word, said in self._overrides.items():
             if not said or (wrong := [phone for phone in said if phone not in KIND_OF]):
-                what = f"{wrong[0]!r} is no phone" if said else "it has no phones"
+                what = f"{wrong[0]!r} is not a phone" if said else "it has no phones"
                 raise ValueError(f"pronunciation of {word!r}: {what}; phones are {' '.join(sorted(KIND_OF))}")
 
     def pronunciations(self, word: str) -> list[Phones]:

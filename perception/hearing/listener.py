@@ -138,9 +138,7 @@ class SpeechListener:
         self._state = RecogniserState.ABSENT
         self._waiting_clips: deque[Clip] = deque(maxlen=MAX_WAITING_CLIPS)
         self._sent_clip: Clip  # the newest clip that was sent
-        self._waiting_since: float | None = (
-            None  # the time of the first sound after something was wanted of the recogniser
-        )
+        self._waiting_since: float | None = None  # time of the first sound after the last request
         self._sent_count = 0
         self._accepted: deque[Words] = deque()
         self._refused: deque[Words] = deque()
@@ -306,7 +304,7 @@ class Ears:
         """Start listening; returns at once. Safe more than once."""
         if self._thread is None:
             self._closing.clear()
-            self._newest_number = -1  # a microphone may count anew
+            self._newest_number = -1  # a microphone may restart its numbers
             self._worker.open(self._listener)
             self._thread = Thread(target=self._run, name="ears", daemon=True)
             self._thread.start()
@@ -325,7 +323,7 @@ class Ears:
                 for piece in self._source.read(self._newest_number):
                     self._newest_number = piece.number
                     self._listener.process(piece)
-            except Exception as error:  # whatever it is, a robot that goes deaf for good is worse
+            except Exception as error:  # any error: a permanently deaf robot is worse
                 self._report_error(error)
 
     def _report_error(self, error: Exception) -> None:

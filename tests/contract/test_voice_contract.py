@@ -236,5 +236,5 @@ def test_what_is_no_sound_is_refused(voice: VoiceRig, tmp_path: Path) -> None:
         voice.device.play(tmp_path / "none.wav")
     assert raised.value.hint
     (tmp_path / "words.wav").write_text("these are words")
-    with pytest.raises(BadRequest, match="is no WAV"):
+    with pytest.raises(BadRequest, match="not a playable WAV"):
         voice.device.play(tmp_path / "words.wav")

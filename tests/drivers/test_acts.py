@@ -129,9 +129,9 @@ def test_nobody_hurries_on_the_way_out(time: float, later: float, speed: float) 
 
 
 def test_an_act_needs_a_reason() -> None:
-    with pytest.raises(BadRequest, match="needs one of them"):
+    with pytest.raises(BadRequest, match="exactly one of them must be set"):
         PersonAction(nod=True)
-    with pytest.raises(BadRequest, match="needs one of them"):
+    with pytest.raises(BadRequest, match="exactly one of them must be set"):
         PersonAction(at=1.0, hears="hello", nod=True)
     with pytest.raises(BadRequest, match="0 s or more"):
         PersonAction(at=-1.0, nod=True)

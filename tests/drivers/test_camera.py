@@ -276,9 +276,9 @@ def test_one_picture_is_a_camera_too(folder: Path, opened: Opener) -> None:
 
 def test_a_folder_without_pictures_and_a_broken_picture_are_named(tmp_path: Path, opened: Opener) -> None:
     camera = opened(open_source(tmp_path, SystemClock(), retry=0.02))
-    wait_until(lambda: f"{tmp_path}: holds no pictures" in camera.health().detail)
+    wait_until(lambda: f"{tmp_path}: contains no pictures" in camera.health().detail)
     (tmp_path / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\n nothing")
-    wait_until(lambda: "gives no picture: " in camera.health().detail)
+    wait_until(lambda: "no picture can be decoded: " in camera.health().detail)
     assert "broken.png: cannot be decoded, 16 bytes" in camera.health().detail
     gone = opened(open_source(tmp_path / "gone.png", SystemClock(), retry=0.02))
     wait_until(lambda: "gone.png: no such file or folder" in gone.health().detail)
@@ -338,7 +338,7 @@ def test_offline_every_frame_is_walked_through_once(video: Path, folder: Path) -
 
 
 def test_offline_all_absent_paths_are_named_at_once(tmp_path: Path) -> None:
-    with pytest.raises(BadRequest, match=r"one.jpg: no such file; .*two.avi: no such file; .*holds no pictures"):
+    with pytest.raises(BadRequest, match=r"one.jpg: no such file; .*two.avi: no such file; .*contains no pictures"):
         iter_pictures([tmp_path / "one.jpg", tmp_path / "two.avi", tmp_path])
 
 

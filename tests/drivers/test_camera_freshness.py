@@ -82,7 +82,7 @@ def test_a_covered_lens_has_not_hung(watched: Watched) -> None:
 def test_pictures_that_come_too_slowly_are_told_of_once_and_so_is_their_end(watched: Watched) -> None:
     watched.show(fresh(), 6.0, rate=3.0)
     watched.show(fresh(), 6.0, rate=2.0)
-    assert watched.told() == [("fault", "camera: fewer than 4 pictures a second")]
+    assert watched.told() == [("fault", "camera: fewer than 4 pictures per second")]
     assert "light" in watched.notices[0].hint
     watched.show(fresh(), 5.0, rate=15.0)
     assert [notice.kind for notice in watched.notices] == ["fault", "online"]

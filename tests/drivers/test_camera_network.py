@@ -173,7 +173,7 @@ def test_a_reader_that_crashes_is_reported_and_followed_by_another() -> None:
             os.kill(child, signal.SIGSEGV)
         assert notices.get(timeout=30).kind == "online"
         lost = notices.get(timeout=30)
-        assert (lost.kind, "the process that reads it ended by SIGSEGV" in lost.message) == ("offline", True)
+        assert (lost.kind, "its reader process ended by SIGSEGV" in lost.message) == ("offline", True)
         shown(camera)
         back = notices.get(timeout=30)
         assert (back.kind, back.message) == ("online", f"{web.url}/stream gives pictures again")
@@ -342,21 +342,21 @@ def plain(data: bytes) -> Answer:
 
 
 REFUSALS: tuple[tuple[Answer, str, str], ...] = (
-    (page("", "401 Unauthorized"), "wants a user name and a password (401 Unauthorized)", "http://NAME:PASSWORD@127.0.0.1:"),
-    (page("", "401 Unauthorized", "WWW-Authenticate: Bearer x"), "not supported: 'Bearer x'", "choose Basic"),
-    (page("", "401 Unauthorized", "WWW-Authenticate: Digest x"), "not supported: 'Digest x'", "choose Basic"),
-    (page("", "403 Forbidden"), "forbids to look (403 Forbidden)", "one viewer at a time"),
-    (page("", "404 Not Found"), "has nothing at this address (404 Not Found)", ":81/stream"),
+    (page("", "401 Unauthorized"), "requires a user name and a password (401 Unauthorized)", "http://NAME:PASSWORD@127.0.0.1:"),
+    (page("", "401 Unauthorized", "WWW-Authenticate: Bearer x"), "methods: 'Bearer x'", "choose Basic"),
+    (page("", "401 Unauthorized", "WWW-Authenticate: Digest x"), "methods: 'Digest x'", "choose Basic"),
+    (page("", "403 Forbidden"), "denies access (403 Forbidden)", "one viewer at a time"),
+    (page("", "404 Not Found"), "has no page at this address (404 Not Found)", ":81/stream"),
     (page("", "503 Service Unavailable"), "is busy or faulty (503 Service Unavailable)", "one viewer at a time"),
-    (page("", "299 Odd"), "shows a web page", "an address of its own"),
-    (page("", "418 Teapot"), "answers 418", "usual ones"),
-    (page("<title>My Cam</title>"), "shows a web page, and no pictures: 'My Cam'", "an address of its own"),
-    (page("<input type='password'>"), "shows a web page to log in", "NAME:PASSWORD@"),
-    (plain(b"SSH-2.0-OpenSSH_9.2\r\n"), "does not speak HTTP on port", "usual ones"),
+    (page("", "299 Odd"), "is a web page", "an address of its own"),
+    (page("", "418 Teapot"), "replied 418", "usual addresses"),
+    (page("<title>My Cam</title>"), "is a web page without pictures: 'My Cam'", "an address of its own"),
+    (page("<input type='password'>"), "is a login page", "NAME:PASSWORD@"),
+    (plain(b"SSH-2.0-OpenSSH_9.2\r\n"), "does not speak HTTP on port", "usual addresses"),
     (plain(b"\x15\x03\x01\x00\x02\x02\x16\r\n"), "does not speak HTTP on port", "write https://"),
-    (plain(b""), "closes the connection without an answer", "one viewer at a time"),
-    (plain(OK + 200 * b"x: y\r\n" + b"\r\n"), "its answer is no HTTP", "usual ones"),
-    (plain(b"HTTP/1.1 302 Found\r\nLocation: /again\r\n\r\n"), "redirects for ever (302 Found)", "usual ones"),
+    (plain(b""), "closed the connection without a reply", "one viewer at a time"),
+    (plain(OK + 200 * b"x: y\r\n" + b"\r\n"), "its reply is not HTTP", "usual addresses"),
+    (plain(b"HTTP/1.1 302 Found\r\nLocation: /again\r\n\r\n"), "redirects endlessly (302 Found)", "usual addresses"),
     (plain(b"HTTP/1.1 302 Found\r\nLocation: rtsp://me:secret@cam/x\r\n\r\n"), "redirects to rtsp://***@cam", "write"),
 )  # fmt: skip
 
@@ -382,9 +382,9 @@ def rtsp(status: str) -> Answer:
 @pytest.mark.parametrize(
     ("status", "names", "reason", "hint"),
     [
-        ("401 Unauthorized", "", "wants a user name and a password (401", "rtsp://NAME:PASSWORD@127.0.0.1:"),
+        ("401 Unauthorized", "", "requires a user name and a password (401", "rtsp://NAME:PASSWORD@127.0.0.1:"),
         ("401 Unauthorized", "me:secret@", "refuses this user name or password (401", "in an address @ is %40"),
-        ("404 Not Found", "", "has nothing at this address (404", "usual ones"),
+        ("404 Not Found", "", "has no page at this address (404", "usual addresses"),
         ("453 Not Enough Bandwidth", "me:secret@", "cannot be opened as a stream", "ffplay rtsp://***@"),
     ],
 )
@@ -407,12 +407,12 @@ def test_why_an_rtsp_camera_refuses_is_said(
         ("rtsp://127.0.0.1:9/x", "cannot be opened as a stream: connection refused", "RTSP cameras on 554"),
         ("http://no-such-camera.invalid/", "no such host: no-such-camera.invalid", "ping no-such-camera.invalid"),
         ("rtsp://no-such-camera.invalid/", "no such host: no-such-camera.invalid", "ping no-such-camera.invalid"),
-        ("http://127.0.0.1:port/", "its host or port cannot be read", "%3A"),
-        ("http:///stream", "names no host", "http://HOST/"),
-        ("http://me:p[w@127.0.0.1:9/", "its host or port cannot be read", "[ is %5B"),
-        ("rtsp://me:p[w@127.0.0.1:9/", "its host or port cannot be read", "[ is %5B"),
-        ("tcp://[::1", "its host or port cannot be read", "[ is %5B"),
-        ("tcp://127.0.0.1", "names no host, or no port", "tcp://HOST:8888"),
+        ("http://127.0.0.1:port/", "invalid host or port", "%3A"),
+        ("http:///stream", "has no host", "http://HOST/"),
+        ("http://me:p[w@127.0.0.1:9/", "invalid host or port", "[ is %5B"),
+        ("rtsp://me:p[w@127.0.0.1:9/", "invalid host or port", "[ is %5B"),
+        ("tcp://[::1", "invalid host or port", "[ is %5B"),
+        ("tcp://127.0.0.1", "has no host or no port", "tcp://HOST:8888"),
         ("nonsense://127.0.0.1/", "cannot be opened as a stream", "ffplay nonsense://127.0.0.1/"),
     ],
 )
@@ -466,7 +466,7 @@ def test_a_camera_that_offers_basic_beside_an_unsupported_digest_shows_pictures(
         with watched(f"{place}/both") as camera:
             shown(camera)
         with watched(f"{place}/one") as camera:
-            wait_until(lambda: "offers only ways to sign in that are not supported" in camera.health().detail)
+            wait_until(lambda: "offers only unsupported authentication methods" in camera.health().detail)
 
 
 def test_a_camera_shows_pictures_again_after_memory_or_descriptors_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:

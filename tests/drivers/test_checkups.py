@@ -240,7 +240,7 @@ def test_a_camera_whose_pictures_are_all_of_one_colour_is_wrong(monkeypatch: pyt
     exposure = exposed(monkeypatch, np.full((48, 64, 3), 120, np.uint8))
     assert (exposure.verdict, exposure.message) == (
         "wrong",
-        "the pictures are all of one colour (mean brightness 120 of 255)",
+        "the pictures have a single colour (mean brightness 120 of 255)",
     )
 
 
@@ -272,7 +272,7 @@ def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
     (found,) = look_through(CameraKeys(source="987"), DriverContext(ManualClock()))
     assert (found.verdict, found.message, found.fix) == (
         "wrong",
-        "/dev/video987 is not there",
+        "/dev/video987 does not exist",
         "mission robot camera list",
     )
 

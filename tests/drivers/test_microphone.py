@@ -106,7 +106,7 @@ def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_
     whole = path.read_bytes()
     for rate in (1, 3999, 384_001, 2**32 - 1):
         path.write_bytes(whole[:24] + rate.to_bytes(4, "little") + whole[28:])
-        with pytest.raises(NotConnected, match=rf"a\.wav: says {rate} samples a second: 4000 to 384000 can be"):
+        with pytest.raises(NotConnected, match=rf"a\.wav: says {rate} samples per second: must be 4000 to 384000"):
             load_wav("microphone", path)
     path.write_bytes(whole[:40] + (0xFFFFFFF0).to_bytes(4, "little") + whole[44:])
     assert load_wav("microphone", path).tolist() == ramp(10).tolist(), "as much as is there"
@@ -122,7 +122,7 @@ def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
 ) -> None:
     monkeypatch.setattr("drivers.microphone.wav_microphone.MAX_DURATION", 60.0)
     path = write(tmp_path / "a.wav", np.zeros(16_000 * 180, np.int16))
-    with pytest.raises(NotConnected, match="lasts 3 min, and 1 are the most") as raised:
+    with pytest.raises(NotConnected, match="lasts 3 min; the limit is 1 min") as raised:
         load_wav("microphone", path)
     assert "ffmpeg" in raised.value.hint
 
@@ -185,7 +185,7 @@ def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[Devic
         health = microphone.health()
     finally:
         microphone.close()
-    assert "no microphone is called 'golden ear'; there are: 'NULL Capture Device'" in notices[0].message
+    assert "no microphone 'golden ear'; available: 'NULL Capture Device'" in notices[0].message
     assert (health.online, "arecord -l" in health.hint) == (False, True)
 
 
@@ -223,7 +223,7 @@ def test_recording_ends_when_no_more_sound_comes_or_nobody_wants_it() -> None:
     worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
     orders, robot = os.pipe()
     try:
-        assert "no sound has come for 0.01 s" in worker.SoundForwarder().wait_for_end(orders, 0.01)
+        assert "no sound for 0.01 s" in worker.SoundForwarder().wait_for_end(orders, 0.01)
         os.close(robot)
         assert worker.SoundForwarder().wait_for_end(orders, 60.0) == ""
     finally:
@@ -238,7 +238,7 @@ def test_without_a_sound_card_the_reason_is_told_in_words(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(worker.miniaudio, "CaptureDevice", failing)
     monkeypatch.setattr("sys.argv", ["capture_worker.py", "", "null"])
-    with pytest.raises(SystemExit, match=r"^no sound card that records: failed to init device$"):
+    with pytest.raises(SystemExit, match=r"^no sound card for recording: failed to init device$"):
         worker.main()
 
 

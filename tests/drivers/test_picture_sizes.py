@@ -72,7 +72,7 @@ def test_a_header_that_is_cut_off_or_nonsense_tells_no_size_and_raises_nothing()
 def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path: Path) -> None:
     path = tmp_path / "huge.png"
     path.write_bytes(empty_png(12_000, 12_000))
-    words = r"huge\.png: has 12000 x 12000 pixels, and 50 million are the most"
+    words = r"huge\.png: has 12000 x 12000 pixels, above the limit of 50 million"
     with pytest.raises(BadRequest, match=words):
         load_picture(path)
     with pytest.raises(BadRequest, match=words):
@@ -103,7 +103,7 @@ def test_a_film_with_frames_that_are_too_large_is_refused_before_one_is_decoded(
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.png")
-    with pytest.raises(BadRequest, match=r"pipe\.png: is no file"):
+    with pytest.raises(BadRequest, match=r"pipe\.png: not a regular file"):
         load_picture(tmp_path / "pipe.png")
 
 

@@ -147,7 +147,7 @@ def test_a_model_of_the_users_own_is_taken_from_its_file(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<mujoco", "no model for MuJoCo"),
+        ("<mujoco", "not a valid MuJoCo model"),
         ("<mujoco/>", "no body has a freejoint"),
         (MODEL.format(joint="elbow"), "has no joint 'l_knee'"),
         (MODEL.format(joint="l_knee").replace("position", "motor").replace('kp="20" ', ""), "no position actuator"),

@@ -115,9 +115,7 @@ def test_a_voice_that_there_is_not_is_told_once_and_another_speaks(room: Room) -
     for _ in range(2):
         wait_until(room.voice.say("so", SpeechStyle(voice="en-us+nonsense")).done)
     (notice,) = room.notices
-    assert notice.message == (
-        "voice: espeak-ng has no voice that is called 'en-us+nonsense': it speaks with 'en-us+f2' instead"
-    )
+    assert notice.message == ("voice: espeak-ng has no voice 'en-us+nonsense': speaking with 'en-us+f2' instead")
     assert "docs/speaking.md" in notice.hint
     assert room.voice.health().counters["said"] == 2
 
@@ -279,7 +277,7 @@ def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_
         assert room.printed == ["five words in some seconds", "again", LONG]
         (notice,) = room.notices
         assert (notice.device, notice.kind) == ("voice", "fault")
-        assert "no loudspeaker is called 'no such loudspeaker'" in notice.message
+        assert "no loudspeaker 'no such loudspeaker'" in notice.message
         health = room.voice.health()
         assert (health.online, health.detail) == (True, notice.message)
     finally:
@@ -314,7 +312,7 @@ def test_a_sound_that_lasts_too_long_is_refused_and_its_time_is_not_waited_for(r
     words = room.voice.play(path)
     wait_until(words.done)
     (notice,) = room.notices
-    assert notice.message == f"voice: {path}: lasts 40 min, and a sound may last 10"
+    assert notice.message == f"voice: {path}: lasts 40 min; the limit is 10 min"
     assert room.printed == []
 
 

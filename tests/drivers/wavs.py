@@ -81,24 +81,24 @@ BAD = {
     "it is an MP4 (M4A) file": b"\0\0\0 ftypM4A " + bytes(20),
     "it is a video (AVI)": b"RIFF\0\0\0\0AVI " + bytes(20),
     "it is a WAV file in big-endian order (RIFX)": b"RIFX" + riff(FMT, DATA)[4:],
-    "its header says that it has no sound (0 bytes)": riff(FMT, chunk(b"data", b"")),
-    f"0 bytes): its program did not end as it should, for {len(INT16)} bytes": riff(FMT, chunk(b"data", INT16, 0)),
-    f"should, for {len(INT16)} bytes follow": riff(FMT, chunk(b"data", INT16, 0), size=UNKNOWN),
-    "it has no sound: it ends behind its header": riff(FMT) + b"data" + struct.pack("<I", UNKNOWN),
+    "its header declares no sound (0 bytes)": riff(FMT, chunk(b"data", b"")),
+    f"0 bytes): the recorder was interrupted, since {len(INT16)} bytes": riff(FMT, chunk(b"data", INT16, 0)),
+    f"interrupted, since {len(INT16)} bytes follow": riff(FMT, chunk(b"data", INT16, 0), size=UNKNOWN),
+    "it has no sound: it ends after its header": riff(FMT) + b"data" + struct.pack("<I", UNKNOWN),
     "it has no sound: its data chunk is missing": riff(FMT, chunk(b"LIST", b"INFO")),
     "its format chunk is missing": riff(DATA, FMT),
     "its format chunk is too short": riff(chunk(b"fmt ", form(1, 16)[:14]), DATA),
-    "says 4294967295 bytes, and": riff(chunk(b"fmt ", form(1, 16), UNKNOWN), DATA),
+    "declares 4294967295 bytes, but": riff(chunk(b"fmt ", form(1, 16), UNKNOWN), DATA),
     "its samples are MP3, which is not decoded": riff(chunk(b"fmt ", form(0x55, 16)), DATA),
     "its samples are of kind 0x1234": riff(chunk(b"fmt ", form(0x1234, 16)), DATA),
-    "its samples are of a kind that is not known (extensible)": riff(
+    "its sample format is unknown (extensible)": riff(
         chunk(b"fmt ", extensible(1, 16, tail=bytes(14))), DATA
     ),
-    "its format says 0 channels": riff(chunk(b"fmt ", form(1, 16, channels=0)), DATA),
-    "its format says 1 channels and 0 samples a second": riff(chunk(b"fmt ", form(1, 16, rate=0)), DATA),
-    "its format says 64 bits in 8 bytes for 1 channels of integers": plain(1, 64, bytes(80)),
-    "its format says 16 bits in 2 bytes for 1 channels of floats": plain(3, 16, INT16),
-    "its format says 32 bits in 2 bytes": riff(
+    "its header declares 0 channels": riff(chunk(b"fmt ", form(1, 16, channels=0)), DATA),
+    "its header declares 1 channels and 0 samples a second": riff(chunk(b"fmt ", form(1, 16, rate=0)), DATA),
+    "its header declares 64 bits in 8 bytes for 1 channels of integers": plain(1, 64, bytes(80)),
+    "its header declares 16 bits in 2 bytes for 1 channels of floats": plain(3, 16, INT16),
+    "its header declares 32 bits in 2 bytes": riff(
         chunk(b"fmt ", struct.pack("<HHIIHH", 1, 1, RATE, 2 * RATE, 2, 32)), DATA
     ),
 }  # fmt: skip

@@ -84,7 +84,7 @@ def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(be
     good, bad = bench.write("good", *near("anna")), bench.write("bad", NOBODY, crowd("anna", "ben"))
     outcome = bench.run("add", "Anna", *good, *bad)
     assert outcome.code == 1
-    assert f"{bad[0]}: there is no face in it" in outcome.err
+    assert f"{bad[0]}: it shows no face" in outcome.err
     assert f"{bad[1]}: there are 2 faces in it" in outcome.err
     assert good[0] not in outcome.err
     assert not bench.people.folder.exists()
@@ -193,7 +193,7 @@ def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench)
     outcome = bench.run("add", "Anna", "--camera", str(folder), "--count", "3", "--seconds", "60")
     assert outcome.code == 0, outcome.err
     assert "Look straight into the camera." in outcome.err
-    assert "waiting: there is no face in it" in outcome.err
+    assert "waiting: it shows no face" in outcome.err
     assert [each.pictures for each in bench.people.known_people()] == [3]
 
 
@@ -201,7 +201,7 @@ def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None
     taking = PortraitCollector(HaarFaceDetector(), count=3)
     good = near("anna")[0]
     assert taking.instruction == INSTRUCTIONS[0]
-    assert taking.offer(NOBODY, 0.0) == "there is no face in it"
+    assert taking.offer(NOBODY, 0.0) == "it shows no face"
     assert taking.offer(crowd("anna", "ben"), 0.1) == "there are 2 faces in it"
     blurred = np.asarray(cv2.GaussianBlur(good, (0, 0), 5), np.uint8)
     assert "blurred" in taking.offer(blurred, 0.2)

@@ -66,7 +66,7 @@ def test_so_may_one_of_a_mission_inside(tmp_path: Path) -> None:
         ("listen: {}", "'listen' needs 'for'"),
         ("listen: [{a: b}]", "needs a phrase"),
         ("listen: [route 66]", "cannot be 'route 66': it has digits"),
-        ('listen: ["?!"]', "there is no word in it"),
+        ('listen: ["?!"]', "it has no words"),
         ("heard: 5", "it has digits"),
         ('listen: "yes, no"', "write [yes, no] for 2 phrases, or leave the comma out"),
         ("heard: {phrase: 'a, b, c'}", "write [a, b, c] for 3 phrases"),

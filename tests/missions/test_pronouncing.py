@@ -40,7 +40,7 @@ def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monkeypatch: pytest.MonkeyPatch) -> None:
     def silent(*_: object) -> str:
-        raise ValueError("phoneme 'q' is none of the voice en-us")
+        raise ValueError("phoneme 'q' is not one of the voice en-us")
 
     monkeypatch.setattr(pronunciation, "_phones", silent)
     with pytest.raises(BadRequest, match="nobody knows how these are pronounced: wheatleyon") as caught:

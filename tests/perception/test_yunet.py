@@ -148,7 +148,7 @@ def test_a_missing_file_says_how_to_fetch_it(tmp_path: Path) -> None:
 def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None:
     path = tmp_path / "broken.onnx"
     path.write_bytes(b"no network")
-    with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission robot models fetch yunet"):
+    with pytest.raises(ValueError, match=r"broken.onnx is not a network\n  try: mission robot models fetch yunet"):
         YuNetFaceDetector(path).detect(picture())
 
 
@@ -157,7 +157,7 @@ def test_a_file_that_is_larger_than_any_network_is_not_even_read(tmp_path: Path)
     with path.open("wb") as file:
         file.truncate(MAX_MODEL_BYTES + 1)  # of holes alone
     with pytest.raises(
-        ModelFileError, match=r"vast.onnx is no network: it has 200,000,001 bytes, at most 200,000,000 are"
+        ModelFileError, match=r"vast.onnx is not a network: 200,000,001 bytes, above the limit of 200,000,000"
     ):
         YuNetFaceDetector(path).detect(picture())
 
@@ -170,7 +170,7 @@ def test_another_network_says_how_to_fetch_the_right_one(
 
     monkeypatch.setattr(spots, "detect", detect)
     with pytest.raises(
-        ModelFileError, match=r"net.onnx is another network than YuNet\n  try: mission robot models fetch yunet"
+        ModelFileError, match=r"net.onnx is not the network YuNet\n  try: mission robot models fetch yunet"
     ):
         faces.detect(picture())
 

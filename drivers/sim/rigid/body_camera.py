@@ -45,11 +45,11 @@ class BodyCamera:
 
     def draw(self, now: float) -> Image:
         """Return the picture at time ``now`` (s): (height, width, 3), blue, green, red."""
-        told = f"{now:.2f} s"
+        caption = f"{now:.2f} s"
         if self._renderer is not None:
             image = self._renderer.draw(degrees(self._start_pose.heading) + AZIMUTH, self._height)
             cv2.putText(
-                image, told, (8, self._size[1] - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255,) * 3, 1, cv2.LINE_AA
+                image, caption, (8, self._size[1] - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255,) * 3, 1, cv2.LINE_AA
             )
             return image
         pose = self._scene.pose()
@@ -64,7 +64,9 @@ class BodyCamera:
             Stroke(to_robot @ (begin - here), to_robot @ (end - here), radius)
             for begin, end, radius in _strokes(self._scene)
         ]
-        return draw_stick_figure(strokes, self._size, height=self._height, walked=self._walked_distance, caption=told)
+        return draw_stick_figure(
+            strokes, self._size, height=self._height, walked=self._walked_distance, caption=caption
+        )
 
     def close(self) -> None:
         """Free the renderer's memory. Safe more than once."""
@@ -108,7 +110,7 @@ class _Renderer:
 
 
 def _egl_context_class() -> Any:
-    from mujoco.egl import GLContext  # noqa: PLC0415 - only for films; whether it can be imported, only trying tells
+    from mujoco.egl import GLContext  # noqa: PLC0415 - only for films; the import may fail
 
     return GLContext
 

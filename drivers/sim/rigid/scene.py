@@ -33,7 +33,7 @@ def import_mujoco() -> Any:
         import mujoco as found  # noqa: PLC0415 - 60 MB, for those who ask for physics
     except ImportError as error:
         raise BadRequest(
-            f"physics need MuJoCo, which is missing ({error})", hint="pip install 'missiontree[physics]'"
+            f"physics needs MuJoCo, which is not installed ({error})", hint="pip install 'missiontree[physics]'"
         ) from error
     return found
 
@@ -262,7 +262,7 @@ def _compile_model(engine: Any, model: str | Path) -> Any:
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
         return spec.compile()
     except ValueError as error:
-        raise BadRequest(f"{_model_name(model)} is no model for MuJoCo: {error}") from error
+        raise BadRequest(f"{_model_name(model)} is not a valid MuJoCo model: {error}") from error
 
 
 def _model_name(model: str | Path) -> str:

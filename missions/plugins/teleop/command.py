@@ -63,7 +63,7 @@ def measure_line(
     terminal = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def write(text: str) -> None:
-        with suppress(OSError):  # a line that takes nothing does not answer: that is what is measured
+        with suppress(OSError):  # a blocked line does not answer either, which is measured
             os.write(terminal, text.encode("ascii"))
 
     def size() -> tuple[int, int]:
@@ -79,7 +79,7 @@ def measure_line(
         until = clock.now() + LAST_ANSWERS_TIMEOUT
         while line.has_open_queries and clock.now() < until:
             if typed(0.05) == "end":
-                Event().wait(0.05)  # the terminal has gone, or Ctrl-D was pressed
+                Event().wait(0.05)  # the terminal has closed, or Ctrl-D was pressed
         with suppress(termios.error):
             termios.tcflush(descriptor, termios.TCIFLUSH)
 
@@ -127,10 +127,10 @@ def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> flo
 
 
 @click.command(epilog="Example: mission teleop --robot turtlebot2 --speed 30%")
-@click.option("--robot", type=ROBOT, help="The robot to drive (a name or a file); it moves. Else simulated.")
-@click.option("--simulate", is_flag=True, help="Drive a virtual robot, even with --robot.")
-@click.option("--world", type=WORLD, help="What a simulated robot stands in (a name or a file).")
-@click.option("--port", metavar="PATH", help="Where the base is plugged in, instead of what the file says.")
+@click.option("--robot", type=ROBOT, help="Robot to drive (name or file); it moves. Without it, a simulated one.")
+@click.option("--simulate", is_flag=True, help="Drive a simulated robot, even with --robot.")
+@click.option("--world", type=WORLD, help="World of a simulated robot (name or file).")
+@click.option("--port", metavar="PATH", help="Port of the base, instead of that in the robot file.")
 @head_option
 @click.option(
     "--speed",
@@ -139,7 +139,7 @@ def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> flo
     show_default=True,
     metavar="SHARE",
     callback=_parse_share,
-    help="The share of the robot's limits to begin with.",
+    help="Initial speed, as a share of the robot's limits.",
 )
 @click.option(
     "--pad",
@@ -147,7 +147,7 @@ def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> flo
     is_flag=False,
     flag_value=FIRST_PAD,
     metavar="[DEVICE]",
-    help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
+    help="Drive with a game pad: the first one found, or that at /dev/input/event...",
 )
 @click.option(
     "--teach-pad",
@@ -155,12 +155,12 @@ def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> flo
     is_flag=False,
     flag_value=FIRST_PAD,
     metavar="[DEVICE]",
-    help="Show which buttons of a game pad stop and drive, once for its model; no robot is opened.",
+    help="Teach the buttons of a game pad, once per model; no robot is opened.",
 )
 @click.option(
     "--unknown-delay",
     is_flag=True,
-    help="Drive also where the delay of the line cannot be measured, as in tmux over SSH.",
+    help="Drive even if the delay of the line cannot be measured, as in tmux over SSH.",
 )
 def command(
     robot: str | None,
@@ -206,7 +206,7 @@ def command(
         line = None
         if sys.stdin.isatty():
             if sys.stdout.isatty():
-                open_things.callback(click.echo)  # below the line to be seen
+                open_things.callback(click.echo)  # below the status line
             terminal = sys.stdin.fileno()
             line, settle = open_things.enter_context(measure_line(terminal, clock, allow_unknown=unknown_delay))
             typed = open_things.enter_context(KeyReader(terminal, line.on_answer)).read
@@ -223,7 +223,7 @@ def _teach_pad(node: str, clock: Clock) -> int:
             cure = f"mission teleop --teach-pad {found[0]}  (or {', '.join(found[1:])})"
             raise click.UsageError(f"--teach-pad: several game pads are plugged in\n  try: {cure}")
         node = pad.find_pad()
-    load_layouts()  # before a person presses anything: with a damaged file, nothing of it could be kept
+    load_layouts()  # before any questions: with a damaged file, the layout could not be saved
     pads_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     check_writable(pads_file(), "--teach-pad")
     with ExitStack() as open_things:
@@ -231,12 +231,14 @@ def _teach_pad(node: str, clock: Clock) -> int:
         raw = open_things.enter_context(closing(pad.Pad(node, clock)))
         model = raw.identify()
         if model is None:
-            raise NotConnected(f"pad: {node}: the kernel does not tell which pad it is", hint="ls -l /dev/input/by-id")
-        click.echo(f"{model.key}; nothing moves. Let go of all, then do what is asked. Ctrl-C ends, and keeps nothing.")
+            raise NotConnected(
+                f"pad: {node}: the kernel does not know the model of this pad", hint="ls -l /dev/input/by-id"
+            )
+        click.echo(f"{model.key}; nothing moves. Release all controls, then follow the instructions. Ctrl-C cancels.")
         spans, values = raw.read_axes(model)
         layout = PadTeacher(raw, spans, values, clock, click.echo, _pause).teach()
         path = save_layout(model.key, layout)
-        click.echo(f"kept in {path}: all pads of this model and name drive so: mission teleop --pad {node}")
+        click.echo(f"saved in {path} for all pads of this model: mission teleop --pad {node}")
     return SUCCESS
 
 

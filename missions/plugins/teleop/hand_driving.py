@@ -43,7 +43,7 @@ STOP_KEY = "k"
 END_KEYS = frozenset({"escape", "end"})
 
 KEYS_HELP = """\
-u i o    drive: hold a key, and let go to stop     q z  faster, slower
+u i o    drive: hold a key, release it to stop     q z  faster, slower
 j k l    k and every other key stop at once        w x  that ahead alone
 m , .    the arrows turn the head                  e c  that of turning alone
 space stops until Enter enables again; Esc or Ctrl-C ends"""
@@ -160,8 +160,8 @@ class LineDelay:
             waits = self._remote or now - self._started_at < FIRST_ANSWER_TIMEOUT
             if self._allow_unknown or not waits:
                 return ""
-            told = f"{self._relay} answers for the terminal" if self._relay else "the terminal does not answer"
-            return f"delay unknown: {told}"
+            reason = f"{self._relay} answers for the terminal" if self._relay else "the terminal does not answer"
+            return f"delay unknown: {reason}"
         return (
             f"line too slow: {now - self._answered_query_at:.1f} s ({MAX_STATE_AGE:g} s at most)"
             if self.is_late
@@ -216,11 +216,11 @@ def drive_by_hand(
                     if not (refused and each in HEAD_KEYS):
                         pilot.press(each)
             pilot.steer(None if refused else hand.push(now))
-            told = [pilot.status_line()]
+            parts = [pilot.status_line()]
             if line is not None:
                 line.send_query()
-                told = ["let go of all keys" if refused and not line.refusal else line.status_text(), *told]
-            show(" | ".join(filter(None, told)))
+                parts = ["release all keys" if refused and not line.refusal else line.status_text(), *parts]
+            show(" | ".join(filter(None, parts)))
     finally:
         pilot.steer(None)
 
@@ -283,7 +283,7 @@ class PadDevice:
                 self._read_pad()
             except NotConnected as error:
                 self._set_offline(str(error), error.hint, refused=isinstance(error, UnknownPadError))
-            except Exception as error:  # whatever it is, the pad must not seem to be there
+            except Exception as error:  # any error: the pad must not seem to be connected
                 log.exception("the pad cannot be read")
                 self._set_offline(f"pad: {type(error).__name__}: {error}", "")
 

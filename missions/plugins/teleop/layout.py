@@ -178,9 +178,9 @@ class PadLayout:
         """Yield the contradictions in the layout."""
         controls = [self.hold, self.enable, *self.stops]
         if not self.stops:
-            yield "nothing stops the robot"
+            yield "no button stops the robot"
         if any(each.rest is not None and each.rest == each.end for each in controls):
-            yield "a trigger that has no way"
+            yield "a trigger without travel"
         if len({(each.kind, each.code, each.end) for each in controls}) < len(controls):
             yield "one button does two things"
         axes = {self.ahead.code, self.left.code}
@@ -254,9 +254,9 @@ def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout
     if found is None and not numbered and model.has_controls(STANDARD_LAYOUT):
         return STANDARD_LAYOUT
     if found is not None:
-        why = "it lacks buttons or sticks that it was taught with"
+        why = "it lacks buttons or sticks of its taught layout"
     elif numbered or TRIGGER in model.buttons:
-        why = "its buttons are only numbered (mode D), so which one stops is not known"
+        why = "its buttons are only numbered (mode D), so the stop button is unknown"
     else:
         why = "it has no left shoulder, east or Start button, or no left stick"
     hint = f"mission teleop --teach-pad {path}  (once); or switch it to mode X, if it has such a switch"

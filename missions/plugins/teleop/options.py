@@ -19,4 +19,4 @@ class PadOptions(RunOptions):
 
     def check(self, request: RunRequest) -> None:
         if self.pad is not None and request.simulation == "fast":
-            raise ValueError("--pad is for hands, in real time: it goes with --simulate wire, not with fast")
+            raise ValueError("--pad needs real time: use --simulate wire, not fast")

@@ -52,7 +52,7 @@ def load_layouts(path: Path | None = None) -> dict[str, PadLayout]:
     path = pads_file() if path is None else path
     try:
         found = json.loads(read_regular_text(path))
-        layouts = {str(key): _layout_from_json(told) for key, told in found.items()}
+        layouts = {str(key): _layout_from_json(data) for key, data in found.items()}
         for key, layout in layouts.items():
             for fault in layout.find_errors():
                 raise ValueError(f"{key}: {fault}")
@@ -110,7 +110,7 @@ def _control_from_json(data: Mapping[str, Any]) -> Control:
 def _stick_from_json(data: Mapping[str, Any]) -> Stick:
     sign = _check_int(data["sign"], -1, 1)
     if sign == 0:
-        raise ValueError("a stick with the sign 0")
+        raise ValueError("the sign of a stick is 0")
     rest = None if data["rest"] is None else _check_int(data["rest"], -MAX_VALUE, MAX_VALUE)
     return Stick(_check_int(data["axis"], 0, MAX_CODE), sign, rest)
 
@@ -194,17 +194,17 @@ class Pad:
         if model is None and S_ISCHR(os.fstat(self._descriptor).st_mode):  # js0 speaks another protocol
             self.close()
             raise UnknownPadError(
-                f"pad: {self.path}: no event node of a game pad, so its buttons are not known",
+                f"pad: {self.path}: not the event node of a game pad",
                 hint="ls -l /dev/input/by-id  (and name the one that ends in -event-joystick)",
             )
         return model
 
     def read_axes(self, model: PadModel) -> tuple[dict[int, AxisRange], dict[int, int]]:
         """Return the ranges of the axes of an identified pad, and their current values."""
-        told = {code: absinfo for code in model.axes if (absinfo := read_absinfo(self._descriptor, code))}
+        infos = {code: absinfo for code in model.axes if (absinfo := read_absinfo(self._descriptor, code))}
         return (
-            {code: events.parse_range(absinfo) for code, absinfo in told.items()},
-            {code: events.parse_value(absinfo) for code, absinfo in told.items()},
+            {code: events.parse_range(absinfo) for code, absinfo in infos.items()},
+            {code: events.parse_value(absinfo) for code, absinfo in infos.items()},
         )
 
     def close(self) -> None:
@@ -262,7 +262,7 @@ class Pad:
 
     def _disconnect(self) -> NotConnected:
         self._state.is_held = False
-        return NotConnected(f"pad: {self.path}: it has gone", hint="plug it in, or switch it on, and start again")
+        return NotConnected(f"pad: {self.path}: disconnected", hint="plug it in, or switch it on, and start again")
 
 
 def read_axis_range(descriptor: int, axis: int) -> AxisRange | None:

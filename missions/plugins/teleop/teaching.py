@@ -87,16 +87,16 @@ class PadTeacher:
 
     def teach(self) -> PadLayout:
         """Return the taught and tested layout. Raises TeachingError, and NotConnected if the pad disconnects."""
-        stop = self._ask_control("press the button that is to STOP the robot", {})
+        stop = self._ask_control("press the button that should STOP the robot", {})
         self._confirm("press the STOP button again", stop)
         enable = self._ask_control("press the button that ENABLES it again after a stop", {stop: "STOP"})
         taken = {stop: "STOP", enable: "ENABLE"}
         hold = self._ask_control("press the button that you will HOLD while you drive", taken)
-        ahead = self._ask_stick("push the stick that drives straight AHEAD, and let it go", ())
-        left = self._ask_stick("push it straight to the LEFT, and let it go", (ahead.code,))
+        ahead = self._ask_stick("push the drive stick straight AHEAD, and release it", ())
+        left = self._ask_stick("push it straight to the LEFT, and release it", (ahead.code,))
         layout = PadLayout(hold, (stop,), enable, ahead, left)
         for fault in layout.find_errors():
-            raise TeachingError(f"pad: {fault}", hint="begin again, with other buttons")
+            raise TeachingError(f"pad: {fault}", hint="start again, with other buttons")
         self._dry_run(layout)
         return layout
 
@@ -109,11 +109,11 @@ class PadTeacher:
             if isinstance(found, str):
                 self._say(f"  {found}")
             elif (role := _role(found, taken)) is not None:
-                self._say(f"  that is {role} already; another one")
+                self._say(f"  that is {role} already; press another one")
             else:
                 self._say(f"  {describe_control(found)}")
                 return found
-        raise TeachingError("pad: too many wrong answers; nothing is kept", hint="mission teleop --teach-pad")
+        raise TeachingError("pad: too many wrong answers; nothing was saved", hint="mission teleop --teach-pad")
 
     def _confirm(self, question: str, wanted: Control) -> None:
         for _ in range(MAX_TRIES):
@@ -124,7 +124,10 @@ class PadTeacher:
             self._say(
                 f"  {found if isinstance(found, str) else f'that is {describe_control(found)}'}; it was {describe_control(wanted)}"
             )
-        raise TeachingError("pad: the STOP button was not found again; nothing is kept", hint="begin again")
+        raise TeachingError(
+            "pad: the STOP button was not found again; nothing was saved",
+            hint="start again: mission teleop --teach-pad",
+        )
 
     def _ask_stick(self, question: str, taken: tuple[int, ...]) -> Stick:
         for _ in range(MAX_TRIES):
@@ -134,12 +137,12 @@ class PadTeacher:
                 self._say(f"  axis {found.code}")
                 return found
             self._say(f"  {found}")
-        raise TeachingError("pad: too many wrong answers; nothing is kept", hint="mission teleop --teach-pad")
+        raise TeachingError("pad: too many wrong answers; nothing was saved", hint="mission teleop --teach-pad")
 
     def _control_of(self, moved: Movement) -> Control | str:
         """Return the control that was pressed, or an error text."""
         if len(moved.buttons) > 1:
-            return "two buttons at once; one alone"
+            return "two buttons at once; press only one"
         if moved.buttons:  # a trigger may be a button and an axis
             return Control(moved.buttons[0])
         wide = {
@@ -148,32 +151,32 @@ class PadTeacher:
             if it[2] >= (PRESS_SHARE if code not in HAT_AXES else MIN_STICK_SHARE)
         }
         if len(wide) != 1:
-            return "a stick, and not a button" if moved.axes else "nothing that is known"
+            return "a stick, not a button" if moved.axes else "an unknown control"
         ((code, (rest, end, _)),) = wide.items()
         span = self._ranges[code]
         if code not in HAT_AXES and min(rest - span.least, span.most - rest) > MAX_TRIGGER_REST * (
             span.most - span.least
         ):
-            return "a stick, and not a button"
+            return "a stick, not a button"
         return Control(code, rest, end)
 
     def _stick_of(self, moved: Movement, taken: tuple[int, ...]) -> Stick | str:
         """Return the axis that was pushed, or an error text."""
         if moved.buttons:
-            return "a button, and not a stick"
+            return "a button, not a stick"
         ranked = sorted(moved.axes.items(), key=lambda each: -each[1][2])
         if not ranked or ranked[0][1][2] < MIN_STICK_SHARE:
-            return "it was hardly moved; all the way"
+            return "hardly moved; push it all the way"
         if len(ranked) > 1 and ranked[1][1][2] > 0.7 * ranked[0][1][2]:
-            return "it went askew; straight"
+            return "not straight; push it straight"
         code, (rest, end, _) = ranked[0]
         span = self._ranges[code]
         if code in taken:
-            return "the same axis as ahead; to the left"
+            return "the same axis as ahead; push it to the left"
         if code not in HAT_AXES and min(rest - span.least, span.most - rest) <= MAX_TRIGGER_REST * (
             span.most - span.least
         ):
-            return "it goes one way only, as a trigger does; a stick"
+            return "it moves one way only, like a trigger; push a stick"
         return Stick(code, 1 if end > rest else -1, rest)
 
     # --- listening ----------------------------------------------------------------------------------------------------
@@ -187,7 +190,9 @@ class PadTeacher:
         while True:
             for event in self._pad.read_events():
                 if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
-                    raise TeachingError("pad: events were lost; nothing is kept", hint="begin again")
+                    raise TeachingError(
+                        "pad: events were lost; nothing was saved", hint="start again: mission teleop --teach-pad"
+                    )
                 if event.kind == events.KEY and event.value == 1:
                     down.add(event.code)
                     pressed += [event.code] * (event.code not in pressed)
@@ -208,8 +213,13 @@ class PadTeacher:
             if (pressed or moved) and not down and back and now - quiet_since >= RELEASE_TIME:
                 return Movement(tuple(pressed), {code: self._travel(code, values) for code, values in seen.items()})
             if now - begun > ANSWER_TIMEOUT:
-                why = "a button stays pressed" if down else "a stick is not let go" if moved else "nothing was pressed"
-                raise TeachingError(f"pad: {why} for {ANSWER_TIMEOUT:g} s; nothing is kept", hint="begin again")
+                why = (
+                    "a button stays pressed" if down else "a stick is not released" if moved else "nothing was pressed"
+                )
+                raise TeachingError(
+                    f"pad: {why} for {ANSWER_TIMEOUT:g} s; nothing was saved",
+                    hint="start again: mission teleop --teach-pad",
+                )
             self._pause(POLL_INTERVAL)
 
     def _share(self, code: int, value: int, other: int) -> float:
@@ -236,7 +246,7 @@ class PadTeacher:
         self._say("now a dry run: nothing moves")
         self._wait_for(state, "hold HOLD and push AHEAD", lambda _: _is_pushed(state, layout.ahead, layout.left))
         self._wait_for(state, "still holding, push to the LEFT", lambda _: _is_pushed(state, layout.left, layout.ahead))
-        self._wait_for(state, "let go of HOLD", lambda _: not state.is_held)
+        self._wait_for(state, "release HOLD", lambda _: not state.is_held)
         self._wait_for(state, "press STOP", lambda key: key == LATCH_KEY)
         self._wait_for(state, "press ENABLE", lambda key: key == ENABLE_KEY)
 
@@ -254,7 +264,10 @@ class PadTeacher:
                     wrong += 1
                     self._say(f"  that is {'STOP' if key == LATCH_KEY else 'ENABLE' if key else 'another button'}")
             if wrong >= MAX_TRIES or self._clock.now() - begun > ANSWER_TIMEOUT:
-                raise TeachingError(f"pad: the dry run failed at: {question}; nothing is kept", hint="begin again")
+                raise TeachingError(
+                    f"pad: the dry run failed at: {question}; nothing was saved",
+                    hint="start again: mission teleop --teach-pad",
+                )
             self._pause(POLL_INTERVAL)
 
 

@@ -16,11 +16,11 @@ MAX_MESSAGE_SIZE = 1 << 26
 
 def main() -> None:
     """Show the run until it ends."""
-    # A Ctrl-C before the terminal is raw is for the run to hear, not for us.
+    # A Ctrl-C before the terminal is raw is for the run, not for this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     plain = "utf" not in sys.stderr.encoding.lower()
     if plain and isinstance(sys.stderr, TextIOWrapper):
-        sys.stderr.reconfigure(errors="replace")  # otherwise whole codes stand for one sign, and lines get longer
+        sys.stderr.reconfigure(errors="replace")  # escape codes instead would make lines longer
     with socket.socket(fileno=int(sys.argv[1])) as run:
         asyncio.run(run_view(run, plain=plain))
 
@@ -32,7 +32,7 @@ async def run_view(run: socket.socket, *, plain: bool) -> None:
     def send(order: str) -> None:
         writer.write(json.dumps({"do": order}).encode() + b"\n")
 
-    # Without the mouse, whose every move would go over the wire, text can be marked as ever.
+    # Mouse reports would flood the line; and without them, text can be selected as usual.
     await ViewApp(reader, send, SystemClock(), plain=plain).run_async(mouse=False)
     writer.close()
 

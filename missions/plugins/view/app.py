@@ -56,7 +56,7 @@ class ViewApp(App[None]):
 
     def __init__(self, messages: StreamReader, send: OrderSender, clock: Clock, *, plain: bool = False) -> None:
         super().__init__()
-        self.animation_level = "none"  # each frame of one goes over the wire
+        self.animation_level = "none"  # each frame is sent over the line
         self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (MIN_WIDE_COLUMNS, "-wide")]
         self.view_state = ViewState(plain)
         self._messages = messages
@@ -76,7 +76,7 @@ class ViewApp(App[None]):
                 with VerticalScroll(id="memory", can_focus=False):
                     yield Static(id="variables")
         yield RichLog(id="log", max_lines=MAX_LOG_LINES, wrap=True)
-        yield Input(id="search", placeholder="search: Enter goes on, Escape ends it", compact=True)
+        yield Input(id="search", placeholder="search: Enter for the next match, Escape to close", compact=True)
         yield Static(id="foot")
 
     async def on_mount(self) -> None:
@@ -95,7 +95,7 @@ class ViewApp(App[None]):
         return self.query_one(NodeTree)
 
     async def _read(self) -> None:
-        with suppress(ConnectionError):  # so it ends where an order is on its way to a run that is over
+        with suppress(ConnectionError):  # the run ended while an order was on its way
             while line := await self._messages.readline():
                 self.show_message(make_all_printable(json.loads(line)))
         self.exit()

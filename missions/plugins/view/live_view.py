@@ -89,9 +89,7 @@ class LiveView:
             self._watcher.__enter__()
             if cause := self._viewer.exit_cause:
                 now = self._runner.executive.time()
-                self._kept_events.append(
-                    Logged(now, "warning", f"the view has ended ({cause}); the mission goes on without")
-                )
+                self._kept_events.append(Logged(now, "warning", f"the view ended ({cause}); the mission continues"))
         while self._kept_events:
             self._watcher(self._kept_events.popleft())
 
@@ -112,7 +110,7 @@ def view_run(options: ViewOptions, session: RunSession) -> Iterator[None]:
     """Show a run on the whole terminal. Raises click.UsageError if that is impossible."""
     del options
     if session.out is sys.stderr:
-        raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
+        raise click.UsageError("--view and --json cannot be combined")
     if why := view_error(session.out):
         raise click.UsageError(why)
     if isinstance(session.display, RunDisplay):

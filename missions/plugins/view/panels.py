@@ -148,7 +148,7 @@ def header_line(scene: ViewState, width: int, silence: float = 0.0) -> Text:
         right.append(f"{scene.lates} late   ", style=POOR)
     right.append(f"tick {scene.tick}   {scene.t:.1f} s   ", style=DIM)
     if silence > 0.0:
-        right.append(f"{_level_label('STALE', scene)}: no news for {silence:.0f} s ", style=POOR)
+        right.append(f"{_level_label('STALE', scene)}: no message for {silence:.0f} s ", style=POOR)
     elif scene.stopping:
         right.append("stopping ", style=BAD)
     elif scene.paused:
@@ -162,9 +162,9 @@ def header_line(scene: ViewState, width: int, silence: float = 0.0) -> Text:
 def footer_line(scene: ViewState) -> Text:
     """Return the last line: the keys and their present actions."""
     keys = (
-        ("space", "go on" if scene.paused else "pause"),
-        *((("n", "one tick"),) if scene.paused else ()),
-        ("s", "stop at once" if scene.stopping else "stop"),
+        ("space", "resume" if scene.paused else "pause"),
+        *((("n", "step"),) if scene.paused else ()),
+        ("s", "stop now" if scene.stopping else "stop"),
         ("/", "search"),
         ("f", "fold"),
         ("r", "follow"),

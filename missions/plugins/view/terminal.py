@@ -27,7 +27,7 @@ RESTORE_SEQUENCE = (
 def view_error(out: TextIO) -> str:
     """Return the reason, with a hint, why ``out`` cannot show a view; empty if it can."""
     if find_spec("textual") is None:
-        return "--view needs textual, which is missing\n  try: pip install 'missiontree[view]'"
+        return "--view needs textual, which is not installed\n  try: pip install 'missiontree[view]'"
     if not (sys.stdin.isatty() and out.isatty()):
         return "--view needs a terminal\n  try: leave it out, and read the lines; over SSH: ssh -t"
     if os.environ.get("TERM", "dumb") == "dumb":

@@ -54,7 +54,7 @@ class Viewer:
         ours.setblocking(False)
         paths = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
         with theirs, _block_sigint():
-            self._process = subprocess.Popen(  # noqa: S603 - ourselves
+            self._process = subprocess.Popen(  # noqa: S603 - our own program
                 [sys.executable, "-P", "-m", "missions.plugins.view", str(theirs.fileno())],
                 stdin=self._keys,
                 stdout=self._screen,
@@ -83,7 +83,7 @@ class Viewer:
         try:
             self._exchange_messages(ours)
         finally:
-            ours.close()  # which the viewer takes as its end
+            ours.close()  # the viewer ends when the socket closes
             code = _wait_for_exit(process)
             self._terminal.restore(view_has_left=code == 0)
             self._undo.close()

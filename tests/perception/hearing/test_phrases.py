@@ -43,7 +43,7 @@ def test_a_phrase_is_its_own_phrase(text: str) -> None:
     assert normalise(normalise(text)) == normalise(text)
 
 
-@pytest.mark.parametrize(("text", "fault"), [("?!", "no word"), ("go 3 steps", "write them out"), ("yes", "")])
+@pytest.mark.parametrize(("text", "fault"), [("?!", "no word"), ("go 3 steps", "write them as words"), ("yes", "")])
 def test_what_cannot_be_said_is_told(text: str, fault: str) -> None:
     assert fault in phrase_error(text)
     assert bool(fault) == bool(phrase_error(text))
@@ -147,7 +147,7 @@ def test_the_robot_file_says_how_a_name_is_said() -> None:
     assert lexicon.pronunciations("the") == [("DH", "EH")]
 
 
-@pytest.mark.parametrize(("said", "what"), [("R Q", "'Q' is no phone; phones are AA"), ("", "it has no phones")])
+@pytest.mark.parametrize(("said", "what"), [("R Q", "'Q' is not a phone; phones are AA"), ("", "it has no phones")])
 def test_a_pronunciation_with_unknown_phones_is_refused(said: str, what: str) -> None:
     with pytest.raises(ValueError, match=f"pronunciation of 'rodney': {what}"):
         Lexicon("", {"rodney": said})
@@ -168,5 +168,5 @@ def test_a_synthesiser_says_how_a_name_is_said(mnemonics: str, phones: str) -> N
 
 
 def test_the_phonemes_of_another_language_are_refused() -> None:
-    with pytest.raises(ValueError, match="phoneme 'y:' is none of the voice en-us"):
+    with pytest.raises(ValueError, match="phoneme 'y:' is not one of the voice en-us"):
         espeak_to_phones(["t", "y:"])

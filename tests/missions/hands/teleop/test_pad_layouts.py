@@ -158,7 +158,7 @@ def test_models_have_layouts_and_a_taught_one_goes_first() -> None:
     assert find_layout("/x", STRANGER, {STRANGER.key: mine}) == mine
     with pytest.raises(NotConnected, match="only numbered"):
         find_layout("/x", replace(STRANGER, name="Another"), {STRANGER.key: mine})
-    with pytest.raises(NotConnected, match="it lacks buttons or sticks that it was taught with"):
+    with pytest.raises(NotConnected, match="it lacks buttons or sticks of its taught layout"):
         find_layout("/x", replace(XBOX, buttons=NAMED), {XBOX.key: mine})
 
 
@@ -191,10 +191,10 @@ def axis(code: int, *values: int) -> list[Step]:
 
 
 STOP, AGAIN, ENABLES, HOLDS, AHEAD, LEFT = (
-    "press the button that is to STOP", "press the STOP button again", "press the button that ENABLES",
+    "press the button that should STOP", "press the STOP button again", "press the button that ENABLES",
     "press the button that you will HOLD", "push the stick that drives straight AHEAD", "push it straight to the LEFT",
 )  # fmt: skip
-DRY = ("hold HOLD and push AHEAD", "still holding, push to the LEFT", "let go of HOLD", "press STOP", "press ENABLE")
+DRY = ("hold HOLD and push AHEAD", "still holding, push to the LEFT", "release HOLD", "press STOP", "press ENABLE")
 
 
 class Person:
@@ -222,7 +222,7 @@ class Person:
         if given:
             self._steps = [*(given.pop(0) if len(given) > 1 else given[0])]
         if self.gone and text.startswith(self.gone):
-            raise NotConnected("pad: /dev/input/event7: it has gone")
+            raise NotConnected("pad: /dev/input/event7: disconnected")
 
     def read_events(self) -> list[PadEvent]:
         step = self._steps.pop(0) if self._steps else []
@@ -309,18 +309,18 @@ def test_a_trigger_of_any_kind_is_known_by_where_it_rests(
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"enable": [button(0x122), button(0x129)]}, "  that is STOP already; another one"),
-        ({"hold": [button(0x129), button(0x124)]}, "  that is ENABLE already; another one"),
-        ({"hold": [axis(0, 0, 128), button(0x124)]}, "  a stick, and not a button"),
+        ({"enable": [button(0x122), button(0x129)]}, "  that is STOP already; press another one"),
+        ({"hold": [button(0x129), button(0x124)]}, "  that is ENABLE already; press another one"),
+        ({"hold": [axis(0, 0, 128), button(0x124)]}, "  a stick, not a button"),
         (
             {"stop": [[[(1, 0x122, 1), (1, 0x121, 1)], [(1, 0x122, 0), (1, 0x121, 0)]], button(0x122)]},
-            "  two buttons at once; one alone",
+            "  two buttons at once; press only one",
         ),
         ({"again": [button(0x123), button(0x122)]}, "  that is button 0x123; it was button 0x122"),
-        ({"ahead": [button(0x120), axis(1, 0, 128)]}, "  a button, and not a stick"),
-        ({"ahead": [axis(1, 0, 128) + axis(0, 10, 128), axis(1, 0, 128)]}, "  it went askew; straight"),
-        ({"ahead": [axis(2, 255, 0), axis(1, 0, 128)]}, "  it goes one way only, as a trigger does; a stick"),
-        ({"left": [axis(1, 0, 128), axis(0, 0, 128)]}, "  the same axis as ahead; to the left"),
+        ({"ahead": [button(0x120), axis(1, 0, 128)]}, "  a button, not a stick"),
+        ({"ahead": [axis(1, 0, 128) + axis(0, 10, 128), axis(1, 0, 128)]}, "  not straight; push it straight"),
+        ({"ahead": [axis(2, 255, 0), axis(1, 0, 128)]}, "  it moves one way only, like a trigger; push a stick"),
+        ({"left": [axis(1, 0, 128), axis(0, 0, 128)]}, "  the same axis as ahead; push it to the left"),
         ({"dry_stop": [[*button(0x123), *button(0x122)]]}, "  that is another button"),
         ({"dry_stop": [[*button(0x129), *button(0x122)]]}, "  that is ENABLE"),
     ],
@@ -336,12 +336,12 @@ def test_a_wrong_press_is_named_and_asked_again(changed: dict[str, list[list[Ste
     [
         ({"hold": []}, rf"nothing was pressed for {ANSWER_TIMEOUT:g} s"),
         ({"hold": [[[(1, 0x124, 1)]]]}, "a button stays pressed"),
-        ({"ahead": [axis(1, 0)]}, "a stick is not let go"),
+        ({"ahead": [axis(1, 0)]}, "a stick is not released"),
         ({"enable": [button(0x122)]}, "too many wrong answers"),
         ({"again": [button(0x123)]}, "the STOP button was not found again"),
         ({"ahead": [[[(0, 3, 0)]]]}, "events were lost"),
         ({"dry_ahead": [[[(1, 0x124, 1)], *axis(1, 255)]]}, "the dry run failed at: hold HOLD and push AHEAD"),
-        ({"dry_let_go": []}, "the dry run failed at: let go of HOLD"),
+        ({"dry_let_go": []}, "the dry run failed at: release HOLD"),
         ({"dry_stop": [button(0x123) * MAX_TRIES]}, "the dry run failed at: press STOP"),
     ],
 )
@@ -356,7 +356,7 @@ def test_teaching_ends_with_nothing_kept_where_it_does_not_come_to_an_end(
 def test_a_pad_that_is_pulled_out_while_it_is_taught_is_told(question: str) -> None:
     mine = person()
     mine.gone = question
-    with pytest.raises(NotConnected, match="it has gone"):
+    with pytest.raises(NotConnected, match="disconnected"):
         mine.teach()
 
 
@@ -438,7 +438,7 @@ def test_the_command_does_not_guess_which_of_two_pads_is_meant(
     node = at_home / "event7"
     node.write_bytes(b"")
     told = command(capsys, "teleop", "--teach-pad", str(node))
-    assert "the kernel does not tell which pad it is" in told.err
+    assert "the kernel does not know the model of this pad" in told.err
     assert not pad_store.pads_file().exists()
 
 

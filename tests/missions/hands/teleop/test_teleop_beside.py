@@ -124,7 +124,7 @@ def test_a_pad_may_come_late_and_go_and_come_again(node: Node) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--simulate", "fast", "motions/forward"), "--pad is for hands"),
+        (("--simulate", "fast", "motions/forward"), "--pad needs real time"),
         (("hello.yaml",), "--pad drives the base, which hello does not use"),
     ],
 )

@@ -187,8 +187,8 @@ def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
         (("--robot", "turtlebot2", "--world", "empty"), 2, "--world is for a simulated robot"),
         (("--speed", "fast"), 2, "needs a share"),
         (("--speed", "200 %"), 2, "not within 5% and 100%"),
-        (("--pad", "/dev/null"), 3, "/dev/null: no event node of a game pad"),  # as /dev/input/js0
-        (("--teach-pad", "/dev/null"), 3, "/dev/null: no event node of a game pad"),
+        (("--pad", "/dev/null"), 3, "/dev/null: not the event node of a game pad"),  # as /dev/input/js0
+        (("--teach-pad", "/dev/null"), 3, "/dev/null: not the event node of a game pad"),
         (("--pad", "pipe", "--robot", "bodiless.yaml"), 2, "bodiless has no base"),
     ],
 )

@@ -158,7 +158,7 @@ def test_a_pad_that_is_pulled_out_while_it_drives_stops_the_base(held: Held) -> 
             held.unplug()
         return ""
 
-    with pytest.raises(NotConnected, match=r"event7: it has gone"):
+    with pytest.raises(NotConnected, match=r"event7: disconnected"):
         drive_by_hand(Pilot(base), typed, held.pad, held.clock, lambda _: None)
     assert len(base.commands) == 3 + 2
     assert base.commands[-2] == "stop"

@@ -174,9 +174,9 @@ def test_keys_ask_for_what_the_last_line_says() -> None:
     async def do(shown: Shown) -> None:
         await shown.press("n", "space")
         assert shown.orders == ["pause"]
-        assert "one tick" not in shown.said("foot")
+        assert "n step" not in shown.said("foot")
         await shown.hear(news(paused=True))
-        assert "space go on   n one tick" in shown.said("foot")
+        assert "space resume   n step" in shown.said("foot")
         await shown.press("n", "space", "s")
         assert shown.orders[1:] == ["step", "resume", "stop"]
 
@@ -287,7 +287,7 @@ def test_a_run_that_is_silent_is_called_stale() -> None:
     async def do(shown: Shown) -> None:
         shown.clock.advance(5.0)
         shown.app._show_head()
-        assert shown.said("head").endswith("… STALE: no news for 5 s ")
+        assert shown.said("head").endswith("… STALE: no message for 5 s ")
 
     use(do)
 

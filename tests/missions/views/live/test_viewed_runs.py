@@ -133,7 +133,7 @@ def test_a_view_that_is_killed_leaves_the_run_going_on_and_the_terminal_as_it_wa
     screen = begin(speed=2.0)
     screen.wait_for("find_face")
     os.kill(screen.viewer(), signal.SIGKILL)
-    screen.wait_for("the view has ended (killed by SIGKILL); the mission goes on")
+    screen.wait_for("the view ended (killed by SIGKILL); the mission continues")
     assert termios.tcgetattr(screen.slave) == screen.before
     assert screen.end() == 0
     assert screen.result.read_text() == "success: "
