@@ -192,7 +192,7 @@ def axis(code: int, *values: int) -> list[Step]:
 
 STOP, AGAIN, ENABLES, HOLDS, AHEAD, LEFT = (
     "press the button that should STOP", "press the STOP button again", "press the button that ENABLES",
-    "press the button that you will HOLD", "push the stick that drives straight AHEAD", "push it straight to the LEFT",
+    "press the button that you will HOLD", "push the drive stick straight AHEAD", "push it straight to the LEFT",
 )  # fmt: skip
 DRY = ("hold HOLD and push AHEAD", "still holding, push to the LEFT", "release HOLD", "press STOP", "press ENABLE")
 
