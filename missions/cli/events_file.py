@@ -41,7 +41,7 @@ class EventsFile:
         whole = self.lines.is_complete
         try:
             self.file.close()
-        except OSError:  # told by the stream that an event could not be written
+        except OSError:  # the stream reports that an event could not be written
             whole = False
         if whole:
             self._earlier.remove()

@@ -36,14 +36,14 @@ class KeyReader:
         self._terminal = termios.tcgetattr(self._descriptor)
         tty.setcbreak(self._descriptor)
         settings = termios.tcgetattr(self._descriptor)
-        settings[6][termios.VSUSP] = b"\0"  # no character is Ctrl-Z
+        settings[6][termios.VSUSP] = b"\0"  # disable Ctrl-Z
         termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with suppress(termios.error):  # the terminal may have gone
+        with suppress(termios.error):  # the terminal may be closed
             termios.tcsetattr(self._descriptor, termios.TCSANOW, self._terminal)
 
     def read(self, timeout: float) -> str:
@@ -57,8 +57,8 @@ class KeyReader:
                 return _KEY_NAMES.get(key, key)
             if self._read_byte() not in ("[", "O"):
                 return "escape"
-            # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter. A line that
-            # stops in the middle must not hold up whoever waits for keys.
+            # Parameters, such as those of Shift, are between the bracket and the letter. An incomplete sequence must
+            # not block the caller.
             text = ""
             while (not text or text[-1].isdigit() or text[-1] == ";") and self._has_input(ESCAPE_TIMEOUT):
                 text += self._read_byte() or "?"
@@ -66,7 +66,7 @@ class KeyReader:
                 return _ARROWS.get(text[-1:], "other")
             if self._on_cursor_position is not None:
                 self._on_cursor_position(int(place[1]), int(place[2]))
-            timeout = 0.0  # what was pressed has waited behind it
+            timeout = 0.0  # keys pressed meanwhile are already in the buffer
         return ""
 
     def _has_input(self, timeout: float) -> bool:
@@ -75,7 +75,7 @@ class KeyReader:
     def _read_byte(self) -> str:
         try:
             return os.read(self._descriptor, 1).decode("latin-1")
-        except OSError:  # a terminal that was closed
+        except OSError:  # the terminal is closed
             return ""
 
 

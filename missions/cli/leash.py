@@ -27,7 +27,7 @@ def watch_outputs(files: Iterable[TextIO], on_closed: Callable[[str], object]) -
     """Call ``on_closed`` once, from a thread, when the reader of a pipe among ``files`` closes it."""
     numbers = set()
     for file in files:
-        with suppress(OSError, ValueError):  # it is none of the system's, or closed
+        with suppress(OSError, ValueError):  # no file descriptor, or closed
             numbers.add(file.fileno())
 
     def watch(over: int) -> None:
@@ -46,7 +46,7 @@ def watch_outputs_each_tick(files: Iterable[TextIO], on_closed: Callable[[str], 
     """Return a listener that checks the pipes among ``files`` at each tick, without a thread: for simulated time."""
     poll = select.poll()
     for file in files:
-        with suppress(OSError, ValueError):  # as in ``watch_outputs``
+        with suppress(OSError, ValueError):  # no file descriptor, or closed
             poll.register(file.fileno(), 0)
 
     def look(event: Event) -> None:

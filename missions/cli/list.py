@@ -94,7 +94,7 @@ def _arms() -> dict[str, JointRanges]:
     """Return the joint ranges of the arms of all robots; a further arm is named after its robot."""
     found = {}
     for name, path in (shipped_files("robots") | user_files("robots")).items():
-        with suppress(InvalidFileError):  # which is told in the list of robots
+        with suppress(InvalidFileError):  # the list of robots reports it
             for part, section in load_robot(path).sections.items():
                 if isinstance(arm := section.keys, ArmKeys):
                     of = "" if part == "arm" else f" on: {part}"

@@ -85,8 +85,8 @@ class RunDisplay:
         self._lines = lines_on(out)
         self._drawn_at = -REFRESH_INTERVAL
         self._started: dict[str, float] = {}
-        self._online_parts: list[str] = []  # parts, until the first tick
-        self._faulty_parts: set[str] = set()  # parts of which something was told that may be over
+        self._online_parts: list[str] = []  # parts that are shown until the first tick
+        self._faulty_parts: set[str] = set()  # parts with a printed problem that may have ended
         self._ready = False
 
     def show_tree(self, root: Node) -> None:
@@ -100,7 +100,7 @@ class RunDisplay:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # Where the terminal has gone, rich raises, even SystemExit: nobody is there to see it.
+        # Without a terminal, rich raises even SystemExit; there is nothing to show then.
         with suppress(OSError, ValueError, SystemExit):
             self._lines.stop()
 
@@ -124,7 +124,7 @@ class RunDisplay:
                 self._lines.print(("  notice: ", "bold green"), event.text)
             case Ticked():
                 self._tick(event.t)
-            case Ended() if event.result != "error":  # an error is told by the command itself, with what to try
+            case Ended() if event.result != "error":  # the command itself prints an error, with a hint
                 self._end(event)
             case _:
                 pass
@@ -159,7 +159,7 @@ class RunDisplay:
         if event.what == "online":
             self._online_parts.append(event.part)
             self._show_preparing()
-            if "is at http:" in event.detail:  # where the page with its face is
+            if "is at http:" in event.detail:  # the address of the page with its face
                 self._lines.print(f"  {event.detail_without_part}")
             elif event.part in self._faulty_parts:
                 self._faulty_parts.discard(event.part)

@@ -62,13 +62,13 @@ class ParamsType(click.ParamType[str]):
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Return the matching params, each with "="; after "=", the possible values if they can be listed."""
         del param
-        # Commands without params need none of this.
+        # Commands without params skip this.
         from behaviours.catalogue import LEAVES  # noqa: PLC0415
         from missions.language.document import declared_params  # noqa: PLC0415
         from missions.library.lookups import LOOKUPS  # noqa: PLC0415
         from missions.library.shipped import find_mission  # noqa: PLC0415
 
-        # An option that waits for its value ends click's parsing: the arguments are left over, then.
+        # An option without its value ends click's parsing: the arguments are left over.
         given = [ctx.params.get("name"), ctx.params.get("mission"), *(ctx.params.get("names") or ()), *ctx.args]
         mission = next(filter(None, given), "")
         with suppress(InvalidFileError, UnknownNameError):

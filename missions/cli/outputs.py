@@ -117,7 +117,7 @@ def _write_error_message(path: Path, error: OSError) -> str:
         return f"{told}\n  try: ls -l {shlex.quote(str(in_the_way))}"
     if error.errno in (ENOENT, ENOTDIR) and not os.path.isdir(path.parent):  # noqa: PTH112 - Path raises at no permission
         return f"{path}: there is no folder {path.parent}\n  try: mkdir -p {folder}"
-    folder = shlex.quote(str(in_the_way))  # which is there
+    folder = shlex.quote(str(in_the_way))  # it exists
     cures = {ENOSPC: f"df -h {folder}  (is there room?)", EROFS: f"findmnt -T {folder}  (is the disk read-only?)"}
     cure = cures.get(error.errno or 0, f"ls -ld {folder}  (may you write there?)" if error.errno == EACCES else "")
     return f"{path}: cannot be written: {error.strerror or error}" + (f"\n  try: {cure}" if cure else "")

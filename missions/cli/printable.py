@@ -14,7 +14,7 @@ from typing import Any, TextIO, cast
 
 import click
 
-# Tables on a terminal: rows of words under their headings, each column as wide as it must be.
+# Tables on a terminal: rows below headings, each column as wide as its widest cell.
 
 
 def format_columns(
@@ -87,7 +87,7 @@ def use_printable_streams() -> Iterator[None]:
     before = sys.stdout, sys.stderr
     for stream in before:
         if isinstance(stream, io.TextIOWrapper):
-            # A terminal that has no sign for what we print is no reason to stop; of ASCII, click makes a stream anew.
+            # A character that the terminal cannot encode must not raise. click replaces an ASCII terminal's stream.
             ascii_only = codecs.lookup(stream.encoding).name == "ascii"
             stream.reconfigure(encoding="utf-8" if ascii_only else stream.encoding, errors="replace")
     sys.stdout, sys.stderr = (cast(TextIO, PrintableStream(stream)) for stream in before)
@@ -95,11 +95,11 @@ def use_printable_streams() -> Iterator[None]:
         yield
     finally:
         for name, stream in zip(("stdout", "stderr"), before, strict=True):
-            if getattr(sys, name) is not None:  # the reader of our output may have gone
+            if getattr(sys, name) is not None:  # stdout may be closed by its reader
                 setattr(sys, name, stream)
 
 
-# A line that is shown again and again in one place of a terminal.
+# A line that is printed over itself on a terminal.
 
 LINE_WIDTH = 78
 """Columns of an overwritten line; a longer one would wrap."""

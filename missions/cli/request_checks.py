@@ -19,8 +19,8 @@ from perception.api import UNKNOWN
 def check_people(request: RunRequest, plan: Plan) -> None:
     """Raise click.UsageError if the mission, or a param, names a person that the robot does not know.
 
-    Names in variables are unknown yet. A simulated robot knows the people of its world. If it knows nobody, that is
-    only printed, so that an empty house can be simulated.
+    Names in variables are unknown yet. A simulated robot knows the people of its world. If it knows no person, a
+    message is printed and no error raised, so that an empty house can be simulated.
     """
     wanted = list(dict.fromkeys(_person_names(plan.tree)))
     if not wanted:
@@ -31,7 +31,7 @@ def check_people(request: RunRequest, plan: Plan) -> None:
     unknown = [name for name in wanted if name.casefold() not in same]
     names = " or ".join(f"'{name}'" for name in unknown)
     if world is not None and not known:
-        click.echo(f"the robot knows nobody in world '{world.name}', so it will not find {names}", err=True)
+        click.echo(f"no known person in world '{world.name}': the robot will not find {names}", err=True)
     elif unknown:
         where = "" if world is None else f" in world '{world.name}'"
         cure = f"mission person add {shlex.quote(unknown[0])}" if world is None else "--world NAME, where they are"
@@ -50,7 +50,7 @@ def _person_names(tree: Step) -> Iterator[str]:
 
 def _known_people(request: RunRequest) -> list[str]:
     """Return the people that a robot with a real camera knows. Raises click.UsageError for unreadable pictures."""
-    # What looks at people is imported where a mission looks for somebody by name.
+    # Imported only if a mission looks for a person by name: the detectors are slow to import.
     from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
     camera = requested_robot(request).camera

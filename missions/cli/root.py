@@ -13,7 +13,7 @@ import click
 from missions.cli.commands import OWN_PROCESS, MissionGroup
 from missions.cli.printable import use_printable_streams
 
-# Commands that run out of memory: said so, with what to do, whichever error it came as.
+# Commands that run out of memory: one message with a hint, whatever the type of the error.
 
 MIN_MEMORY_BYTES = 1_000_000_000
 """Bytes of address space that every command needs; simulation and cameras take 0.6 GB."""
@@ -30,7 +30,7 @@ MEMORY_ERROR_TEXTS = (
 
 
 class OutOfMemoryError(Exception):
-    """A command ran out of memory; the message says which call failed."""
+    """A command ran out of memory; the message names the failed call."""
 
 
 def memory_error(error: BaseException) -> str:
@@ -52,7 +52,7 @@ def _message_of(error: BaseException) -> str:
     """Return the message of an error; empty if it cannot be read, or may mean a lack of processes."""
     try:
         words = str(error)
-    except Exception:  # of somebody else's
+    except Exception:  # an error of another library
         return ""
     return "" if "start new thread" in words and memory_limit() is None else words
 
@@ -99,7 +99,7 @@ def mission() -> None:
 
 def main() -> None:
     """Run ``mission`` with the arguments of the process, and exit."""
-    # Without a standard stream (`>&-`), libraries that look at it would fail, here and in processes that we start.
+    # Without a standard stream (`>&-`), libraries that use it would fail, here and in child processes.
     for number in (1, 2):
         try:
             os.fstat(number)
@@ -109,12 +109,12 @@ def main() -> None:
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the whole process
     sys.stderr = sys.stderr or sys.stdout
     if COMPLETION_VARIABLE in os.environ:
-        import_module("missions.cli.completion")  # which knows how shells ask
+        import_module("missions.cli.completion")  # it reads the requests of shells
     warn_of_memory_limit()
     with use_printable_streams():
         try:
             code = run_guarded(lambda: mission.main(standalone_mode=False, obj=OWN_PROCESS))
-        except (ImportError, OSError, MemoryError) as error:  # before anything of ours could be imported
+        except (ImportError, OSError, MemoryError) as error:  # raised while our modules are imported
             if not (why := memory_error(error)):
                 raise
             code = _print_memory_error(why)
@@ -152,10 +152,10 @@ def run_guarded(work: Callable[[], object]) -> int:
         click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
         _print_robot_origin(f"robot: {error}")
         return DEVICE
-    except BrokenPipeError:  # the reader of our output has gone, as `mission list | head -1` does
-        sys.stdout = None  # so that Python does not flush into the pipe at exit
+    except BrokenPipeError:  # stdout was closed by its reader, as in `mission list | head -1`
+        sys.stdout = None  # so that Python does not flush into the closed pipe at exit
         return SUCCESS
-    except OSError as error:  # a name that is too long; without one, a full disk behind stdout
+    except OSError as error:  # a file name that is too long, or a full disk behind stdout
         what = "cannot write" if error.filename is None else quoted_value(str(error.filename))
         with suppress(OSError):
             click.echo(f"mission: {what}: {error.strerror or error}", err=True)

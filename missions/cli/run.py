@@ -57,7 +57,7 @@ class OutputOptions(RunOptions):
 
 
 def _options_of_plugins() -> Iterator[tuple[Plugin, type[RunOptions]]]:
-    """Yield the plug-ins with their options for runs; skip those that cannot be used, and print why."""
+    """Yield the plug-ins with their options for runs; print why unusable ones are skipped."""
     taken = {each.flag for cls in (RunRequest, OutputOptions) for each in options_of(cls)}
     for plugin in plugins():
         if plugin.run_options:
@@ -131,7 +131,7 @@ def with_defaults(request: RunRequest) -> RunRequest:
     defaults = load_defaults()
     if robot == OWN_ROBOT:
         robot_file(OWN_ROBOT)
-        robot = defaults.robot  # records keep a name that means the same tomorrow
+        robot = defaults.robot  # records need a name that stays valid if the default changes
     elif robot is None and (own := chosen_robot(None)):
         robot, simulate = own, simulate or "wire"
     if world is None and defaults.world and (robot is None or simulate is not None):
@@ -149,7 +149,7 @@ def _run_and_report(
 
     def last_words(result: Result) -> None:
         if output.as_json:
-            with suppress(BrokenPipeError):  # a run that nobody reads has ended for that
+            with suppress(BrokenPipeError):  # the run has ended since its output was closed
                 click.echo(json.dumps(asdict(result)))
 
     try:

@@ -57,7 +57,7 @@ def run(
         if reachable:
             from missions.control.holders import announce_command, require_not_stopped  # noqa: PLC0415 - a batch needs none of it
 
-            with suppress(OSError):  # without any folder, its control socket tells what that means
+            with suppress(OSError):  # if there is no folder, the control socket explains it
                 loading.enter_context(
                     announce_command(request.mission, request.robot or DEFAULT_ROBOT, request.simulation or "")
                 )
@@ -80,7 +80,7 @@ def _session(request: RunRequest, out: TextIO, report_result: Callable[[Result],
             session.display.__exit__(None, None, None)
             report_result(result)
 
-        # What hangs may hang on stdout: nothing here waits for that for ever.
+        # The pipe of stdout may be blocked: nothing here waits for it without a timeout.
         attempt_all({"last words": say}, FINAL_REPORT_TIMEOUT)
         end_process(result)
 
@@ -109,7 +109,7 @@ def _run_session(
         read = [sys.stdout, session.out, *session.watched_outputs]
         if not reachable:
             session.listen(watch_outputs_each_tick(read, runner.executive.stop))
-        elif leash is None:  # which tells that the server has gone
+        elif leash is None:  # a leash reports that the server has ended
             reading = watch_outputs(read, runner.executive.stop)
         with (
             reading,

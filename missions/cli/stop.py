@@ -41,6 +41,6 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
             click.echo(words, err=isinstance(key, str))
         if not said:
             click.echo(NO_RUNS)
-    except BrokenPipeError:  # nobody reads it: the exit code says the same
+    except BrokenPipeError:  # the exit code has the same result
         sys.stdout = None
     return SUCCESS if fine else FAILURE

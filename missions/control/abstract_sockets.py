@@ -108,10 +108,10 @@ def held_names() -> list[AbstractName]:
                 texts = {text for text in _link_targets(Path("/proc", process, "fd")) if text.startswith(prefix)}
                 here = identity_of(int(process)) if texts else None
             except (FileNotFoundError, ProcessLookupError, PermissionError):
-                continue  # it has ended, or is another user's
+                continue  # ended, or a process of another user
             for text in texts if here is not None else ():
                 name = _parse_name(text.removeprefix(prefix).removesuffix(" (deleted)"), 0, here.boot if here else "")
-                if name is not None and here is not None and name.identity.start == here.start:  # not a fork of it
+                if name is not None and here is not None and name.identity.start == here.start:  # no fork
                     found.append(replace(name, local_identity=here))
     return found
 
@@ -119,7 +119,7 @@ def held_names() -> list[AbstractName]:
 def _link_targets(folder: Path) -> Iterator[str]:
     """Yield the targets of the symbolic links in a folder."""
     for each in folder.iterdir():
-        with suppress(FileNotFoundError):  # closed since
+        with suppress(FileNotFoundError):  # closed meanwhile
             yield os.readlink(each)  # noqa: PTH115 - it is no path
 
 
@@ -136,7 +136,7 @@ def listed_names() -> list[AbstractName]:
                 name is not None
                 and int(fields[4], 16) == (STREAM if name.is_run else DATAGRAM)
                 and (
-                    listens or not name.is_run  # the ends of connections have the name too
+                    listens or not name.is_run  # both ends of a connection have the name
                 )
             ):
                 found.append(name)

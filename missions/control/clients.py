@@ -60,9 +60,7 @@ class ClientQueue:
     def start_watch(self, watch: WatchCommand, scene: bytes) -> None:
         """Replace the subscription of the client, beginning with a ``scene``."""
         self._picture = None
-        self._urgent_lines.extend(
-            list(iter(self.next_line, None))
-        )  # the client may be a studio, and it be news to one of many
+        self._urgent_lines.extend(list(iter(self.next_line, None)))  # a studio passes it on to many viewers
         self.watch = watch
         self._unseen_pictures.clear()
         self.send_first(scene)
@@ -260,7 +258,7 @@ class Broadcaster:
             for client in self.clients:
                 client.add_events(events, lost)
         if self._pictures.is_watched and (wake := getattr(self._runner.assembled_robot.eyes, "wake", None)) is not None:
-            wake()  # eyes rest while nobody queries them
+            wake()  # detectors pause without queries
 
     def send_pictures(self, now: float) -> None:
         """Send the newest picture to the clients that are due for one."""

@@ -48,12 +48,12 @@ def send_to_all(
     """
     asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
     if asking.is_stop:
-        asking.request_listed(listed_runs())  # at once, whatever the folders are like that are looked at next
+        asking.request_listed(listed_runs())  # before the folders, which may be slow
     unstamped = stamp_stop() if asking.is_stop and not wanted_names else ""
     search_result = search_runs(thorough=False) if search_result is None else search_result
     work = asking.start_requests(search_result.processes)
     known = {each.key for each in search_result.processes}
-    search_result = search_runs()  # what is there at once does not wait for this
+    search_result = search_runs()  # quick results are not delayed by this
     work += asking.start_requests([each for each in search_result.processes if each.key not in known])
     for thread in [*work, *(thread for _, thread in asking.early_requests.values())]:
         thread.join()
@@ -100,7 +100,7 @@ class CommandBroadcast:
             thread = Thread(target=self.request, args=(each,))
             try:
                 thread.start()
-            except RuntimeError:  # the system allows no more threads
+            except RuntimeError:  # no thread can be started
                 self.request(each)
             else:
                 work.append(thread)
@@ -118,7 +118,7 @@ class CommandBroadcast:
         for each in processes:
             if each.addresses and each.matches(self.wanted_names) is not False:
                 thread = Thread(target=work, args=(each,))
-                with suppress(RuntimeError):  # the system allows no more threads
+                with suppress(RuntimeError):  # no thread can be started
                     thread.start()
                     self.early_requests[each.key] = each, thread
 
@@ -137,7 +137,7 @@ class CommandBroadcast:
                 self._end_command(process)
             else:
                 self._request_run(process)
-        except Exception as error:  # whatever it is: what was not asked is not taken for what was stopped
+        except Exception as error:  # any error: a run that was not reached must not be reported as stopped
             self._add_warning(process, f"{process.description}: {type(error).__name__}: {error}")
 
     def _add_warning(self, process: FoundProcess, reason: str, peer: ProcessIdentity | None = None) -> None:
@@ -153,7 +153,7 @@ class CommandBroadcast:
             try:
                 with sockets.open_connection(address) as link:
                     if not process.is_process(link.process) or (isinstance(address, str) and link.uid != process.uid):
-                        continue  # another run has this name, or another user has given a socket this name
+                        continue  # another run has the same name, or another user created a socket with this name
                     peer = peer or identity_of(link.process)
                     self._request_over(process, link)
                     return
@@ -171,7 +171,7 @@ class CommandBroadcast:
         try:
             words = [self._execute(process, link, command) for command in self.commands]
         except BaseException:
-            self._claimed_runs.discard(_run_key(link))  # it may answer by another way
+            self._claimed_runs.discard(_run_key(link))  # it may be reachable by another address
             raise
         name = process.description if process.holder is not None or not told else _description_of(link)
         self.outcomes[process] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
@@ -224,7 +224,7 @@ class CommandBroadcast:
         """Store the outcome for a run that does not reply; a stop ends its process."""
         is_gone = all(isinstance(error, GONE_ERRORS) for error in errors)
         if is_gone and process.identity is None and process.holder is None:
-            return  # the file of a process that was killed: what lives has a note, or a name, besides
+            return  # left by a killed process: a live one also has a note or an abstract name
         why = "; ".join(dict.fromkeys(f"{getattr(each, 'strerror', None) or each}" for each in errors))
         why = f"hangs ({why or 'it has no socket'})"
         try:
@@ -258,7 +258,7 @@ class CommandBroadcast:
     def _end_command(self, process: FoundProcess) -> None:
         """End a command that holds a robot, and store the outcome."""
         if is_own_process(process) or any(command["do"] in ("release", "resume") for command in self.commands):
-            return  # what was ended is not there to be released
+            return  # a process that the stop has ended cannot be released
         if process.matches(self.wanted_names) is None:
             self._add_warning(process, f"{process.description}: the command is unknown")
             return
@@ -306,5 +306,5 @@ def _description_of(link: RunConnection) -> str:
     """Return the description of a run from its first message."""
     told = link.run_info
     mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
-    process = link.process or told.get("pid", 0)  # the kernel does not tell the number of one in another container
+    process = link.process or told.get("pid", 0)  # the kernel reports no number for a process in another container
     return RobotHolder(process, mission, robot, simulated, run=str(told.get("run", ""))).description

@@ -53,7 +53,7 @@ class BadMessage(ValueError):
         self.error, self.hint = error, hint
 
     def __reduce__(self) -> tuple[type["BadMessage"], tuple[str, str, str]]:
-        return BadMessage, (self.error, str(self), self.hint)  # as it comes from another process
+        return BadMessage, (self.error, str(self), self.hint)  # for pickling between processes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,7 +216,7 @@ class LookCommand(RunCommand):
     down: Annotated[float, "Share of the turn rate 60 deg/s, positive down.", SHARE_BOUND]
 
 
-# The commands that a run answers, and how a command is read.
+# Commands that a run accepts, and how they are parsed.
 
 RUN_COMMANDS: Mapping[str, type[ClientCommand]] = {
     kind.word: kind
@@ -248,7 +248,7 @@ MAX_ID_TOKENS = 4096
 """Maximum number of tokens searched for the id of a message that is not JSON."""
 
 _MAX_ID = 2**53
-# A text always matches to its end, and is never tried again from a shorter one: else a long one takes minutes.
+# Possessive: backtracking through a long text would take minutes.
 _TOKENS = re.compile(r'"(?:[^"\\]|\\.)*+(?:"|\\?\Z)|[\[{]+|[\]}]+', re.DOTALL)
 _ID_VALUE = re.compile(r"\s*:\s*(-?\d{1,16})\s*(?:[,}]|$)")
 

@@ -51,7 +51,7 @@ from missions.control.wheels import WheelArbiter
 from missions.executive.events import Event
 from missions.runner import Runner
 
-# Where a run can be stopped: its listening sockets, and the notes that name them, looked after while it goes on.
+# Addresses at which a run can be stopped: its listening sockets and its notes, checked while it runs.
 
 CHECK_INTERVAL = 1.0
 """Seconds between two checks that the sockets can be reached."""
@@ -108,10 +108,10 @@ class Endpoint:
         if now >= self._check_at:
             self._check_at = now + CHECK_INTERVAL
             self.check()
-            self._folder_timeout = CHECK_TIMEOUT  # from now on stops are heard by this thread
+            self._folder_timeout = CHECK_TIMEOUT  # from now on this thread receives stops
         self.due = self._check_at
         for each in self._registered:
-            with suppress(KeyError, ValueError):  # it is closed, or at rest
+            with suppress(KeyError, ValueError):  # closed, or not registered
                 self._selector.unregister(each)
         self._registered = self.listeners
         for each in self._registered:
@@ -139,11 +139,11 @@ class Endpoint:
     def close(self) -> None:
         """Remove sockets and notes."""
         if self._notes is not None:
-            self._notes.close()  # before the sockets: without those the run would be taken for one that hangs
+            self._notes.close()  # before the sockets: a run with a note and no socket looks blocked
         for each in (self._file, self._abstract):
             if each is not None:
                 if isinstance(each.address, Path):
-                    with suppress(OSError):  # the folder cannot be written any more: nobody answers there
+                    with suppress(OSError):  # the folder is read-only now: a socket there has no listener
                         if _inode(each.address) == each.inode:
                             call_with_timeout(each.address.parent, partial(each.address.unlink, missing_ok=True))
                 each.socket.close()
@@ -166,7 +166,7 @@ class Endpoint:
     def _listen_by_name(self) -> ListeningSocket | None:
         try:
             name = abstract_sockets.make_name(self._run_info.run, "run", simulated=bool(self._run_info.simulated))
-            with suppress(OSError):  # an old kernel: that is one way of several
+            with suppress(OSError):  # an old kernel: the file sockets suffice
                 self._name_descriptor = (
                     abstract_sockets.hold_name(name) if self._name_descriptor is None else self._name_descriptor
                 )
@@ -193,7 +193,7 @@ class Endpoint:
         """Return a listener that can be reached; otherwise close it and return None."""
         if listener is None or self._is_reachable(listener):
             return listener
-        with suppress(OSError):  # something else may have closed it
+        with suppress(OSError):  # it may be closed already
             listener.socket.close()
         return None
 
@@ -205,7 +205,7 @@ class Endpoint:
             else:
                 call_with_timeout(listener.address.parent, partial(self._probe, listener), self._folder_timeout)
         except FolderTimeoutError:
-            return True  # nothing can be put in its place either
+            return True  # nothing can be written there either
         except OSError as error:
             return error.errno in BUSY_ERRNOS
         return True
@@ -216,7 +216,7 @@ class Endpoint:
             raise FileNotFoundError(f"{listener.address} is another one")
         with socket.socket(socket.AF_UNIX) as probe, sockets.bindable_address(listener.address) as target:
             probe.setblocking(False)
-            probe.bind("")  # the kernel gives it a name, by which the connection is known
+            probe.bind("")  # the kernel chooses a name, which identifies the connection
             self._probes.add(probe.getsockname())
             probe.connect(target)
 
@@ -291,7 +291,7 @@ class ControlSocket:
             end.setblocking(False)
         self._endpoint.run_due_checks(
             self._clock.now()
-        )  # without a listener too: it may get one later, and a signal ends it
+        )  # also without a listener: one may be added later, and signals end the thread
         self._selector.register(self._waker, selectors.EVENT_READ)
         self.feed.wake = self._pictures.wake = self._wake
         self._thread = Thread(target=self._serve, name="control", daemon=True)
@@ -332,7 +332,7 @@ class ControlSocket:
             end.close()
 
     def _wake(self) -> None:
-        with suppress(OSError):  # it is full: it wakes anyway
+        with suppress(OSError):  # the buffer is full, so it wakes anyway
             self._wake_end.send(b".")
 
     # --- the thread -------------------------------------------------------------------------------------------------
@@ -406,7 +406,7 @@ class ControlSocket:
             connection, address = listener.accept()
         except OSError as error:
             if error.errno in (errno.EMFILE, errno.ENFILE) and not self._drop_idle_client():
-                self._endpoint.pause_accepting(listener, self._clock.now())  # it would be ready again and again
+                self._endpoint.pause_accepting(listener, self._clock.now())  # or the selector loops
             return
         if self._endpoint.is_probe(address) or sockets.peer_credentials(connection)[1] not in (0, os.geteuid()):
             connection.close()
@@ -439,7 +439,7 @@ class ControlSocket:
         for line in client.read_lines():
             self._handle_line(client, line)
         if client.is_disconnected:
-            self._wheels.give(client)  # at once, before anything else is done
+            self._wheels.give(client)  # before all else: its drive commands must end
 
     def _handle_line(self, client: ControlClient, line: bytes) -> None:
         """Execute the command of a client, and send the answer."""
@@ -453,7 +453,7 @@ class ControlSocket:
             client.send_message(
                 AnswerMessage(id=find_id(line), ok=False, error=error.error, message=str(error), hint=hint)
             )
-        except Exception as error:  # of a driver: the socket serves on
+        except Exception as error:  # an error of a driver must not end the socket
             client.send_message(
                 AnswerMessage(id=number, ok=False, error="fault", message=f"{type(error).__name__}: {error}")
             )
@@ -470,7 +470,7 @@ class ControlSocket:
             case DriveCommand() | LookCommand():
                 self._handler.execute(client, command)
             case _:
-                self._broadcaster.due = self._clock.now()  # what comes of it is told at once
+                self._broadcaster.due = self._clock.now()  # send its effect at once
                 result = self._handler.execute(client, command)
                 if isinstance(command, StopCommand | ReleaseCommand):
                     for each in self._clients:

@@ -91,7 +91,7 @@ def hold_robot(robot: str, *, simulated: bool) -> Iterator[None]:
         keeping.callback(_print_stop, name, robot, by)
         try:
             notes = keeping.enter_context(announce_command(name, robot, "wire" if simulated else ""))
-        except OSError as error:  # such as a full disk: its terminal, and signals, stop it
+        except OSError as error:  # such as a full disk: Ctrl-C and signals still stop it
             require_stop(f"{error}", simulated=simulated)
             require_not_stopped()
             click.echo(f"mission: {error}: `mission stop` cannot reach this command", err=True)

@@ -32,7 +32,7 @@ from missions.control.run_folders import (
     run_folders,
 )
 
-# Time of the newest stop of all runs: ends a command that was still loading and that no search could find.
+# Time of the newest stop of all runs: ends a command that was loading and that no search could find.
 #
 # A stop writes the stamp before it searches. A command writes its note before it reads the stamp. So either the
 # search finds the note, or the command finds the stamp.
@@ -60,7 +60,7 @@ def stamp_stop() -> str:
     try:
         write_stamp()
     except PermissionError:
-        return ""  # nor can a command write its note there, and without one it moves no robot
+        return ""  # commands cannot write their notes there either, and without a note they move no robot
     except OSError as error:
         why = f"commands that are still loading do not see this stop ({error.strerror or error}): perhaps not stopped"
         return f"{why}\n  try: mission stop, once more"
@@ -78,7 +78,7 @@ def was_stopped_since(process: ProcessIdentity) -> bool:
 
 def _write_stamp(place: RunFolder, text: str) -> None:
     folder = place.prepare() if place.is_own else place.folder
-    begun = folder / f"{STAMP_FILE}.{secrets.token_hex(8)}"  # two stops of one studio may be written at the same time
+    begun = folder / f"{STAMP_FILE}.{secrets.token_hex(8)}"  # one studio may write two stops at the same time
     number = os.open(begun, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
     try:
         with os.fdopen(number, "w", encoding="utf-8") as file:
@@ -161,7 +161,7 @@ class RobotHolder:
         Raises OSError if the process cannot be reached, or its end cannot be detected.
         """
         for path in self.notes:
-            with suppress(OSError):  # that is only for its last words
+            with suppress(OSError):  # the line is only for the last message of the run
                 call_with_timeout(path.parent, partial(_append_line, path, by))
         self.terminate()
         clock, pause = SystemClock(), Event()
@@ -221,7 +221,7 @@ class RunNotes:
         number = os.open(begun, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         file = os.fdopen(number, "w", encoding="utf-8")
         try:
-            with suppress(OSError):  # a network's disk may know no locks: the start of the process is enough here
+            with suppress(OSError):  # a network disk may not support locks: the start time identifies the process too
                 fcntl.flock(file, fcntl.LOCK_EX)
             file.write(json.dumps(self._content) + "\n")
             file.flush()
@@ -229,7 +229,7 @@ class RunNotes:
         except BaseException:
             with suppress(OSError):
                 begun.unlink()
-            with suppress(OSError):  # what is left to be written does not fit either
+            with suppress(OSError):  # the buffered rest does not fit either
                 file.close()
             raise
         return file
@@ -243,13 +243,13 @@ class RunNotes:
                 os.fstat(self._files[path].fileno()),
             )
         except FolderTimeoutError:
-            return True  # it was, and nothing can be put there now
+            return True  # it existed, and nothing can be written there now
         except OSError:
             return False
         return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
 
     def stop_requesters(self) -> list[str]:
-        """Return who has requested the end: the lines that stops have appended."""
+        """Return the sources of stop requests: the lines that stops have appended."""
         found = list[str]()
         for path in self._files:
             with suppress(OSError):
@@ -260,7 +260,7 @@ class RunNotes:
         """Remove the notes."""
         while self._files:
             path = next(iter(self._files))
-            with suppress(OSError):  # the folder has become one that cannot be written: nobody holds it any more
+            with suppress(OSError):  # the folder is read-only now: the note has no lock
                 if self._exists(path):
                     call_with_timeout(path.parent, partial(path.unlink, missing_ok=True))
             self._files.pop(path).close()
@@ -293,7 +293,7 @@ def read_note(path: Path) -> RobotHolder | None:
         _remove(path)
         return None
     identity = found.identity
-    # A container has another host name, and that of a computer changes. Several computers may share a home.
+    # A container has another host name, and a computer can be renamed. Several computers may share a home.
     if computer != os.uname().nodename and (identity is None or not identity.is_of_this_boot):
         return None
     if identity is not None and identity.is_visible:
@@ -341,5 +341,5 @@ def _is_locked(note: IO[str]) -> bool:
 def _remove(path: Path) -> None:
     """Remove a stale note from a folder of this user."""
     if path.parent.stat().st_uid == os.geteuid():
-        with suppress(OSError):  # it stays: it is looked at again
+        with suppress(OSError):  # it stays, and is checked again at the next search
             path.unlink(missing_ok=True)

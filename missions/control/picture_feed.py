@@ -73,7 +73,7 @@ def _encode_picture(frame: Frame, view: View | None) -> Mapping[str, object]:
 
 
 def percepts_in(view: View, scale: float = 1.0) -> list[Mapping[str, object]]:
-    """Return the percepts of a view as in a `picture`, without those that are only remembered."""
+    """Return the percepts of a view as in a `picture`, without remembered ones."""
     percepts = chain(view.faces, view.things, view.markers)
     return [_percept_dict(each, scale) for each in percepts if each.stamp == view.looked]
 

@@ -54,8 +54,8 @@ class Pilot:
         self._head = head
         self._goal: HeadPose | None = None
         self._is_driving = False
-        self._reconnected_at: float | None = None  # when the base was last back from an absence
-        self._is_stale = False  # whoever pushes now began before that
+        self._reconnected_at: float | None = None  # time at which the base last reconnected
+        self._is_stale = False  # the current drive command began before the reconnect
         self._trouble = ""
         self.ahead = self.turn = min(max(speed_share, MIN_SHARE), MAX_SHARE)
 
@@ -96,7 +96,7 @@ class Pilot:
             self._base.drive(wanted, source=Source.TELEOP)
         except NotConnected as error:
             self._trouble = str(error)
-        except DriverError:  # latched: that is shown all the time
+        except DriverError:  # latched: the status shows it already
             self._is_driving = False
 
     def status_line(self) -> str:

@@ -73,7 +73,7 @@ def _open_pidfd(pid: int, closing: ExitStack) -> int | None:
     """Return a pidfd, through which a signal cannot reach another process; None if none can be opened."""
     try:
         number = os.pidfd_open(pid)
-    except OSError:  # it has ended, or no descriptor is left: the start of the process is compared in any case
+    except OSError:  # ended, or no descriptor is free: the start time is compared anyway
         return None
     closing.callback(os.close, number)
     return number
@@ -98,7 +98,7 @@ def start_tick_of(pid: int) -> int | None:
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except (FileNotFoundError, ProcessLookupError):
-        Path("/proc/self/stat").stat()  # where /proc is not there, nothing is known
+        Path("/proc/self/stat").stat()  # raises if there is no /proc: the state is unknown then
         return None
     state, *fields = text.rpartition(")")[2].split()
     return None if state in ("Z", "X") else int(fields[18])

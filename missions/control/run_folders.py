@@ -1,4 +1,4 @@
-"""Folders for control sockets and notes of this user's runs, including those that do not depend on the environment.
+"""Folders for control sockets and notes of this user's runs; some do not depend on the environment.
 
 `mission stop` may have another environment than the run: cron, a system unit, `su`, `docker exec`. So it searches the
 folders that the environment names, and those of the user's session and home.
@@ -16,10 +16,10 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.clock import SystemClock
 from missions.library.folders import runtime_folder, state_folder
 
-# Calls on folders that may hang, such as a home on a network disk that is gone: given up after a moment.
+# Calls on folders that may block, such as a home on a network disk: abandoned after a timeout.
 #
-# A call that hangs cannot be ended. So it is made in a thread of its own, which is left behind, and while it hangs no
-# other call is made on its folder.
+# A blocked call cannot be ended. So each call has its own thread, which is abandoned, and there are no other calls
+# on its folder until it returns.
 
 FOLDER_TIMEOUT = 1.0
 """Seconds to wait for a folder while a person waits."""
@@ -190,10 +190,10 @@ def _own_folders(environment: Mapping[str, str], uid: int, seconds: float) -> It
     if Path(environment.get("XDG_RUNTIME_DIR", "")).is_absolute():
         yield runtime_folder(environment) / "runs"
     session = _system_root(environment) / "run/user" / str(uid)
-    if _may_exist(session, seconds):  # it is the system's to create
+    if _may_exist(session, seconds):  # only the system may create it
         yield session / SESSION_SUBFOLDER
     if any(Path(environment.get(name, "")).is_absolute() for name in ("HOME", "XDG_STATE_HOME")):
-        yield state_folder(environment) / "run" / "runs"  # without either, it is in the home that follows
+        yield state_folder(environment) / "run" / "runs"  # without both variables, the home below is used
     home = _home(environment, uid, seconds)
     if home is not None:
         yield home / HOME_SUBFOLDER
@@ -208,7 +208,7 @@ def _other_users_folders(environment: Mapping[str, str], seconds: float) -> Iter
         names = []
     except OSError:
         names = []
-        yield RunFolder(sessions, is_own=False)  # who looks there meets the error
+        yield RunFolder(sessions, is_own=False)  # the search of this folder reports the error
     for uid in {int(name) for name in [*names, environment.get("SUDO_UID", "")] if name.isdecimal()} - {0}:
         yield RunFolder(sessions / str(uid) / SESSION_SUBFOLDER, is_own=False)
         home = _home(environment, uid, seconds)

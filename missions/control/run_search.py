@@ -85,7 +85,7 @@ class FoundProcess:
     def end_hint(self, peer: ProcessIdentity | None = None) -> str:
         """Return the command that ends it by force. ``peer`` is the process that listens at its socket, if known."""
         for known in (self.local_identity, peer):
-            with suppress(OSError):  # its number is not known from here
+            with suppress(OSError):  # the process has no number in this namespace
                 if known is not None and known.is_visible:
                     return f"if process {known.pid} still exists: kill -9 {known.pid}"
         return MANUAL_STOP_HINT
@@ -252,7 +252,7 @@ def _merge_processes(
         key = name.run, name.identity
         same = found.get(key, FoundProcess(name.run))
         more = [name.address] if name.is_run and name.local_identity is None else []
-        if same.abstract_name is not None:  # it is told by its socket and by its process
+        if same.abstract_name is not None:  # known by its socket and by its process
             name = replace(  # noqa: PLW2901
                 name,
                 inode=name.inode or same.abstract_name.inode,

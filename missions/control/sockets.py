@@ -72,7 +72,7 @@ def _is_taken(run: str) -> bool:
                 connect(path).close()
                 return True
         except OSError:
-            continue  # nobody answers there
+            continue  # it has no listener
     return False
 
 
@@ -148,7 +148,7 @@ def _connect(where: Address) -> socket.socket:
         with bindable_address(where) as target:
             found.connect(target)
         if isinstance(where, str) and os.geteuid() not in (0, peer_credentials(found)[1]):
-            raise PermissionError(f"{where} is a socket of another user")  # who has given it this name
+            raise PermissionError(f"{where} is a socket of another user")  # it may have any name
     except ConnectionRefusedError:
         found.close()
         _remove_if_left(where)
@@ -163,7 +163,7 @@ def _remove_if_left(where: Address) -> None:
     """Remove the socket file of a process that has ended, if it belongs to this user."""
     if isinstance(where, str) or where.parent.stat().st_uid != os.geteuid():
         return
-    with suppress(ValueError):  # it is not named after a process
+    with suppress(ValueError):  # its name has no process number
         if not process_exists(pid_of_run(run_of_socket(where))):
             where.unlink(missing_ok=True)
 
@@ -214,7 +214,7 @@ class RunConnection:
                 if left == 0 or isinstance(error, TimeoutError):
                     break
                 connection.close()
-                Event().wait(RETRY_INTERVAL)  # one that ends has gone by then
+                Event().wait(RETRY_INTERVAL)  # a process that is ending has ended by then
             except BaseException:
                 connection.close()
                 raise

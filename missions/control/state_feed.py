@@ -116,7 +116,7 @@ class StateFeed:
         self._commands: dict[str, Event] = {}
         self._lines: deque[Event] = deque(maxlen=MAX_LOG_LINES)
         self._events: deque[Event] = deque(maxlen=MAX_QUEUED_EVENTS)
-        self._event_count = self._taken_count = 0  # events in all, and those that were handed out
+        self._event_count = self._taken_count = 0  # number of all events, and of those that were sent
         self._lock = Lock()
         self._state: Json = {}
         self.log: deque[Mapping[str, object]] = deque(maxlen=MAX_LOG_LINES)

@@ -12,7 +12,7 @@ from drivers.clock import Clock
 from missions.control.commands import BadMessage, DriveCommand, LookCommand
 from missions.control.pilot import MAX_STATE_AGE, DriveInput, Pilot
 
-# Stamps of the states that a run sends, by which it knows how old the state behind a drive command is.
+# Stamps of the states that a run sends: they give the age of the state behind a drive command.
 
 STAMP_BITS = 53
 """Bits of a stamp; JavaScript has no larger exact integers."""
@@ -96,10 +96,10 @@ class WheelArbiter:
         self._pilot = None if base is None else Pilot(base, head)
         self._clock = clock
         self._driver: object | None = None
-        self._names: dict[object, str] = {}  # of the driver, and of those who ask, in their order
+        self._names: dict[object, str] = {}  # names of the driver and of the requesting clients, in order
         self._stamps = StateStamps(clock)
         self._number = -1
-        self._state_at = -inf  # when the newest state was issued that the driver has seen
+        self._state_at = -inf  # time at which the newest state that the driver has seen was issued
         self._looked_at = -inf
         self._state = WheelState.STILL
         self.round_trip = 0.0
@@ -140,7 +140,7 @@ class WheelArbiter:
         self._names[client] = name
         if self._driver is None or self._driver is client:
             self._stop_base()
-            self._hand_to(client)  # to the same one anew: it may count its commands from 0 again
+            self._hand_to(client)  # also if it drives already: its command numbers may restart at 0
         return self._driver is client
 
     def give(self, client: object) -> None:

@@ -11,7 +11,7 @@ from behaviours.node import Node, Suspension, sensor_timeout_reason
 from missions.executive.parallel import Parallel, Race
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 
-# The reactive composites: they ask their children again from the first at every tick.
+# Reactive composites: they tick their children from the first at every tick.
 
 
 class _ReactiveComposite(Composite):
@@ -37,7 +37,7 @@ class _ReactiveComposite(Composite):
     def on_running(self) -> Status:
         if not self._is_retired():
             return RUNNING
-        behind = self._running  # the child that runs, while we are still before it
+        behind = self._running  # the running child, until the loop reaches it
         status = self.passes
         for child in self.members:
             self.current_child = child
@@ -147,7 +147,7 @@ class OrderedComposite(Composite):
     passes: ClassVar[Status]
     order: tuple[Node, ...] = ()
     _index = 0
-    _lost: Suspension | None = None  # that of a child that has failed for it
+    _lost: Suspension | None = None  # suspension of a child that has failed since its part was disconnected
     current_child: Behaviour | None
 
     def begin(self) -> None:
@@ -161,7 +161,7 @@ class OrderedComposite(Composite):
         while True:
             child = order[index]
             status = child.on_tick()
-            if status is not child.status:  # as ``execute_tick`` does, without the call
+            if status is not child.status:  # `execute_tick` inlined, for speed
                 child.publish(status)
             if status is not passes or index == last:
                 break
@@ -185,7 +185,7 @@ class OrderedComposite(Composite):
         if status is not self.passes or self._index == len(self.order) - 1:
             return super().member_ended(member, status)
         self._lost = self._lost or member.suspension
-        self._index += 1  # the next child starts with the next tick
+        self._index += 1  # the next child starts at the next tick
         return RUNNING
 
 

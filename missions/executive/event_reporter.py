@@ -23,7 +23,7 @@ class EventReporter:
         self._run = run
         self._stream = stream
         self._last_source: Source | None = None
-        self._commands: dict[str, tuple[str, Mapping[str, object]]] = {}  # the last of each part
+        self._commands: dict[str, tuple[str, Mapping[str, object]]] = {}  # the last command of each part
 
     def on_notice(self, notice: DeviceStatus) -> None:
         """Emit a status change of a device."""

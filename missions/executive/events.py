@@ -49,7 +49,7 @@ class Event:
     t: float
 
     def as_dict(self) -> dict[str, object]:
-        """Return the event as in files: ``event`` first, then its fields without those that are None."""
+        """Return the event as in files: ``event`` first, then its fields that are not None."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         values["t"] = round(self.t, 6)
         return {"event": self.event} | {name: value for name, value in values.items() if value is not None}
@@ -196,7 +196,7 @@ class Ended(Event):
     ticks: int
 
 
-# The events of a run as lines of JSON, for other programs; values of a mission as JSON can hold them.
+# Events of a run as lines of JSON, for other programs.
 
 
 def json_value(value: object) -> object:

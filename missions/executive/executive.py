@@ -25,9 +25,9 @@ from missions.executive.tick_cache import TickCache
 from missions.executive.tick_record import Answer, TickKind, TickRecord
 from missions.language.kinds import STATE_KINDS
 
-# The frozen tick: while the executive ticks, time stands still and every question has one answer.
+# Frozen tick: during a tick, the time and all query results stay the same.
 #
-# What behaviours have stored in variables by then is told as it changes.
+# Changes of variables by behaviours are reported as they occur.
 
 Variables = dict[str, object]
 
@@ -248,7 +248,7 @@ class Executive:
         self._guarded_at = -inf
         self._tick_snapshot = TickSnapshot(run, cache or TickCache(), VariableChanges(root, run, stream))
         self._after_tick = after_tick
-        self._alarm = ""  # why the guard has the tree halted
+        self._alarm = ""  # why the guard halted the tree
         self._halt_deadline: float | None = None
         self._period = 1.0 / rate
         self._woken = run.wake_event
@@ -256,7 +256,7 @@ class Executive:
         """Waits while the mission is paused: real time, unless replaced by simulated time."""
         self._stop_reason: str | None = None
         self._mode, self._mode_lock = RunMode.TICKING, Lock()
-        self._steps: SimpleQueue[None] = SimpleQueue()  # counts: no step is lost, whatever thread it comes from
+        self._steps: SimpleQueue[None] = SimpleQueue()  # one item for each step: thread-safe, and no step is lost
         run.observer = stream
         run.notify = self._notify
 
@@ -299,7 +299,7 @@ class Executive:
         self._change_mode(RunModeEvent.RESUME)
 
     def _change_mode(self, event: RunModeEvent) -> None:
-        with self._mode_lock:  # a resume that was under way must not undo the hold of a stop
+        with self._mode_lock:  # a concurrent resume must not undo the hold of a stop
             self._mode = TRANSITIONS[self._mode, event]
         self._woken.set()
 
@@ -323,7 +323,7 @@ class Executive:
                 self._steps.get()
             elif mode is not RunMode.TICKING:
                 if not held:
-                    # A sentence is not broken off for a pause.
+                    # A pause does not interrupt a sentence.
                     self.run.safe_stop(self.root.claims - SOUND_KINDS)
                     held = True
                 self.idle(STOP_POLL_INTERVAL)

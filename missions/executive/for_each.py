@@ -16,7 +16,7 @@ from missions.language.nodes import REACTIVE_SWITCH, SWITCH
 from missions.language.plan import Step
 from missions.language.switches import case_key
 
-# The composites that choose by the value of an expression, once or at every tick.
+# Composites that choose by the value of an expression, once or at every tick.
 
 
 class Switch(Composite, composites.Selector):

@@ -25,7 +25,7 @@ class BatteryWatch:
     def __init__(self, low: float, critical: float) -> None:
         self._low, self._critical = _Threshold(low), _Threshold(critical)
         self._clear_percent = max(low, critical) + HYSTERESIS_PERCENT
-        self._was_below = False  # below that when it was last looked at
+        self._was_below = False  # whether the last charge was below the threshold
 
     @property
     def low(self) -> bool:
@@ -49,7 +49,7 @@ class BatteryWatch:
 
 
 class _Threshold:
-    """One threshold."""
+    """Threshold of the battery."""
 
     def __init__(self, percent: float) -> None:
         self._percent = percent

@@ -1,4 +1,4 @@
-"""Process that kills a run which was told to end and shows no sign of life.
+"""Process that kills a run which does not react to a signal and shows no sign of life.
 
 A separate process, since no Python code of the run executes while a C call holds the GIL. ``lifeline_worker.py PROCESS
 SIGNALS HEART SECONDS NUMBERS``: the process to kill; the socket with its signals, which is peeked at and never read;

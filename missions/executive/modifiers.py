@@ -10,7 +10,7 @@ from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
 from missions.executive.state import unmeasured_reason
 from missions.language.expressions import Expression
 
-# The modifiers that go by the time.
+# Modifiers with times.
 
 MAX_RETICK_INTERVAL = 1.5
 """Maximum seconds between ticks in which a timeout counts as ticked again; the slowest rate is one tick a second."""
@@ -26,7 +26,7 @@ class TimeoutModifier(Modifier):
     run_state = ("setting", "since", "_waits")
     lasting_state = ("gave_up",)
     gave_up: float | None = None
-    _waits = False  # for a node that is suspended
+    _waits = False  # it waits for a node that is suspended
 
     def begin(self) -> None:
         self._waits = False

@@ -39,7 +39,7 @@ class SimulationPacer:
         self._woken = run.wake_event
         self._wall: Clock = run.wall
         self._speed = speed
-        self._wait = Event().wait if wait is None else wait  # an event that is never set: to wait on
+        self._wait = Event().wait if wait is None else wait  # the event is never set: only its timeout is used
         self._start: tuple[float, float] | None = None
 
     def __call__(self, seconds: float) -> bool:
@@ -96,7 +96,7 @@ class PausedPacer:
         head = None if robot.head_part is None else robot.head_part.pose().value
         if head is not None:
             self._pan_tilt = head.pan, head.tilt
-            turned = turned or (inf, inf)  # at the first look it may turn
+            turned = turned or (inf, inf)  # the first picture may be taken while the head turns
             if max(abs(head.pan - turned[0]), abs(head.tilt - turned[1])) > MAX_STILL_TURN:
                 return True
         base = None if robot.base_part is None else robot.base_part.state().value

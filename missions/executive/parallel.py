@@ -21,7 +21,7 @@ class Parallel(Composite, composites.Parallel):
 
     run_state = ("_decision", "_lost")
     _decision = ParallelDecision(1, 1)
-    _lost: Suspension | None = None  # that of a child that has failed for it
+    _lost: Suspension | None = None  # suspension of a child that has failed since its part was disconnected
 
     def __init__(self, name: str) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnAll(synchronise=True))
@@ -46,10 +46,10 @@ class Parallel(Composite, composites.Parallel):
         return ""
 
     def on_running(self) -> Status:
-        # Children that ended at an earlier tick count before any is ticked, wherever they stand in the list.
+        # Children that ended at earlier ticks are counted first, wherever they are in the list.
         statuses = [child.status for child in self.members]
         succeeded, failed = statuses.count(SUCCESS), statuses.count(FAILURE)
-        suspended = True  # as long as all that run are
+        suspended = True  # until a running child is not suspended
         for child, before in zip(self.members, statuses, strict=True):
             if before is SUCCESS or before is FAILURE:
                 continue
@@ -102,7 +102,7 @@ class Race(Composite, composites.Parallel):
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnOne())
 
     def on_running(self) -> Status:
-        suspended = True  # as long as all are
+        suspended = True  # until a child is not suspended
         for child in self.members:
             status = child.execute_tick()
             if status is not RUNNING:

@@ -29,7 +29,7 @@ class Parent(Node):
     members: tuple[Node, ...] = ()
     ending: Status | None = None
     unstarted = False
-    _ending_for: Suspension | None = None  # the suspension by which it ends
+    _ending_for: Suspension | None = None  # the suspension that ends it
 
     @classmethod
     @abstractmethod
@@ -55,7 +55,7 @@ class Parent(Node):
         try:
             status = self._start_and_run() if afresh else self.on_running()
             self._silent_since = None
-        except NotConnected as error:  # what an expression asks for is not reported just now
+        except NotConnected as error:  # a value that the expression needs is not reported at the moment
             status = self._suspend(str(error))
         except ExpressionError as error:
             self.feedback_message = f"{self.kind}: {error}"
@@ -97,7 +97,7 @@ class Parent(Node):
             return RUNNING
         try:
             return self.members_stand_still()
-        except NotConnected:  # asked by a member that has ended, and again at the next tick
+        except NotConnected:  # raised by a member that has ended; it is checked again at the next tick
             return RUNNING
 
     def members_stand_still(self) -> Status:
@@ -186,7 +186,7 @@ def set_children(parent: Composite, children: Sequence[Node]) -> None:
     parent.members = tuple(children)
 
 
-# The base of all modifiers: one node around another.
+# Base of all modifiers: one node around another.
 
 
 class Modifier(Parent, Decorator):

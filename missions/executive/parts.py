@@ -48,7 +48,7 @@ class PartStatus:
 class Measurement:
     """Newest reading of a part.
 
-    ``stamp`` is None before the first one. ``problem`` says which data are missing or too old; empty if none are.
+    ``stamp`` is None before the first one. ``problem`` lists data that are missing or too old; may be empty.
     """
 
     stamp: float | None
@@ -69,7 +69,7 @@ class PartsMonitor:
         self._robot = robot
         self._last_picture_stamp = last_picture_stamp
         self._battery: frozenset[str] = frozenset()
-        self._misses: deque[tuple[float, Mapping[str, int]]] = deque()  # when, and how many in all, by part
+        self._misses: deque[tuple[float, Mapping[str, int]]] = deque()  # time, and total of missed readings by part
 
     def on_event(self, event: Event) -> None:
         """Update the battery state from an event."""

@@ -28,10 +28,9 @@ from drivers.errors import DeviceFault
 from missions.executive.proxy import CommandReport, Permit, Proxy, for_leaf, make_proxy, permit_all
 from missions.executive.tick_cache import PartCache, TickCache
 
-# The proxy of a voice, written by hand: what is said goes by its number, from 1.
+# Proxy of a voice, written by hand: utterances are identified by numbers, from 1.
 #
-# The answer to ``say`` is the number, by which ``done`` and its like are asked: a record cannot keep an utterance
-# itself.
+# ``say`` returns the number, and ``done`` and the other methods take it: a record cannot store an utterance.
 
 
 class _NumberedUtterances:

@@ -123,7 +123,7 @@ def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: P
     questions = {each.name: _query_of(device, each) for each in known if each.kind in {"reading", "property"}}
     passive = getattr(
         device, "passive_view", device
-    )  # of what rests while nobody asks: a sample is for the record only
+    )  # a device that is paused without queries is sampled for the record only
     memo = cache.add_part(
         part,
         questions,
@@ -190,7 +190,7 @@ class _ProxySourceWriter:
         for name in readings:
             yield f"        self.{name} = partial(memo.__getitem__, {name!r})"
         for name, protocol in optional.items():
-            # Its commands belong to the device that has it: they share its memo, and move that device.
+            # Its commands belong to the device around it: they share its cache, and move that device.
             known = self._bind_name(f"{name}_class", partial(proxy_class, protocol))
             yield f"        found = device.{name}"
             yield f"        self.{name} = None if found is None else {known}()(found, memo, lambda _: permit(device))"

@@ -21,7 +21,7 @@ STOP_SIGNALS = {
     signal.SIGTERM: "SIGTERM",
     signal.SIGHUP: "the terminal was closed",
     signal.SIGQUIT: "Ctrl-\\",
-    # A suspended process would leave the robot to itself, with the last command that it was given.
+    # A suspended process would leave the robot unattended, with its last command.
     signal.SIGTSTP: "Ctrl-Z",
 }
 """Signals that end a run safely, with their names for people."""
@@ -88,7 +88,7 @@ class SignalHandler:
         """Reinstall handlers that a behaviour has replaced; return the names of the signals. For the main thread."""
         if not self._is_entered:
             return []
-        # signal.getsignal asks the same, and then tries to make an Enum's member of each: 40 times as long.
+        # signal.getsignal takes 40 times as long, since it converts each value to an Enum.
         taken = [number for number in STOP_SIGNALS if _signal.getsignal(number) != self._request]
         for number in taken:
             signal.signal(number, self._request)

@@ -37,7 +37,7 @@ class PartValues:
         self._values = values
 
     def __getattr__(self, name: str) -> object:
-        read = self.__dict__.get("_values", {}).get(name)  # a copy has none yet
+        read = self.__dict__.get("_values", {}).get(name)  # a copy has no values yet
         if read is None:
             raise AttributeError(name)
         return read()

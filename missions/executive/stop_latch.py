@@ -35,10 +35,10 @@ class StopLatch:
         self._devices, self._parts, self._base, self._safe_stop = devices, parts, base, safe_stop
         self.hold, self._permit_first = hold, permit_first
         self.reason = ""
-        """Who has stopped the robot, as text; empty if released."""
+        """Source of the stop, as text; empty if released."""
         self.stop_count = 0
         """Number of stops so far."""
-        self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)  # of those that are latched
+        self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)  # newest presses
 
     @property
     def parts(self) -> list[str]:
@@ -56,9 +56,9 @@ class StopLatch:
             self.reason = f"stopped by {by}"
             self._presses.extend([press] * bool(press))
         left, told = deque(self._parts), list[str]()
-        self.hold(True)  # which only sets a flag: a tick that goes on is not waited for
-        # A leaf that hangs may hold what a part waits for. So there is a thread for each, and each does all that is
-        # left: mostly the first one does it all, and the last part waits for no thread to be started on a busy machine.
+        self.hold(True)  # only sets a flag, so it does not wait for the current tick
+        # A blocked leaf may hold a lock that a part needs. So each part has a thread, and each thread stops the parts
+        # that remain: usually the first one stops all, without waiting for other threads to start.
         threads: list[Thread] = []
         while left and len(threads) < len(self._parts):
             threads.append(Thread(target=self._stop_remaining, args=(left, told), name="stop", daemon=True))
@@ -98,7 +98,7 @@ class StopLatch:
                 part = remaining.popleft()
                 try:
                     self._stop_part(part, stopped)
-                except Exception:  # the next part must stand still all the same
+                except Exception:  # the next part must be stopped all the same
                     log.exception("%s could not be stopped", part)
 
     def _stop_part(self, part: str, stopped: list[str]) -> None:

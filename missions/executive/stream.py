@@ -49,10 +49,10 @@ class EventStream:
         self.failed_listeners: list[str] = []
         self.dropped_count = 0
         self._queue: deque[Event | Change | Reset] = deque()
-        # Wakes the thread; False ends it. An Event would not do: its lock is not for a destructor that logs something.
+        # Wakes the thread; False ends it. An Event would not do: its lock can deadlock in a destructor that logs.
         self._wakeups: SimpleQueue[bool] = SimpleQueue()
         self._is_ending = Flag()
-        self._has_node_changes = False  # a node has, and nobody was woken for it
+        self._has_node_changes = False  # a node has changed, and the thread was not woken for it
         self._woken_at = 0.0
         self._thread: Thread | None = None
 
@@ -90,9 +90,7 @@ class EventStream:
         """Queue the new status of a node, delivered with the next event; does not block or raise."""
         del status
         word = status_word(node)
-        if (
-            self._thread is not None and len(self._queue) < MAX_QUEUED_EVENTS
-        ):  # as ``_queue_event`` does, without the call
+        if self._thread is not None and len(self._queue) < MAX_QUEUED_EVENTS:  # `_queue_event` inlined, for speed
             self._queue.append((time, tick, node, word, reason))
             self._has_node_changes = True
         else:

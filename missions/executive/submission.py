@@ -18,7 +18,7 @@ class Submission(Parent, Decorator):
 
     ``params`` are evaluated with the caller's variables at each start; ``inner`` holds the variables of the
     sub-mission, cleared at each start. ``returns`` are evaluated with these at the end, and stored under their own
-    names, or together as ``output_variable``: all of them after a success, after a failure those that can be evaluated.
+    names, or together as ``output_variable``: all of them after a success, after a failure the ones without errors.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Submission(Parent, Decorator):
 
     def on_running(self) -> Status:
         (child,) = self.members
-        # One that has ended may wait for what it returns to be reported.
+        # After its end, a return value may not be reported yet.
         status = child.execute_tick() if child.status in (RUNNING, IDLE) else child.status
         return self.member_ended(child, status)
 

@@ -55,7 +55,7 @@ class TickCache:
     def close(self) -> None:
         """End the tick, and clear all caches."""
         self.is_open = False
-        list(map(PartCache.clear, self._part_caches))  # a loop would cost several times as much, in each tick
+        list(map(PartCache.clear, self._part_caches))  # faster than a loop, and executed at every tick
         if self.errors:
             self.errors = {}
 
@@ -77,9 +77,9 @@ class TickCache:
         for ask in (*fixed, *(ask for question, ask in self._sampled if only in ("", question))):
             try:
                 ask()
-            except DriverError:  # is an answer
+            except DriverError:  # the error is cached as the result
                 continue
-            except Exception:  # who only looks must not end a run
+            except Exception:  # reading the state must not end a run
                 log.exception("the state of the robot could not be read")
 
 

@@ -30,8 +30,8 @@ class WatchdogLimits:
     """Time limits in seconds.
 
     A leaf that blocks a tick for ``slow`` is reported. After ``stall`` without a sign of life of the loop, the robot is
-    stopped. A leaf that blocks a tick for ``fail`` fails, whatever it returns. After ``lost``, or ``react`` after a
-    signal without reaction, the run is abandoned and the process ends.
+    stopped. A leaf that blocks a tick for ``fail`` fails, even if it returns a success. After ``lost``, or ``react`` after
+    a signal without reaction, the run is abandoned and the process ends.
     """
 
     slow: float = 0.25
@@ -98,12 +98,12 @@ class Watchdog:
         self._done = Event()
         self._stop_threads: dict[str, Thread] = {}
         self._checked_at = self._awake_since = run.wall.now()
-        self._signalled_at: float | None = None  # when the first signal was heard
+        self._signalled_at: float | None = None  # time of the first signal
         self._watched: tuple[Leaf | None, int] = (None, 0)
         self._watched_since = 0.0
         self._is_reported = False
         self._loop = LoopState.ALIVE
-        self._stalled: tuple[Leaf | None, int] = (None, 0)  # the leaf that held the loop up, and the tick
+        self._stalled: tuple[Leaf | None, int] = (None, 0)  # the leaf that blocked the loop, and the tick
         self._stalled_at = 0.0
 
     def start(self) -> None:
@@ -161,7 +161,7 @@ class Watchdog:
         while not self._done.wait(CHECK_INTERVAL):
             try:
                 self.check()
-            except Exception:  # the last one to give up
+            except Exception:  # the watchdog must go on
                 log.exception("error in the watchdog")
 
     def _check_leaf(self, now: float) -> None:
@@ -235,5 +235,5 @@ def attempt_all(steps: Mapping[str, Callable[[], object]], seconds: float = 0.0)
 def _attempt(name: str, step: Callable[[], object]) -> None:
     try:
         step()
-    except Exception:  # the others have threads of their own
+    except Exception:  # the other actions have their own threads
         log.exception("%s: the watchdog's action failed", name)

@@ -35,9 +35,9 @@ from missions.language.phrases import PHRASES_KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase_hint
 from perception.api import Face
 
-# Texts of arguments that mean something else: what finds the thing, the file or the mission that one names.
+# Texts of arguments that name something else: functions that find the thing, file or mission.
 #
-# Faces are named by variables alone, which ``as`` has kept; and a calculation without its ``${...}`` is told of.
+# Faces are named only by variables, which ``as`` has set; a calculation outside ``${...}`` is an error.
 
 
 def check_text(context: CheckContext, name: Scalar, node: Node) -> None:

@@ -217,7 +217,7 @@ class CheckContext:
         words = re.findall(r"\w+", self.source.text)
         return (
             self.has_unreadable_line and words.count(name) == 1 and words.count("mission") < 2
-        )  # its own header is one
+        )  # its own header counts as one
 
     def _check_member(self, node: Scalar, read: NameReference, label: str, leaf: type[Leaf]) -> bool:
         """Report a member that the result of ``leaf`` does not have; return whether it has it."""
@@ -245,7 +245,7 @@ class CheckContext:
             return (
                 suggest_from(read.dotted, members) if read.member else f"add a member; known are: {', '.join(members)}"
             )
-        if read.member:  # the name before it is what must be like another
+        if read.member:  # the misspelt name is the one before the dot
             close = closest(read.name, [*own, *STATE_KINDS])
             close = f"{close}.{read.member}" if close else ""
         else:

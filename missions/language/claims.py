@@ -131,7 +131,7 @@ def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str,
             able = "" if missing else _possible_gestures(step, robot, things)
             told = "the next alternative of the selector is tried then" + (f"; {able}" if able else "")
             hints.append(Diagnostic(step.source, step.mark, _impossible_message(step, robot, why), told))
-    return list(dict.fromkeys(hints))  # a selector in a selector has it twice
+    return list(dict.fromkeys(hints))  # nested selectors report it twice
 
 
 def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
@@ -184,7 +184,7 @@ def _possible_gestures(step: Step, robot: TargetRobot, things: Mapping[str, Look
     for name in {**user_files("gestures"), **shipped_files("gestures")}:
         try:
             instead = Value(things["gesture"](name))
-        except LookupError:  # one with mistakes, which `mission list gestures` tells
+        except LookupError:  # a file with errors; `mission list gestures` reports them
             continue
         other = replace(step, arguments={**step.arguments, played: instead})
         if not _joint_violations(other, robot.reaches):
@@ -229,7 +229,7 @@ def _joint_violations(step: Step, reaches: Mapping[str, JointRanges]) -> list[st
     if step.leaf is None or step.leaf.joint_violations is Leaf.joint_violations or not known:
         return []
     if not meant <= reaches.keys():
-        return []  # that it is not there is told elsewhere
+        return []  # another check reports that it is missing
     leaf = step.leaf(step.name)
     for name, value in step.arguments.items():
         setattr(leaf, name, value.constant)

@@ -21,7 +21,7 @@ from missions.language.outcomes import possible_ends as ends_of
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
 from missions.language.read_analysis import always_read_names, may_fail, nonzero_variables
 
-# Sets of variables that may be unset at some place of a tree, each with the events that lead there.
+# Sets of variables that may be unset at a place of the tree, each with the events that lead to it.
 
 
 class PathEvent(NamedTuple):
@@ -127,7 +127,7 @@ def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, obje
     """
     here = StepContext(nonzero=nonzero_variables(tree, params))
     names = tuple(names)
-    found = _UnsetAnalysis().read(tree, names, here)  # bits alone: most missions have no such reading
+    found = _UnsetAnalysis().read(tree, names, here)  # without the trace first: most missions have no such reading
     return _UnsetAnalysis({each.name for each in found[:MAX_TRACED_READS]}).read(tree, names, here) if found else []
 
 
@@ -194,7 +194,7 @@ class _UnsetAnalysis:
     def _follow_leaf(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
         known = self._with_set(step.direct_variables, unset)
         if step.leaf is PlaceholderLeaf:
-            return UnsetAfter(known, NOTHING_UNSET)  # nobody knows whether it can fail, and with what unset
+            return UnsetAfter(known, NOTHING_UNSET)  # its failures are unknown
         ends = {FAILURE} if step.leaf is Fail else set(ends_of(step))
         if step.leaf in (Log, Set, Succeed) and not self._may_fail(step, unset, here):
             ends.discard(FAILURE)
@@ -242,7 +242,7 @@ class _UnsetAnalysis:
             now, stopped = after if passes == SUCCESS else (after.failure, after.success)
             stops.append(stopped)
             if stopped is not None and _has_variable_condition(child):
-                here = replace(here, is_guarded=True)  # what goes on has been asked for
+                here = replace(here, is_guarded=True)  # the condition has been checked
         return UnsetAfter(now, merge_unset(stops)) if passes == SUCCESS else UnsetAfter(merge_unset(stops), now)
 
     def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext, *, all_succeed: bool) -> UnsetAfter:
@@ -253,7 +253,7 @@ class _UnsetAnalysis:
             own = self._bits_of(child.variables)
             once, twice = once | own, twice | (once & own)
         for child in step.children:
-            beside = twice | (once & ~self._bits_of(child.variables))  # what another child sets
+            beside = twice | (once & ~self._bits_of(child.variables))  # variables that other children set
             inner = replace(
                 here,
                 is_failure_caught=here.is_failure_caught or catches_failure(step, child),
@@ -311,7 +311,7 @@ class _UnsetAnalysis:
     # --- modifiers ------------------------------------------------------------------------------------------------
 
     def _follow_modifier(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
-        if step.kind == UNREAD_KIND:  # it may make one end of another, or let one never be: nobody after it is blamed
+        if step.kind == UNREAD_KIND:  # it may change or prevent ends, so later nodes report no error
             self.follow(step.children[0], unset, replace(here, is_guarded=True, is_failure_caught=True))
             return UnsetAfter(NOTHING_UNSET, NOTHING_UNSET)
         kind = MODIFIERS[step.kind]
@@ -369,7 +369,7 @@ def _has_variable_condition(step: Step) -> bool:
     return any(read.name not in STATE_KINDS for template in values if template is not None for read in template.reads)
 
 
-# Which variables have a value where they are read: what nothing before sets, or not on every way, is a mistake.
+# Finds variables that are read before they are set, at all or on some path.
 
 REPEATING_KINDS = frozenset(
     {
@@ -409,7 +409,7 @@ def _check_order(context: CheckContext, step: Step, known: set[str]) -> None:
         known |= step.variables
     for value in step.arguments.values():
         _check(context, step, value, known)
-    if step.kind == FOR_EACH:  # its list is asked for before any of its rounds
+    if step.kind == FOR_EACH:  # the list is evaluated before the first round
         known |= step.variables
     if step.kind == MISSION:
         own = set(step.arguments)

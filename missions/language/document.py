@@ -58,7 +58,7 @@ def _phrase_variables(steps: Collection[Step], params: Collection[str]) -> Mappi
     other = set(params)
     for step in steps:
         phrases = step_phrases(step)
-        # A phrase with a param in it may be missing among them, where nobody has given that yet.
+        # If a param has no value yet, phrases with that param are missing.
         known = phrases and not any("${" in text for text in step.arguments_as_written.values())
         if step.output_variable is None:
             other |= step.direct_variables | step.returns.keys()
@@ -173,7 +173,7 @@ def _check(
 
     body = read_body(notes, root, take, read_step)
     tree = None if body is None else body.tree
-    # What follows notes mistakes at steps alone, and none of those where a line could not be read.
+    # The following checks report errors at steps only, and none where a line could not be read.
     if body is not None and tree is not None and not notes.has_unreadable_line:
         check_claims(notes, tree)
         if robot is not None:

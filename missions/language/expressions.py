@@ -121,7 +121,7 @@ class Expression:
 
 def parse(text: str, column: int = 0) -> Expression:
     """Parse an expression that begins at ``column`` of a text. Raises ExpressionError."""
-    # As one line, so that columns are places in the text even where it goes over several.
+    # Joined to one line, so that columns are offsets in the text, even if it has several lines.
     line = re.sub(r"\s", " ", text)
     stripped = line.strip()
     column += len(line) - len(line.lstrip())
@@ -131,13 +131,13 @@ def parse(text: str, column: int = 0) -> Expression:
         raise ExpressionError(f"an expression of more than {MAX_LENGTH} characters", column)
     python, literals = as_python(stripped)
     try:
-        with warnings.catch_warnings(action="ignore"):  # such as "1or 2": read as Python reads it
+        with warnings.catch_warnings(action="ignore"):  # such as "1or 2", which Python accepts
             tree = ast.parse(python, mode="eval").body
     except (RecursionError, MemoryError):
         raise ExpressionError(TOO_DEEP_MESSAGE, column) from None
     except (SyntaxError, ValueError) as error:
         hint, place = syntax_hint(stripped), 0
-        if isinstance(error, SyntaxError):  # whose offset counts from 1, and is 0 for the end
+        if isinstance(error, SyntaxError):  # the offset counts from 1; 0 is the end
             place = min((error.offset or len(stripped)) - 1, len(stripped) - 1)
             hint = hint or ("; something is missing at its end" if error.offset == 0 else "")
         raise ExpressionError(f"{quoted_value(stripped)} is not an expression{hint}", column + max(0, place)) from None
@@ -292,9 +292,9 @@ def _member(owner: object, name: str) -> object:
     elif owner is not None and not isinstance(owner, str | int | float | list):
         try:
             found = getattr(owner, name, _MISSING)
-        except NotConnected:  # whatever asks waits for it
+        except NotConnected:  # the caller suspends its node
             raise
-        except Exception as error:  # a property may raise what it likes, such as a driver's error
+        except Exception as error:  # a property may raise any error, such as a driver's
             raise ExpressionError(f"'{name}' cannot be read: {error}") from error
         if found is not _MISSING and not callable(found):
             return found
@@ -307,7 +307,7 @@ def _member(owner: object, name: str) -> object:
 _MISSING = object()
 
 
-# Values in a mission: constants, ``${...}`` expressions, and texts with expressions in them.
+# Values in a mission: constants, ``${...}`` expressions, and texts that contain expressions.
 
 Convert = Callable[[object], object]
 """Converts a value of a mission to a value of a leaf; raises ValueError with the error text."""

@@ -17,7 +17,7 @@ from config.units import NUMBER, UNITS, DimensionError, Quantity, common_dimensi
 from drivers.api.fast_dataclass import dataclass
 from missions.language.robot_state import ROBOT_STATE
 
-# What an expression may read of a value, behind a dot: fields and properties, but no methods and nothing private.
+# Attributes that an expression may read: fields and properties, but no methods and nothing private.
 
 
 def members_of(kind: type) -> list[str]:
@@ -33,9 +33,9 @@ def members_in(value: object) -> list[str]:
     return [] if value is None or isinstance(value, str | int | float | list) else members_of(type(value))
 
 
-# How expressions are spelt where Python's own parser would read something else: quantities, and Python's words.
+# Quantities and words that Python's parser would read differently.
 #
-# Each is replaced by a name of as many characters, so that columns stay places in the text.
+# Each is replaced by a name of the same length, so that columns stay offsets in the text.
 
 CONSTANTS = {"true": True, "false": False, "null": None, "none": None}
 """Constants as written in YAML."""
@@ -58,7 +58,7 @@ UNIT_PATTERN = "|".join(
     sorted(map(re.escape, {unit for units in UNITS.values() for unit in units} - {"%"}), key=len)[::-1]
 )
 QUANTITY_PATTERN = re.compile(
-    r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""  # a text, which is passed over
+    r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""  # texts are skipped
     rf"|(?<![\w.])((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*(?:(?:{UNIT_PATTERN})(?![\w(])|%(?=\s*(?:$|[])<>=!,*/%+-]|{OPERATOR_WORDS}\b))))"
 )
 """A quantity in an expression: ``1.5 m/s``. "%" is a unit unless an operand follows."""
@@ -241,7 +241,7 @@ def member_kinds(kind: type) -> Mapping[str, Kind]:
 def _hints(declared: Any) -> dict[str, Any]:
     try:
         return get_type_hints(declared, include_extras=True)
-    except Exception:  # a class of somebody else's may name what is not there
+    except Exception:  # the annotations of another library may name missing types
         return {}
 
 

@@ -45,12 +45,12 @@ _HINT = f"such as '{PROPERTY_FORMS[0]}' or '{PROPERTY_FORMS[4]}'"
 
 def read_properties(context: CheckContext, node: Node | None, tree: Step | None) -> tuple[MissionProperty, ...]:
     """Read a list of properties, which name steps of ``tree`` and the actuators that it drives."""
-    if node is None or tree is None:  # without a tree there is nothing to promise anything of
+    if node is None or tree is None:  # without a tree, properties have no steps to refer to
         return ()
     if not isinstance(node, Listing) or not node.items:
         context.fault(node.mark, "'properties' needs a list, each on a line with '- '", _HINT)
         return ()
-    if any(step.leaf is PlaceholderLeaf for step in tree.walk()):  # what has not been read may be what is named
+    if any(step.leaf is PlaceholderLeaf for step in tree.walk()):  # an unread node may have the name
         return ()
     names = property_names(tree)
     return tuple(found for item in node.items for found in _read_property(context, item, names, tree.claims))
@@ -99,9 +99,9 @@ def _never(context: CheckContext, value: Scalar, names: set[str], parts: frozens
         context.fault(value.mark, f"'never' needs one of {words} between two names", _HINT)
         return None
     known = names | parts
-    # A name may hold one of the words itself ("wait while he goes"): the split whose names are known is meant.
+    # A name may contain one of the words itself ("wait while he goes"): choose the split with known names.
     relation, subject, other = next((s for s in splits if s[1] in known and s[2] in known), splits[0])
-    may_be_other = names if relation in ("before", "after") else known  # an actuator does not succeed
+    may_be_other = names if relation in ("before", "after") else known  # actuators do not succeed
     good = _check_known_name(context, value, subject, known) & _check_known_name(context, value, other, may_be_other)
     return (relation, subject, other) if good else None
 

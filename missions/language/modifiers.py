@@ -55,7 +55,7 @@ def _condition(context: CheckContext, word: str, node: Scalar) -> Value:
 
 def read_expression(context: CheckContext, label: str, node: Scalar, convert: Convert) -> Value:
     """Read an expression that is evaluated later; ``label`` begins an error message."""
-    # Both `if: count < 3` and `if: ${count < 3}` are what people write.
+    # People write both `if: count < 3` and `if: ${count < 3}`.
     hole = re.fullmatch(r"\s*\$\{(.*)\}\s*", node.text, re.DOTALL)
     try:
         expression = parse(hole[1], hole.start(1)) if hole else parse(node.text)

@@ -63,8 +63,8 @@ class ModifierKind:
     ``takes`` describes its value, ``value`` is the type of that, ``constants`` are all allowed values if they are few.
     ``success`` and ``failure`` are the continuations after that end of the child: an end of its own, or ``RESTART``.
     ``early_ends`` are the ends without an end of the child (``on_running``: one of them, by its value), and
-    ``early_end_text`` says when; empty if this needs an earlier success. ``every_tick`` marks a condition that is
-    evaluated at each tick. ``child_ticks`` says whether the child is ticked always, sometimes, or ``afresh``.
+    ``early_end_text`` describes when; empty if this needs an earlier success. ``every_tick`` marks a condition that is
+    evaluated at each tick. ``child_ticks`` is ``always``, ``sometimes``, or ``afresh``.
     ``relevant_end`` is the end of the child without which the modifier has no effect.
     """
 

@@ -220,10 +220,10 @@ def _for_each_ends(step: Step, below: Ends) -> Ends:
     return frozenset({SUCCESS}) if count == 0 else below if count else below | {SUCCESS}
 
 
-# Guards that do otherwise than they look: hints of `mission check`.
+# Hints about guards that behave differently from how they look.
 #
-# An action that stands where a reactive composite asks a question at every tick halts what stands behind it. A
-# ``once`` around a guard remembers that it let nothing start.
+# An action in the place of a condition of a reactive composite halts the children after it at every tick. A ``once``
+# around a guard remembers the failure, so nothing starts later either.
 
 INSTANT_ACTIONS = frozenset(
     {"succeed", "fail", "pretend", "led", "sound", "publish", "face", "show", "log", "set", "notify"}

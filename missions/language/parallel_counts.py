@@ -10,7 +10,7 @@ from drivers.api.fast_dataclass import dataclass
 from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Value, as_whole_number
 
-# Arguments as the file has them, for pictures: "60 deg", not 1.0472.
+# Arguments as written in the file, for pictures: "60 deg", not 1.0472.
 
 
 def arguments_as_written(leaf: type[Leaf], node: Node | None) -> dict[str, str]:

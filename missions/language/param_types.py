@@ -170,7 +170,7 @@ def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | No
     """Return the type of a param in its long form; None if it has an error, which is reported."""
     given = node.get("default")
     kind, of = (_read_type_word(context, name, node, key) for key in ("type", "of"))
-    if "" in (kind, of):  # wrong, which has been noted
+    if "" in (kind, of):  # invalid, and reported already
         return None
     choices = _read_choices(context, name, node, kind if of is None else of)
     if choices is None:
@@ -276,9 +276,9 @@ def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str |
     return found
 
 
-# A mission's params: their names, types and defaults, and the values that a caller gives them.
+# Params of a mission: their names, types and defaults, and the values from the caller.
 
-# What sets the variables of a mission: read before its steps, since an expression may stand above what sets it.
+# Variables that a mission sets: read before its steps, since an expression may be above the step that sets it.
 
 KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
 """Words beside a behaviour, in addition to leaves and ``as``."""
@@ -334,7 +334,7 @@ def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> 
     elif isinstance(value, Listing):
         yield from _iter_setters(value, leaves)
     elif isinstance(value, Mapping) and leaf is None and word not in KNOWN_WORDS:
-        # A word that nobody knows: it may be meant for one that sets what is written below it.
+        # An unknown word: it may be a misspelt one that sets the variables below it.
         yield from ((name.text, None) for name, _ in value.entries)
         yield from _iter_setters(value, leaves)
     elif isinstance(value, Scalar) and leaf is None and value.text.isidentifier() and word not in KNOWN_WORDS:
@@ -390,7 +390,7 @@ def read_params(context: CheckContext, node: Node | None) -> dict[str, Param]:
             if isinstance(value, Mapping)
             else _read_short(context, key.text, value)
         )
-        if param is None:  # noted: what it holds is not known
+        if param is None:  # reported already: its type is unknown
             context.variables.add(key.text)
             context.missing_params.add(key.text)
         else:

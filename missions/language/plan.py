@@ -14,11 +14,11 @@ from missions.language.robot_state import ROBOT_STATE, state_value
 
 @dataclass(frozen=True)
 class Step:
-    """One node of the tree: a leaf, a composite, a sub-mission, or a modifier around its one child.
+    """Node of the tree: a leaf, a composite, a sub-mission, or a modifier around its one child.
 
     ``kind`` is the word in the mission, ``name`` the label for people, ``source`` its file. A leaf has its class in
-    ``leaf``. ``arguments`` are those of a leaf, the one ``value`` of a modifier, the ``on`` of a switch, or the params
-    of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default. ``returns``
+    ``leaf``. ``arguments`` belong to a leaf, or are the one ``value`` of a modifier, the ``on`` of a switch, or the
+    params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default. ``returns``
     are evaluated with the variables of a sub-mission; ``output_variable`` stores the result. ``binds`` are the
     variables that a for_each sets for its child (the member, and its number), and those that an unread node may set.
     ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the file,

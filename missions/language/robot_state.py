@@ -7,7 +7,7 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StateValue:
-    """One value: its kind (a dimension, "percent", "flag" or "text") and its help.
+    """Value of a part: its kind (a dimension, "percent", "flag" or "text") and its help.
 
     ``options`` are all its values if they are few; verify tries each. ``sense`` is the detector that it needs.
     ``is_always_known`` marks a value that is known while its part does not report. ``is_dead_reckoned`` marks one

@@ -25,7 +25,7 @@ from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
 from missions.language.switches import read_switch
 from missions.language.synonyms import SYNONYMS, UNMATCHED_HINT, unknown_word_hint
 
-# A mission inside a mission: found, read with the params that it is given, and its results handed back.
+# Sub-missions: finds the file, reads it with its params, and passes on its results.
 
 ReadStep = Callable[[CheckContext, Node], Step]
 
@@ -108,7 +108,7 @@ def _find_submission(context: CheckContext, value: Scalar) -> Path | None:
 def _library_hint(context: CheckContext, value: Scalar, path: Path) -> str:
     """Return the hint how to run the library's mission of the same name; empty if there is none."""
     with suppress(LookupError):
-        context.vocabulary.find_mission(value.text, path)  # nothing is beside in a file, which is no folder
+        context.vocabulary.find_mission(value.text, path)  # a file has no other files beside it
         return f"the library has another '{value.text}': rename {path.name} to run that"
     return ""
 
@@ -171,7 +171,7 @@ def _read_submission_params(
                 value.mark, f"mission '{mission}' needs '{param.name}', {with_article(param.kind)}", param.help
             )
         formula = values.setdefault(param.name, Value(param.default if param.has_value else None)).template
-        if unknown:  # said once: what comes of it is no fault of its own
+        if unknown:  # reported already; errors that follow from it are suppressed
             inner_context.variables.add(param.name)
             inner_context.missing_params.add(param.name)
             inner_context.param_kinds[param.name] = param.type.value_kind
@@ -179,7 +179,7 @@ def _read_submission_params(
         if formula is None:
             inner_context.params[param.name] = values[param.name].constant
             continue
-        inner_context.variables.add(param.name)  # known only when the sub-mission starts
+        inner_context.variables.add(param.name)  # its value is known only when the sub-mission starts
         if context.awaits_params(formula):
             inner_context.missing_params.add(param.name)
     return values
@@ -231,7 +231,7 @@ def _placeholder(context: CheckContext, node: Node) -> Step:
         [_text(node)] if not isinstance(node, Mapping) else [*node.keys(), *(_text(each) for _, each in node.entries)]
     )
     if MISSION in words or any(_find_mission_of(context, word) for word in words):
-        context.has_unreadable_mission = True  # it may return anything
+        context.has_unreadable_mission = True  # its return values are unknown
         names |= context.variables
     return Step(
         UNREAD_KIND, _text(node) or "...", node.mark, context.source, leaf=PlaceholderLeaf, binds=tuple(sorted(names))
@@ -257,7 +257,7 @@ def _read_with_modifiers(context: CheckContext, node: Mapping) -> Step:
         )
     for key, _ in behaviours[1:]:
         first = behaviours[0][0].text
-        if key.text != first:  # the same word twice is a key that stands twice, which has been noted
+        if key.text != first:  # a repeated key has been reported already
             hint = "begin it with '- ' in a sequence, or indent it"
             context.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
     step = (_read_behaviour(context, *behaviours[0], node) if behaviours else None) or _placeholder(context, node)
@@ -375,7 +375,7 @@ def _report_unknown_word(
     if " - " in key.text:
         hint = "align each '- ' of a list in one column"
     elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
-        hint = UNMATCHED_HINT  # a loop, which neither of them is
+        hint = UNMATCHED_HINT  # the user means a loop; neither word is one
     elif found is not None and found[1] in words:
         hint = f"write '{found[1]}: {found[2]}', with a colon and a space"
     else:

@@ -44,8 +44,8 @@ def case_key(value: object) -> tuple[str, str]:
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return type(value).__name__, format_value(value)
-    dimension = getattr(value, "dimension", "share")  # a plain number is a share, as 20 % is 0.2
-    return dimension, f"{float(value) + 0.0:.12g}"  # -0 is 0
+    dimension = getattr(value, "dimension", "share")  # a plain number is a share: 0.2 equals 20 %
+    return dimension, f"{float(value) + 0.0:.12g}"  # turns -0 into 0
 
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -103,7 +103,7 @@ def read_switch(
         context.fault(name_of.mark, f"'{word}' has no key '{name_of.text}'", hint)
     on, cases, default = (value.get(each) for each in SWITCH_KEYS)
     if strange and (on is None or cases is None):
-        return None  # one of them is likely to be meant by the strange one: that is one mistake
+        return None  # the unknown key is probably a misspelling of the missing one: report one error, not two
     if not isinstance(on, Scalar):
         context.fault(key.mark if on is None else on.mark, f"'{word}' needs 'on', an expression", form)
         return None

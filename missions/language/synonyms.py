@@ -164,7 +164,7 @@ def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
     """Return our words within one typing error, of themselves or of their synonyms."""
     slips = {each for each in ours if is_one_edit(word, each)}
     for each, names in SYNONYMS.items():
-        # A shorter word is a slip away from too many: ``trun`` is ``turn``, not ``run``.
+        # Shorter words are one letter away from too many others: ``trun`` is ``turn``, not ``run``.
         if any(len(name) > 3 and _is_slip(word, name, max_slips=1) for name in names.split()):
             slips.add(key_of(each))
     return frozenset(slips)

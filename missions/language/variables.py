@@ -34,7 +34,7 @@ MAX_ROUNDS = 8
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
     """Report each expression with a type error, or of a wrong type for its place."""
     given = {name: kind_of_value(value) for name, value in context.params.items()} | context.param_kinds
-    found: dict[Diagnostic, None] = {}  # a mission that is used twice has its mistakes once
+    found: dict[Diagnostic, None] = {}  # reports the errors of a sub-mission that is used twice once
     _check_mission(tree, returns, given, found)
     for fault in found:
         if not context.has_unreadable_line:
@@ -49,7 +49,7 @@ def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, foun
         if value.template is not None and value.location is not None:
             found |= dict.fromkeys(find_mismatches(value.template, value.location, kinds))
         if len(found) > MAX_DIAGNOSTICS:
-            return  # no more than these are told, and the place of each is looked up in the whole text
+            return  # more are not reported, and each lookup of a place scans the whole text
     for step in steps_in_scope(tree):
         if step.kind == MISSION:
             _check_mission(step.children[0], step.returns, _param_kinds(step), found)
@@ -65,8 +65,8 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
     for place, (_, what) in enumerate(setters):
         for name in _names_read(what) & kinds.keys():
             readers[name].append(place)
-    # Only what reads a variable whose kind has changed is inferred anew: a round over all setters for each of them
-    # would take time that is quadratic in their number.
+    # Only readers of a variable whose type has changed are inferred again: a round over all setters for each change
+    # would take quadratic time.
     waiting, rounds = deque(range(len(setters))), Counter[int]()
     while waiting:
         place = waiting.popleft()

@@ -41,7 +41,7 @@ def check_objects(context: CheckContext, tree: Step) -> None:
     for step in () if context.missing_params else tree.walk():
         for value in _object_values(step):
             if value.template is None or not value.template.reads or any(read.member for read in value.template.reads):
-                continue  # of a member, such as the name of what was seen, nothing is known
+                continue  # the values of members, such as the name of an object, are unknown
             texts = _texts(tree) if texts is None else texts
             if next(_possible_objects(value, texts), None) is None:
                 hint = "name it in a param, in the list of a for_each, or by 'set', or listen for its name"
@@ -60,7 +60,7 @@ def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
     for said in _fill_template(value, texts):
         try:
             made = said if value.convert is None else value.convert(said)
-        except (ValueError, LookupError):  # no object
+        except (ValueError, LookupError):  # not an object
             continue
         if isinstance(made, ThingSpec):
             yield made
@@ -72,7 +72,7 @@ def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
     names = () if template is None else tuple(dict.fromkeys(read.name for read in template.reads))
     if template is not None and len(texts) ** len(names) <= MAX_COMBINATIONS:
         for given in product(texts, repeat=len(names)):
-            with suppress(ValueError):  # this text cannot stand there
+            with suppress(ValueError):  # a text of the wrong form
                 yield template.evaluate(dict(zip(names, given, strict=True)))
 
 

@@ -39,7 +39,7 @@ def _folder(named: str, otherwise: str) -> Path:
     return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"
 
 
-# Where the places of a robot are kept, by name.
+# Files with the named places of robots.
 
 
 def places_file(config: RobotConfig) -> Path:

@@ -78,7 +78,7 @@ def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -
                 start_new_session=True,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(path), "PYTHONDONTWRITEBYTECODE": "1"},
             )
-        except OSError:  # no room for another process: it is tried where it is used
+        except OSError:  # no process can be started: the import is tried without a trial
             return None
         finally:
             os.close(writing)
@@ -88,7 +88,7 @@ def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -
             return ImportProblem(f"its import takes more than {IMPORT_TIMEOUT:g} s")
         finally:
             with suppress(ProcessLookupError):
-                os.killpg(process.pid, SIGKILL)  # what it has started, too
+                os.killpg(process.pid, SIGKILL)  # its child processes too
             process.wait()
         os.set_blocking(report.fileno(), False)
         return _parse_report(report.read(MAX_REPORT) or b"", code)
@@ -109,7 +109,7 @@ def error_text(error: BaseException) -> str:
     """Return type and message of an error."""
     try:
         words = str(error.msg if isinstance(error, SyntaxError) else error)
-    except Exception:  # its own __str__ raises
+    except Exception:  # its __str__ raises
         words = ""
     return f"{type(error).__name__}: {words[:500]}" if words else type(error).__name__
 
@@ -118,7 +118,7 @@ def short_repr(value: object) -> str:
     """Return the start of the repr of a value; its type if the repr fails."""
     try:
         return f"{value!r:.60}"
-    except Exception:  # its own __repr__ raises
+    except Exception:  # its __repr__ raises
         return f"a {type(value).__name__}"
 
 
@@ -145,7 +145,7 @@ def main() -> None:
         elif others := [each.name for each in threading.enumerate() if each is not threading.main_thread()]:
             report = (f"its import starts a thread ({others[0][:60]})", 0, 1)
     os.write(int(number), json.dumps(report).encode())
-    os._exit(0)  # whatever it has started, or has set up for the end
+    os._exit(0)  # skips threads and exit handlers of the imported module
 
 
 def _import(kind: str, value: str) -> None:
@@ -162,7 +162,7 @@ def _import(kind: str, value: str) -> None:
         EntryPoint("tried", value, "").load()
 
 
-# Entry points of other distributions: found quickly, as each command looks at them, and loaded safely.
+# Entry points of other distributions: found quickly, since each command needs them, and loaded safely.
 
 
 def entry_points_of(group: str) -> Sequence["EntryPoint"]:
@@ -204,7 +204,7 @@ def load_entry_point(point: "EntryPoint") -> Any:
     if problem := find_entry_point_problem(point):
         raise BrokenEntryPointError(problem.message)
     try:
-        with redirect_stdout(sys.stderr):  # its output must not mix with the answer of the command
+        with redirect_stdout(sys.stderr):  # its output must not mix with the command's
             return point.load()
     except Exception as error:
         raise BrokenEntryPointError(f"cannot be imported: {error_text(error)}") from error

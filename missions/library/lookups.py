@@ -86,7 +86,7 @@ def _load_object(name: str) -> "ObjectConfig":
     try:
         return read_phrase(name)
     except ValueError as error:
-        # One word is a name more likely than a colour with a slip in it.
+        # A single word is a name rather than a misspelt colour.
         close = "" if " " in name.strip() else did_you_mean(name, shipped_files("objects"))
         raise LookupError(f"needs an object: {error}" if not close else f"needs an object: {close}") from error
 

@@ -22,10 +22,10 @@ from missions.library.folders import data_folder
 from perception.api import UNKNOWN, Image
 from perception.people import MAX_PICTURES, MAX_PICTURES_TOGETHER, MIN_PICTURES
 
-# Pictures of one person in a folder: for their owner only, and all that are added or none.
+# Pictures of one person in a folder: private, and all new ones are added or none.
 #
-# A picture is a file such as ``001.png``. Nothing else in the folder is touched, and no link is followed. Other
-# programs may add and remove meanwhile: what has gone between listing and reading is not there.
+# Picture files are named such as ``001.png``. Other files are not touched, and links are not followed. Other
+# programs may add and remove files: a file that disappears between listing and reading is skipped.
 
 NEW_PREFIX = ".new-"
 """Prefix of folders whose pictures are not complete yet."""
@@ -68,7 +68,7 @@ def picture_digest(portrait: Image) -> bytes:
 def store_pictures(portraits: Sequence[Image], folder: Path) -> None:
     """Add pictures to a private folder, created if missing: all of them, or none. Raises OSError."""
     with ExitStack() as undone:
-        new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=NEW_PREFIX))  # for its owner only, as what is in it
+        new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=NEW_PREFIX))  # private, like its contents
         undone.callback(delete_pictures, new)
         for number, portrait in enumerate(portraits, start=_last_in(folder) + 1):
             _write_picture(new / f"{number:03}.png", portrait)
@@ -89,7 +89,7 @@ def delete_pictures(folder: Path) -> int:
     pictures = picture_files(folder)
     for path in (folder / FEATURES_FILE, *pictures):
         path.unlink(missing_ok=True)
-    with suppress(OSError):  # there is something else in it, or it has gone
+    with suppress(OSError):  # not empty, or removed already
         folder.rmdir()
     return len(pictures)
 
@@ -254,11 +254,11 @@ class People:
 
     @contextmanager
     def exclusive_access(self) -> Iterator[None]:
-        """Create and lock the folder, and remove what a killed process has left."""
+        """Create and lock the folder, and remove the remains of killed processes."""
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         number = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            with suppress(OSError):  # a network's disk may know no locks: there only one may add at a time
+            with suppress(OSError):  # a network disk may not support locks: only one process may add at a time there
                 fcntl.flock(number, fcntl.LOCK_EX)
             for left in self._folders():
                 if left.name.startswith(NEW_PREFIX) or _is_left_over(left):

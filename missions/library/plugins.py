@@ -52,7 +52,7 @@ def installed_plugins() -> Mapping[str, Plugin]:
             waiting.append((point, _load_declaration(point)))
         except BrokenEntryPointError as error:
             _warn(point, str(error))
-    while waiting:  # a plug-in may need one that is offered after it
+    while waiting:  # a plug-in may need one that comes later in the list
         ready = [each for each in waiting if not _missing_needs(each[1], found)]
         for point, plugin in ready or waiting:
             if why := _conflict(plugin, [*built_in_plugins().values(), *found.values()]) if ready else "":

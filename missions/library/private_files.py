@@ -16,13 +16,13 @@ from config.file_io import PRIVATE_MODE, replace_file
 
 
 class ExistsError(ValueError):
-    """The file or folder to write already exists; the message says how to overwrite it."""
+    """The file or folder to write already exists; the message has a hint how to overwrite it."""
 
 
 def open_for_owner(path: str, flags: int) -> int:
     """Open a file for its owner only, also an existing one: an ``opener`` of ``open``. Raises OSError."""
     number = os.open(path, flags, 0o600)
-    with suppress(OSError):  # a disk that knows no rights, such as a stick's, or a file of somebody else's
+    with suppress(OSError):  # a disk without permissions, such as a USB stick, or a file of another user
         os.fchmod(number, 0o600)
     return number
 

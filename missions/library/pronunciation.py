@@ -18,7 +18,7 @@ DEFAULT_MANNER = SpeechStyle("en-us", 150.0)
 def find_unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return the words that the robot cannot listen for, as far as known without a synthesiser run."""
     lexicon = load_english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
-    if lexicon is None:  # others know what they know, and who is not installed is asked when it is needed
+    if lexicon is None:  # other recognisers need none; a missing one is reported when it is used
         return ()
     says = find_spec("espeakng_loader") is not None
     return [word for word in lexicon.unknown_words(words) if not (says and _is_english(word))]

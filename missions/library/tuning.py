@@ -75,7 +75,7 @@ def save_values(path: Path, values: Mapping[str, float], copy_command: str) -> l
             changes[keys] = text
     if changes:
         text = with_values(source, changes)
-        parse_robot(type(source)(source.name, text))  # which it must still be
+        parse_robot(type(source)(source.name, text))  # the result must be valid too
         rewrite(path, text)
     return [": ".join((*keys, text)) for keys, text in changes.items()]
 

@@ -183,7 +183,7 @@ def _load_from_entry_point(point: "EntryPoint") -> OfferedLeaves:
         raise InvalidFileError([Diagnostic(source, Mark(), str(error), hint)]) from error
     if issubclass(type(found), ModuleType):
         return _leaves_of_module(found, source)
-    with suppress(Exception):  # of a class that is like no other
+    with suppress(Exception):  # a class may override anything that is called here
         if issubclass(type(found), type) and issubclass(found, Behaviour):
             return OfferedLeaves(source, [found])
     raise InvalidFileError(
@@ -199,9 +199,9 @@ def _load_from_file(path: Path) -> OfferedLeaves:
         raise InvalidFileError([Diagnostic(source, mark, problem.message)])
     module = ModuleType(MODULE_PREFIX + path.stem)
     module.__file__ = str(path)
-    sys.modules[module.__name__] = module  # where dataclasses and the like look a class's module up
+    sys.modules[module.__name__] = module  # dataclasses and others look up the module of a class here
     try:
-        # Compiled here, so that nothing is written beside the user's file.
+        # Compiled here, so that no cache file is written beside the user's file.
         with redirect_stdout(sys.stderr):
             exec(compile(source.text, str(path), "exec"), vars(module))  # noqa: S102 - running it is what was asked for
     except Exception as error:
@@ -215,7 +215,7 @@ def _load_from_file(path: Path) -> OfferedLeaves:
 def _leaves_of_module(module: ModuleType, source: SourceText) -> OfferedLeaves:
     found: list[type[Behaviour]] = []
     for name, cls in vars(module).items():
-        with suppress(Exception):  # of a class that is like no other
+        with suppress(Exception):  # a class may override anything that is called here
             if (
                 issubclass(type(cls), type)
                 and cls.__module__ == module.__name__

@@ -131,7 +131,7 @@ def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Be
     assert "of 100 looks at known people" in outcome.out
     (bench.people.folder / "Anna/001.png").unlink()
     outcome = bench.run("list")
-    assert "Anna: 2 pictures are too few to know somebody by" in outcome.err
+    assert "Anna: 2 pictures are too few: at least 3 are needed" in outcome.err
     assert outcome.out.splitlines()[-1].split()[:2] == ["Anna", "3"]
 
 

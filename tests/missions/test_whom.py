@@ -89,9 +89,7 @@ def test_a_house_whose_people_are_out_can_be_simulated_but_that_is_told(
     mission: str, world: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     check(RunRequest(mission, {"who": "Ben"}, world=world))
-    assert capsys.readouterr().err == (
-        f"the robot knows nobody in world '{world}', so it will not find 'Ben' or 'Anna'\n"
-    )
+    assert capsys.readouterr().err == (f"no known person in world '{world}': the robot will not find 'Ben' or 'Anna'\n")
 
 
 def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, people: People) -> None:

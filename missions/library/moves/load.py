@@ -31,7 +31,7 @@ from missions.library.moves.sheet import (
     time_unit,
 )
 
-# Angles of limbs out of points of a body, by the law of cosines, as fine as a servo can tell them apart.
+# Angles of limbs from points of a body by the law of cosines, to the resolution of a servo.
 
 Point = tuple[float, ...]
 """Coordinates of a point of a body in one unit of length, in two or three dimensions."""
@@ -49,7 +49,7 @@ def angle_at(before: Point, joint: Point, behind: Point) -> float:
     if min(near, far) <= SAME_POINT_SHARE * max(near, far):
         raise ValueError("two of its points coincide")
     cosine = (near**2 + far**2 - across**2) / (2 * near * far)
-    return acos(min(max(cosine, -1.0), 1.0))  # rounding may carry it past either end
+    return acos(min(max(cosine, -1.0), 1.0))  # clamped, since rounding may exceed the range
 
 
 def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
@@ -63,7 +63,7 @@ def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
     return kept
 
 
-# Movements as other programs keep them: pypot, dynamixel_workbench, RoboPlus. Each becomes a sheet.
+# Movements of other programs (pypot, dynamixel_workbench, RoboPlus), converted to sheets.
 
 MAX_FILE_BYTES = 5_000_000
 
@@ -92,7 +92,7 @@ def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
         raise InvalidFileError([Diagnostic(SourceText(str(path), ""), Mark(), "it has no frames")])
     sheet = Sheet(str(path), 1, headings={name: column for column, name in enumerate((TIME_HEADING, *joints), 1)})
     pose: dict[str, float] = {}
-    for frame in reversed(frames.values()):  # a motor that is named later stands there until then
+    for frame in reversed(frames.values()):  # a motor without a value yet has its first one
         pose = {**pose, **frame}
     for time, frame in frames.items():
         pose = {**pose, **frame}
@@ -103,7 +103,7 @@ def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
 def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
     """Return degrees by motor, by time (s); a motor has its angle, or angle and speed."""
     rows = data["positions"]
-    if isinstance(rows, list):  # as older versions keep them
+    if isinstance(rows, list):  # the form of older versions
         rows = {number / float(data["framerate"]): row for number, row in enumerate(rows)}
     found = {
         float(time): {motor: float(it[0] if isinstance(it, list) else it) for motor, it in motors.items()}
@@ -166,7 +166,7 @@ def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
             pages.append({"name": "", "rate": 1.0, "steps": []})
         elif key == "name" and pages:
             pages[-1]["name"] = value
-        elif key == "play_param" and pages:  # the next page, the exit page, repeats, the rate, the inertia
+        elif key == "play_param" and pages:  # values: next page, exit page, repeats, rate, inertia
             pages[-1]["rate"] = float(value.split()[3])
         elif key == "step" and pages:
             pages[-1]["steps"].append([float(number) for number in value.split()])
@@ -179,7 +179,7 @@ def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
     return moving[0]["rate"], moving[0]["steps"]
 
 
-# The rows of a sheet as keyframes: every column, or every three points of a body, becomes the angles of a joint.
+# Rows of a sheet as keyframes: each column, or each three points of a body, becomes the angles of a joint.
 
 
 def build_movement(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
@@ -240,7 +240,7 @@ def _heading_hint(heading: str, arm: ArmKeys) -> str:
     if close := find_joint(name, arm.ranges) or closest(name, arm.ranges):
         if unit in ("deg", "rad"):
             return f"did you mean '{close} ({unit})'?"
-        if name.lower().startswith(close.lower()) and not find_joint(name, arm.ranges):  # a unit or kind behind it
+        if name.lower().startswith(close.lower()) and not find_joint(name, arm.ranges):  # followed by a unit or type
             return f"a column of it is headed '{close} (deg)' or '{close} (rad)', and has its angles in that unit"
         return f"did you mean '{close}'? without a unit it has radians: '{close} (deg)' has degrees"
     return suggest_from(name, arm.ranges)
@@ -295,7 +295,7 @@ def _point_angles(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
         except ValueError as error:
             angles.append(0.0)
             problems.append((row, f"joint '{joint}': {error}"))
-    if not sheet.faults:  # a cell without a number has one by now, and is no point
+    if not sheet.faults:  # cells without a number have a substitute, which must not be checked as a point
         _report_problems(sheet, source, problems)
     return angles
 
@@ -317,7 +317,7 @@ def _report_problems(sheet: Sheet, source: JointSource, problems: Sequence[tuple
         row, problem = problems[0]
         others = len(problems) - 1
         more = f", and in {others} more {'row' if others == 1 else 'rows'}" if others else ""
-        headings = source.headings  # the column, or the first of the middle point
+        headings = source.headings  # the column, or the first one of the middle point
         sheet.fault(row, sheet.headings[headings[len(headings) // 3]], problem + more, hint)
 
 

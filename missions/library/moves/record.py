@@ -38,7 +38,7 @@ class JointRecording:
 
     def __init__(self, resolutions: Mapping[str, float]) -> None:
         self._resolutions = dict(resolutions)
-        self._last_reading_at: float | None = None  # when all joints were heard last, or first asked
+        self._last_reading_at: float | None = None  # time of the newest reading of all joints, or of the first attempt
         self.snapshots: list[JointSnapshot] = []
 
     @property
@@ -94,7 +94,7 @@ def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | N
     """Return the readings from the last one before the movement to the first one after it; None without a movement."""
     if len(table) < 2:
         return None
-    begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # to and fro between two steps is no movement
+    begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # jitter between two steps is no movement
     under_way = (np.abs(table - table[-1]) > 1.5 * steps).any(axis=1)
     if not begun.any() or not under_way.any():
         return None
@@ -124,7 +124,7 @@ def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArra
     return sorted(kept)
 
 
-# Where a behaviour keeps a movement that it records: a gesture file, never written over.
+# Where the leaf ``record`` stores movements: gesture files, never overwritten.
 
 DEFAULT_RESOLUTION = radians(0.3)
 """Resolution in radians for recordings of missions: one step of the coarsest servos."""

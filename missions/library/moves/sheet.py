@@ -25,7 +25,7 @@ from config.library import SHEET_SUFFIXES
 from config.units import quoted_value
 from config.yaml_nodes import read_source
 
-# Headings of a sheet: the name of a joint, or of the times, and the unit that stands behind it.
+# Headings of a sheet: the name of a joint or of the time, followed by a unit.
 
 UNIT_WORDS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "º", "grad"), "deg"),
@@ -87,11 +87,11 @@ def is_unit_word(text: str) -> bool:
     return text.strip("()[]{}<> .").lower() in UNIT_WORDS
 
 
-# Reads one sheet of a workbook in a process of its own, and prints it as JSON: ``python workbook.py FILE [SHEET]``.
+# Reads one sheet of a workbook in its own process, and prints it as JSON: ``python workbook.py FILE [SHEET]``.
 #
-# The library that reads workbooks ends its process over some that are damaged, and may ask for any amount of memory.
-# What is printed is ``{"sheets": [names], "sheet": name, "rows": [[cells], ...]}``, with null for the rows of a sheet
-# that is not there, or ``{"error": why}``. Without a name it is the first sheet that is not hidden.
+# The library for workbooks crashes on some damaged files, and may allocate any amount of memory.
+# The output is ``{"sheets": [names], "sheet": name, "rows": [[cells], ...]}``, with null as the rows of a missing
+# sheet, or ``{"error": reason}``. The default is the first sheet that is not hidden.
 
 MAX_MEMORY_BYTES = 2_000_000_000
 """Memory limit of the reader process."""
@@ -115,7 +115,7 @@ def main(path: str, sheet: str | None = None) -> None:
         told: dict[str, object] = {"sheets": names, "sheet": name, "rows": rows}
     except (OSError, CalamineError) as error:
         told = {"error": str(error)}
-    # Dates and the like are told as texts: they are no numbers, whatever a spreadsheet counts them as.
+    # Dates and times are returned as texts, although workbooks store them as numbers.
     json.dump(told, sys.stdout, default=str)
 
 
@@ -144,9 +144,9 @@ class Sheet:
     """
 
     name: str
-    heading_row: int  # the row of the headings
-    tab: str = ""  # its name in the workbook
-    other_tabs: Sequence[str] = ()  # further sheets of the workbook
+    heading_row: int  # the row with the headings
+    tab: str = ""  # name of the sheet in the workbook
+    other_tabs: Sequence[str] = ()  # other sheets of the workbook
     headings: dict[str, int] = field(default_factory=dict)
     rows: list[tuple[int, Sequence[Cell]]] = field(default_factory=list)
     faults: list[Diagnostic] = field(default_factory=list)
@@ -218,7 +218,7 @@ def read_sheet(path: Path, tab: str | None = None) -> Sheet:
     ]
     filled = [place for place, (_, cells) in enumerate(rows) if any(cell != "" for cell in cells)]
     sheet = Sheet(str(path), rows[filled[0]][0] if filled else 1, name, others)
-    stands = True  # in the way of the rows
+    stands = True  # whether to stop before the rows: their errors would follow from this one
     if len(filled) < 2:
         sheet.heading_row = 1
         sheet.fault(1, 1, "it needs a row of headings, and rows of numbers under it")
@@ -292,7 +292,7 @@ def _read_separated(path: Path) -> list[list[Cell]]:
     text = read_source(path).text
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=first.count)
-    if told := _SEPARATOR.match(text):  # a line of Excel's; it becomes a remark
+    if told := _SEPARATOR.match(text):  # Excel's line "sep=;", which is turned into a comment
         separator, text = told[1], f"#{text}"
     try:
         rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)

@@ -35,7 +35,7 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
         "$schema": "http://json-schema.org/draft-07/schema#",
         "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",
         "type": "object",
-        # A pattern of file names such as *.yaml takes in tests, robots and worlds too: those have schemas of their own.
+        # A file pattern such as *.yaml includes tests, robots and worlds too, which have their own schemas.
         "if": {"not": {"required": ["mission"]}, "anyOf": [{"required": [key]} for key in OTHER_KIND_KEYS]},
         "else": _body(),
         "defaultSnippets": [_NEW_MISSION_SNIPPET],

@@ -9,7 +9,7 @@ from missions.library.drivers import DriverTable
 from missions.plugins.schema.keys import bounds_text, format_default, keys_schema, value_text
 from missions.plugins.schema.values import Schema
 
-# The keys of files as tables in Markdown, from the classes that declare them.
+# Keys of files as Markdown tables, from the classes that declare them.
 
 COLUMNS = ("key", "takes", "bounds", "default", "what it does")
 

@@ -37,7 +37,7 @@ _UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _ABOVE_ZERO = r"(?=[0-9.]*[1-9])"
 _RESERVED_NAMES = sorted({*RESERVED_WORDS, *STATE_KINDS, *CONSTANTS, *FUNCTIONS})
 
-# A word as Python has it, with letters of any alphabet: no ASCII sign but the underscore, no digit in front.
+# A Python identifier: letters of any alphabet, underscores, and digits except at the start.
 _SIGNS = r"\s!-/:-@\[-\^`{-~"
 NAME: Schema = {
     "type": "string",
@@ -153,7 +153,7 @@ def _plain_schema(argument: Argument) -> Schema:
             words = argument.choices
             known = "|".join(map(_escape_pattern, words))
             told = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
-            # What YAML 1.1 calls a boolean is a word here.
+            # Words that are booleans in YAML 1.1.
             return {"type": ["string", "boolean"] if SWITCH_WORDS.keys() & set(words) else "string", **told}
         case "new move" | "file":
             return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a name, or the path of a file"}
@@ -184,10 +184,10 @@ def _escape_pattern(text: str) -> str:
     return re.sub(r"[.*+?^${}()|\[\]\\/]", r"\\\g<0>", text)
 
 
-# Leaves in the schema: what stands behind each one's word, and its help.
+# Leaves in the schema: the value of each leaf, and its help.
 #
-# The two forms, a value and a mapping of named arguments, are told apart by ``if`` and not by ``anyOf``: so an editor
-# reports a mistake for the form that was written.
+# The two forms, a value and a mapping of named arguments, are separated by ``if`` rather than ``anyOf``: editors
+# then report the error of the form that was written.
 
 
 def leaf_value(leaf: type[Leaf], things: Things) -> Schema:
@@ -247,7 +247,7 @@ def _value_alone_schema(leaf: type[Leaf], things: Things) -> Schema:
         message = f"needs its arguments by name: {', '.join(leaf.arguments)}" if leaf.arguments else "takes no argument"
         return {"type": "null" if is_complete_alone(leaf) else "object", "errorMessage": message}
     one = value_schema(principal, things)
-    one.pop("defaultSnippets", None)  # they stand with the leaf's word, where editors look for them
+    one.pop("defaultSnippets", None)  # they are with the leaf's word, where editors look for them
     return {"if": {"not": {"type": "null"}}, "then": one} if is_complete_alone(leaf) else one
 
 

@@ -168,7 +168,7 @@ def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: py
         assert (stopped.code, stopped.out) == (0, f"{name}: stopped (base)\n")
         wait_until(lambda: not base.seen().moving)
         released = command(capsys, "stop", "--release", "--resume", "driving")
-        assert (released.code, released.out) == (0, f"{name}: released, and paused: goes on\n")
+        assert (released.code, released.out) == (0, f"{name}: released, and paused: resumed\n")
         wait_until(lambda: base.seen().moving)
         again = command(capsys, "stop", "--release")
         assert (again.code, again.out) == (1, f"{name}: not stopped: nothing to release\n")

@@ -115,7 +115,7 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
         told = command(capsys, "stop", "waiting")
         assert (told.code, f"{number}: waiting on turtlebot2: hangs" in told.out) == (1, True)
         assert "SIGTERM did not end it within 0.05 s: perhaps not stopped\n" in told.out
-        assert f"  try: if process {number} is there still: kill -9 {number}\n" in told.out
+        assert f"  try: if process {number} still exists: kill -9 {number}\n" in told.out
         process.process.send_signal(signal.SIGCONT)
         assert process.process.wait(20.0) == 130
 

@@ -131,7 +131,9 @@ def test_a_process_with_a_note_and_without_a_socket_is_ended_by_sigterm(capsys: 
         told = command(capsys, "stop")
         assert process.wait(PATIENCE) == -15
     assert told.code == 0
-    assert told.out.startswith(f"{process.pid}: driving on turtlebot2: hangs (No such file or directory); SIGTERM")
+    assert told.out.startswith(
+        f"{process.pid}: driving on turtlebot2: hangs (No such file or directory); ended by SIGTERM"
+    )
     assert command(capsys, "stop").out == "no mission is running\n"
 
 

@@ -70,7 +70,7 @@ def test_a_stop_reaches_a_run_at_once_though_every_folder_hangs(tmp_path: Path) 
             assert seconds_to_rest(base, asked) < REST
         words = "\n".join(words for _, words in said.values())
         assert f"{process.process.pid}: driving on turtlebot2: stopped (base)" in words
-        assert "does not answer (a network disk that is gone?)" in words  # what is in there could move on
+        assert "does not respond (network disk disconnected?)" in words  # what is in there could move on
         assert process.process.poll() is None
 
 
