@@ -38,7 +38,7 @@ KEY = {
 }
 EVERY = [*FILE_KINDS]
 FILES = {
-    "tests": [tests for path in shipped_missions().values() if (tests := suite.test_file_of(path)).is_file()],
+    "tests": [tests for path in shipped_missions().values() if (tests := suite.suite_file_of(path)).is_file()],
     "robots": list(shipped_files("robots").values()),
     **{
         kind: list(shipped_files(kind).values())

@@ -198,7 +198,7 @@ class TaskAllocator:
 
     def _keep(self, ask: KeepTask) -> FleetAnswer:
         if not TASK_ID_PATTERN.fullmatch(ask.task) or not ask.task.startswith(f"{self._address}/"):
-            return FleetAnswer(ok=False, reason=f"'{ask.task}' is not the ID of a task that {self._address} keeps")
+            return FleetAnswer(ok=False, reason=f"'{ask.task}' is not the ID of a task that {self._address} manages")
         if self.is_duplicate():
             return FleetAnswer(ok=False, reason=f"another robot has the same number {self._address.number}")
         if not MISSION_NAME.fullmatch(ask.mission):

@@ -189,7 +189,7 @@ class AsyncRunLink:
             self.closed.set()
             for future in self._pending.values():
                 if not future.done():
-                    future.set_exception(ConnectionError("the run has gone"))
+                    future.set_exception(ConnectionError("the run has ended"))
         self._on_closed()
 
 

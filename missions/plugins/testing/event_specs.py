@@ -75,5 +75,5 @@ def read_event(phrase: Phrase, node_error: NodeError) -> EventSpec:
         phrase.take()
     verb = phrase.take_if(*verbs)
     if not verb:
-        phrase.reject(f"what '{name}' does", verbs)
+        phrase.reject(f"the event of '{name}'", verbs)
     return EventSpec(name, verb)

@@ -90,12 +90,12 @@ def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] 
     """
     part = phrase.take_if(*KINDS, RUN, *others)
     if not part:
-        phrase.reject("what something happens to", (*KINDS, RUN, *others))
+        phrase.reject("the part with the fault", (*KINDS, RUN, *others))
         return FaultSpec("", "")
     states = FAULT_STATES.get(others.get(part, part), UNPLUGGED)
     state = phrase.take_if(*states)
     if not state:
-        phrase.reject(f"what happens to the {part}", states)
+        phrase.reject(f"the fault of the {part}", states)
         return FaultSpec(part, "")
     of_joint = state in JOINT_STATES and others.get(part, part) == "arm"
     detail, amount = _read_joint(phrase, state) if of_joint else _read_detail(phrase, state)
@@ -117,11 +117,11 @@ def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
     if state in AMOUNT_STATES:
         word, dimension = AMOUNT_STATES[state]
         if not phrase.take_if(word):
-            phrase.reject(f"what follows '{state}'", (word,))
+            phrase.reject(f"the word after '{state}'", (word,))
         low = -math.inf if state == "drifting" else 0.0
         return "", phrase.take_quantity(f"'{state}'", dimension, low=low, high=math.inf if state == "drifting" else 2.0)
     if state == "battery" and not phrase.take_if("at"):
-        phrase.reject("what follows 'battery'", ("at",))
+        phrase.reject("the word after 'battery'", ("at",))
     if state == "battery":
         return "", phrase.take_quantity(f"'{state}'", "share", high=1.0)
     return "", 0.0
@@ -135,7 +135,7 @@ def _read_joint(phrase: Phrase, state: str) -> tuple[str, float]:
     if state not in ("turned", "pushed"):
         return joint, 0.0
     if not phrase.take_if("to"):
-        phrase.reject(f"what follows '{joint}'", ("to",))
+        phrase.reject(f"the word after '{joint}'", ("to",))
     return joint, phrase.take_quantity(f"'{state}'", "angle", low=-math.pi, high=math.pi)
 
 
@@ -146,7 +146,7 @@ def _read_button(phrase: Phrase) -> str:
     if not number:
         phrase.reject("the number of a button", numbers)
     elif not phrase.take_if("pressed"):
-        phrase.reject(f"what becomes of button {number}", ("pressed",))
+        phrase.reject(f"the state of button {number}", ("pressed",))
     return number
 
 

@@ -59,7 +59,7 @@ def read_script(phrase: Phrase) -> Script:
             break
         phrase.take()
         if not phrase.take_if("then"):
-            phrase.reject("what follows a comma", ("then",))
+            phrase.reject("the word after a comma", ("then",))
     if waited is not None:
         phrase.add_fault("the end after 'runs for' is missing", "write 'runs for 2 s, then succeeds', or 'runs' alone")
     if phrase.word == "then":
@@ -71,7 +71,7 @@ def read_script(phrase: Phrase) -> Script:
 def _read_turn(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
     verb = phrase.take_if(*VERBS)
     if not verb:
-        phrase.reject(f"what a mock does ({EXAMPLE})", VERBS)
+        phrase.reject(f"the script of a mock ({EXAMPLE})", VERBS)
     if verb == "runs":
         return _read_running(phrase, waited)
     turn = MockTurn("success") if verb == "succeeds" else MockTurn("failure", reason=DEFAULT_REASON)

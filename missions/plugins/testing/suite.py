@@ -233,9 +233,7 @@ def read_suite(
             fields.add_error(cases[-1].mark, f"a second case '{case.case}'")
         titles.add(case.case)
     if not cases and not fields.diagnostics:
-        fields.add_error(
-            fields.node.mark, "the file has no cases", "write 'cases:' and under it '- case: what must happen'"
-        )
+        fields.add_error(fields.node.mark, "the file has no cases", "write 'cases:' and under it '- case: TITLE'")
     if fields.diagnostics:
         raise InvalidFileError(fields.diagnostics)
     return tuple(cases)
@@ -300,7 +298,7 @@ def display_path(path: Path) -> str:
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
-def test_file_of(mission: Path) -> Path:
+def suite_file_of(mission: Path) -> Path:
     """Return the path of a mission's test file, which need not exist."""
     return mission.with_name(f"{mission.stem}{TEST_SUFFIX}")
 
@@ -337,7 +335,7 @@ def find_tests(name: str) -> list[Path]:
     here = Path(f"{name}{TEST_SUFFIX}")
     if here.is_file():
         return [here]
-    tests = test_file_of(find_mission(name))
+    tests = suite_file_of(find_mission(name))
     if not tests.is_file():
         raise UnknownNameError(
             f"mission '{name}' has no tests: there is no {tests}\n"
@@ -349,7 +347,7 @@ def find_tests(name: str) -> list[Path]:
 def all_tests() -> list[Path]:
     """Return the test files in the working directory and below; if there are none, those of the library."""
     return list(_test_files_below(Path())) or [
-        tests for path in shipped_missions().values() if (tests := test_file_of(path)).is_file()
+        tests for path in shipped_missions().values() if (tests := suite_file_of(path)).is_file()
     ]
 
 

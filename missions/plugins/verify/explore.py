@@ -218,7 +218,7 @@ class TraceStep:
     changed: Mapping[str, str]
 
     def __str__(self) -> str:
-        choices = "; ".join(("told to stop", *self.choices) if self.halted else self.choices) or "no change"
+        choices = "; ".join(("halt", *self.choices) if self.halted else self.choices) or "no change"
         changed = ", ".join(f"{who} {status}" for who, status in self.changed.items())
         return f"{choices} -> {changed}" if changed else choices
 

@@ -240,7 +240,7 @@ class RuleMonitor:
         """Check the running leaves after a tick."""
         for leaf in self.leaves:
             if leaf.status is not RUNNING and (leaf.live or leaf.is_acting):
-                self.add_violation(leaf, "was not told to stop when it ended")
+                self.add_violation(leaf, "was not stopped when it ended")
         live = self.live_leaves if self.monitors else []
         for monitor in self.monitors:
             broken = monitor.check_tick(live)

@@ -57,7 +57,7 @@ class StandIn(Leaf):
 
     def initialise(self) -> None:
         if self.live:
-            self.watch.add_violation(self, "was started again before it was told to stop")
+            self.watch.add_violation(self, "was started again before it was stopped")
         self.live = True
         self.watch.on_start(self)
 
@@ -79,7 +79,7 @@ class StandIn(Leaf):
     def terminate(self, new_status: Status) -> None:
         """Report that the leaf has stopped, if the real leaf stops its parts."""
         if not self.live:
-            self.watch.add_violation(self, "was told to stop twice")
+            self.watch.add_violation(self, "was stopped twice")
         self.live = False
         if new_status is IDLE and not self.stops:
             self.watch.on_left_moving(self)

@@ -152,12 +152,12 @@ class RuleChecker:
             return RuleVerdict(rule, REFUTED, (*found.findings, *restless))
         if found.outcome == REFUTED or stuck is None:
             return found
-        fault = Diagnostic(self._plan.source, self._plan.tree.mark, "told to stop, it never comes to rest")
+        fault = Diagnostic(self._plan.source, self._plan.tree.mark, "after a halt, it never comes to rest")
         return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to(self._space, stuck)),))
 
     def _restless_diagnostic(self, leaf: StandIn) -> Diagnostic:
         step = self._steps[leaf.key]
-        message = f"told to stop, '{step.kind}' never comes to rest: its 'halting' always says that it still stops"
+        message = f"after a halt, '{step.kind}' never comes to rest: its 'halting' always returns true"
         return Diagnostic(
             step.source, step.mark, message, f"its actuators are stopped for it after {leaf.halt_limit:g} s"
         )

@@ -49,7 +49,7 @@ def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
     ("words", "error", "message"),
     [
         ("camera frozen 2 s", "unsupported", "'camera frozen 2 s' is unsupported: 'says' uses screen, voice"),
-        ("voice unplugd", "bad_field", "what happens to the voice cannot be 'unplugd'; did you mean 'unplugged'?"),
+        ("voice unplugd", "bad_field", "the fault of the voice cannot be 'unplugd'; did you mean 'unplugged'?"),
         ("run stopped", "bad_field", "'run stopped' needs an end"),
         ("arm turned elbw to 3 deg", "bad_field", "no joint 'elbw'; did you mean 'elbow'?"),
     ],
@@ -101,14 +101,14 @@ def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, served: Ser
     try:
         wait_until(lambda: sockets.socket_path(str(process.process.pid)).exists() and '"tick"' in events.read_text())
         page = Page(browser, served, view="#robot")
-        page.wait_for("says", "Fault")
+        page.wait_for("says", "voice unplugged")
         choose = "const what = document.querySelector('.faults select'); what.value = 'voice unplugged';"
         page.tab.evaluate(f"{choose} what.dispatchEvent(new Event('change'))")
         page.press("Inject fault")
         page.wait_for("Injected: voice unplugged 2 s")
         wait_until(lambda: events.read_text().count('"online"') == 2)
         viewer = Page(browser, served, served.viewer, view="#robot")
-        viewer.wait_for("Fault")
+        viewer.wait_for("voice unplugged")
         assert not viewer.enabled("Inject fault")
     finally:
         process.end(signal.SIGTERM)

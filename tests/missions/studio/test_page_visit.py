@@ -322,7 +322,7 @@ def test_the_failsafe_page_is_stepped_through_and_says_what_the_base_does(browse
     for at, word, words in (
         (2, "bumper left", "backing off: bumper left"),
         (4, "latch", "stands until it is enabled: bumper left"),
-        (2, "unplugged for 2 s", "is not heard"),
+        (2, "unplugged for 2 s", "gets no commands"),
     ):
         wait_until(lambda: tab.evaluate("document.querySelectorAll('.failsafe select').length") == 5)
         chosen = f"(() => {{ const e = document.querySelectorAll('.failsafe select')[{at}]; e.value = '{word}';"

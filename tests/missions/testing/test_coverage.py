@@ -106,7 +106,7 @@ def test_the_page_marks_each_line_by_how_far_it_was_tried(folder: Path) -> None:
 def test_a_mission_that_is_gone_costs_its_lines_only(folder: Path) -> None:
     found = tried(folder)
     (folder / "door.yaml").unlink()
-    assert "cannot be read any more" in coverage_page([found])
+    assert "can no longer be read" in coverage_page([found])
 
 
 def test_the_page_says_nothing_of_the_machine_that_it_was_made_on_and_can_be_read_by_night(folder: Path) -> None:

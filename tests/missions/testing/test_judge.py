@@ -136,7 +136,7 @@ DID_NOT: list[tuple[str, list[object], str]] = [
         "after 'ask succeeds' it never happened",
     ),
     ("faults", ["elbow"], "the notices were"),
-    ("faults", [], 'it was not to be told that "arm disconnects: the cable is out"'),
+    ("faults", [], 'unexpected notices: "arm disconnects: the cable is out"'),
     ("reflexes", ["bumper", "cliff"], 'the reflexes that fired were "bumper left"'),
     ("reflexes", [], 'these reflexes fired: "bumper left"'),
     ("pose", [PoseTarget(0.8, 2.0)], "the base was at [1.00 m, 2.00 m], heading 178 deg"),

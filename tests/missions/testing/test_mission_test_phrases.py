@@ -148,10 +148,10 @@ def test_a_moment_reads_as_it_is_said(text: str, expected: EventSpec) -> None:
 @pytest.mark.parametrize(
     ("text", "column", "message"),
     [
-        ("", 1, "what a mock does (such as 'fails twice, then succeeds') is missing here"),
+        ("", 1, "the script of a mock (such as 'fails twice, then succeeds') is missing here"),
         ("fials", 1, "cannot be 'fials'"),
         ("fails twice then succeeds", 13, "a comma is missing before 'then'"),
-        ("fails twice, succeeds", 14, "what follows a comma cannot be 'succeeds'"),
+        ("fails twice, succeeds", 14, "the word after a comma cannot be 'succeeds'"),
         ("fails because stuck", 15, "'because' needs a text in double quotes"),
         ('succeeds because "x"', 10, "'because' is not expected here"),
         ("succeeds after 2", 16, "'2' has no unit"),
@@ -173,22 +173,22 @@ def test_a_mistake_in_a_script_is_shown_at_its_word(text: str, column: int, mess
 @pytest.mark.parametrize(
     ("text", "column", "message"),
     [
-        ("wheel off", 1, "what something happens to cannot be 'wheel'"),
-        ("camera frozn", 8, "what happens to the camera cannot be 'frozn'"),
+        ("wheel off", 1, "the part with the fault cannot be 'wheel'"),
+        ("camera frozn", 8, "the fault of the camera cannot be 'frozn'"),
         ("camera frozen from 5 to 8 s", 20, "'5' has no unit"),
         ("camera frozen from 8 s to 5 s", 30, "it ends before it begins"),
         ("camera frozen during lunch", 15, "'during' is not expected here"),
-        ("base battery 10 %", 14, "what follows 'battery' cannot be '10'"),
+        ("base battery 10 %", 14, "the word after 'battery' cannot be '10'"),
         ("base battery at 110 %", 17, "must be at most 100 %"),
         ("base battery at 10 % for 2 s", 29, "'battery' does not end by itself"),
         ("arm overloaded at 3 s", 16, "which joint is overloaded is missing here"),
         ("arm turned to 3 deg", 12, "which joint is turned is missing here"),
-        ("arm turned elbow at 3 s", 18, "what follows 'elbow' cannot be 'at'"),
+        ("arm turned elbow at 3 s", 18, "the word after 'elbow' cannot be 'at'"),
         ("arm turned elbow to 3 s", 21, "'turned' needs an angle"),
         ("arm turned elbow to 300 deg", 21, "'turned' must be at most 180 deg"),
         ("base lifted when nod starts", 18, "no 'nod'"),
-        ("base lifted when gesture begins", 26, "what 'gesture' does cannot be 'begins'"),
-        ("base lifted when arm moves", 22, "what 'arm' does cannot be 'moves'"),
+        ("base lifted when gesture begins", 26, "the event of 'gesture' cannot be 'begins'"),
+        ("base lifted when arm moves", 22, "the event of 'arm' cannot be 'moves'"),
     ],
 )
 def test_a_mistake_in_a_mishap_is_shown_at_its_word(text: str, column: int, message: str) -> None:

@@ -161,7 +161,7 @@ def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
 def test_an_event_that_was_not_heard_is_no_reason_to_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CaseHistory, "_on_tick", lambda *_: 1 / 0)
     verdict = played(tmp_path, WAITS, "expect: {result: success}")
-    assert "some events were lost: History: division by zero" in verdict.error
+    assert "some events were lost: CaseHistory: division by zero" in verdict.error
 
 
 def test_a_node_starts_before_what_is_inside_it(tmp_path: Path) -> None:

@@ -50,9 +50,9 @@ def test_what_befalls_a_base_and_its_range_finder(text: str, read: FaultSpec) ->
     [
         ("base button", 12, "the number of a button is missing here", "known are: 0, 1, 2"),
         ("base button 3 pressed", 13, "the number of a button cannot be '3'", "known are: 0, 1, 2"),
-        ("base button 0 presed", 15, "what becomes of button 0 cannot be 'presed'", "did you mean 'pressed'?"),
-        ("range frozen", 7, "what happens to the range cannot be 'frozen'", "known are: unplugged"),
-        ("rang unplugged", 1, "what something happens to cannot be 'rang'", "did you mean 'range'?"),
+        ("base button 0 presed", 15, "the state of button 0 cannot be 'presed'", "did you mean 'pressed'?"),
+        ("range frozen", 7, "the fault of the range cannot be 'frozen'", "known are: unplugged"),
+        ("rang unplugged", 1, "the part with the fault cannot be 'rang'", "did you mean 'range'?"),
     ],
 )
 def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, message: str, suggestion: str) -> None:
@@ -82,9 +82,9 @@ def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, rea
 @pytest.mark.parametrize(
     ("text", "message", "suggestion"),
     [
-        ("bumper fire", "what 'bumper' does cannot be 'fire'", "did you mean 'fires'?"),
-        ("bumper starts", "what 'bumper' does cannot be 'starts'", "known are: clears, fires"),
-        ("drive fires", "what 'drive' does cannot be 'fires'", "known are: fails, halts, starts, succeeds"),
+        ("bumper fire", "the event of 'bumper' cannot be 'fire'", "did you mean 'fires'?"),
+        ("bumper starts", "the event of 'bumper' cannot be 'starts'", "known are: clears, fires"),
+        ("drive fires", "the event of 'drive' cannot be 'fires'", "known are: fails, halts, starts, succeeds"),
         ("bumpr fires", "no 'bumpr'", ""),
     ],
 )

@@ -14,7 +14,7 @@ from missions.library.shipped import shipped_missions
 from missions.plugins.records.replay.rerun import rerun
 from missions.plugins.testing.mocks import MockSubstitution
 from missions.plugins.testing.report import failure_text
-from missions.plugins.testing.suite import Case, load_suite, test_file_of
+from missions.plugins.testing.suite import Case, load_suite, suite_file_of
 from tests.missions.records.replay.past import Past, past_of_case
 
 SHARE = 4
@@ -28,7 +28,7 @@ def shares() -> list[tuple[str, int, int]]:
     """Return of each mission its name, and of each share of its cases the first case and the step to the next."""
     found = []
     for name, path in shipped_missions().items():
-        count = -(-test_file_of(path).read_text(encoding="utf-8").count("- case:") // SHARE)
+        count = -(-suite_file_of(path).read_text(encoding="utf-8").count("- case:") // SHARE)
         found += [(name, first, count) for first in range(count)]
     return found
 
@@ -36,7 +36,7 @@ def shares() -> list[tuple[str, int, int]]:
 @cache
 def cases_of(name: str) -> tuple[Case, ...]:
     """Return the cases of a mission, which are read once for all shares."""
-    return load_suite(test_file_of(shipped_missions()[name]))
+    return load_suite(suite_file_of(shipped_missions()[name]))
 
 
 def decided_again(case: Case, past: Past) -> str:

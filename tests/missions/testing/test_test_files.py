@@ -150,7 +150,7 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
         (one_case("    expect: {ran: nodd}\n"), "5:19: mission 'nod' has no 'nodd'; did you mean 'nod'?"),
         (one_case("    expect: {ran: repeat}\n"), "5:19: mission 'nod' has no 'repeat'; "),
         (one_case("    expect: {ran: {nod: often}}\n"), "5:25: how often 'nod' has to start needs a whole number"),
-        (one_case("    expect: {order: [nod strats]}\n"), "5:26: what 'nod' does cannot be 'strats'"),
+        (one_case("    expect: {order: [nod strats]}\n"), "5:26: the event of 'nod' cannot be 'strats'"),
         (one_case("    expect: {pose: {near: 1 m}}\n"), "5:27: 'near' needs a place, such as [1 m, 0 m]"),
         (one_case("    expect: {pose: {near: [0 m, 0 m], heading: 9}}\n"), "5:48: 'heading' needs an angle"),
         (one_case("    expect: {returns: {don: 2}}\n"), "5:24: the mission returns no 'don'"),

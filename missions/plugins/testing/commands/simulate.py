@@ -176,7 +176,7 @@ def command(
         return
     config = load_robot(robot_file(robot, DEFAULT_ROBOT if listen is None else "turtlebot4"))
     if listen is not None and "ros2" not in config.sections:
-        raise click.UsageError(f"{config.name} is no robot of ROS 2: mission simulate --ros2 --robot turtlebot4")
+        raise click.UsageError(f"{config.name} is not a ROS 2 robot: mission simulate --ros2 --robot turtlebot4")
     around = None if world is None else load_world(find_file("worlds", world))
     clock = SystemClock()
     ending: list[int] = []  # a plain list: a signal handler must not take a lock that it may have interrupted

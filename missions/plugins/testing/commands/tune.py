@@ -43,7 +43,7 @@ RULES = ("pan", "turn")
     metavar="FILE",
     help="File of the new controller; NAME_tuned.yaml by default.",
 )
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @click.option(
     "--evaluations",
     type=WholeNumber(min=10),

@@ -59,9 +59,7 @@ def draw_bench(path: Path, rows: Sequence[BenchRow]) -> None:
     panels = [(key, list(found)) for key, found in groupby(rows, key=lambda row: (row.scenario, row.body))]
     bodies = list(dict.fromkeys(row.body for row in rows))
     height = -(-len(panels) // len(bodies))
-    figure = _make_figure(
-        (5.0 * len(bodies), 0.9 + 2.7 * height), "How far off the face is (degrees) over time (seconds)"
-    )
+    figure = _make_figure((5.0 * len(bodies), 0.9 + 2.7 * height), "Error of the face (degrees) over time (seconds)")
     grid = figure.subplots(height, len(bodies), squeeze=False, sharex=True)
     for axes, ((scenario, body), found) in zip(grid.flat, panels, strict=True):
         for row in found:

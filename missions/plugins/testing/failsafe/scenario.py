@@ -130,11 +130,11 @@ FAULTS: Mapping[str, TimedActions] = {
         (2.0, lambda hand: hand.ranger.put(None)),
     ),
     "no scans for 4 s": ((0.0, _freeze(frozen=True)), (4.0, _freeze(frozen=False))),
-    "who drives falls silent": (),
+    "the commands stop": (),
 }
 """Faults, as actions from ``FAULT_START`` on."""
 
-SILENT_FAULT = "who drives falls silent"
+SILENT_FAULT = "the commands stop"
 
 BATTERIES: Mapping[str, tuple[float, bool]] = {
     "full": (100.0, False),
@@ -145,7 +145,7 @@ BATTERIES: Mapping[str, tuple[float, bool]] = {
 """Battery level in percent, and whether it charges."""
 
 REFLEXES: Mapping[str, Mapping[str, Any]] = {
-    "as it ships": {},
+    "default": {},
     "bumper: stop": {"bumper": "stop"},
     "latch": {"bumper": "latch", "cliff": "latch", "wheel_drop": "latch"},
 }
@@ -160,7 +160,7 @@ class FailsafeSetting:
     wish: str = "ahead"
     fault: str = "nothing"
     battery: str = "full"
-    reflexes: str = "as it ships"
+    reflexes: str = "default"
 
     def __post_init__(self) -> None:
         for name, words in CHOICES.items():
@@ -240,7 +240,7 @@ class CommandSource:
     def __init__(self, source: Source, velocity: Velocity, base: Base, run: RunState) -> None:
         self.feedback = self.end_reason = ""
         self.started_at = run.clock.now()
-        self.label = "what drives"
+        self.label = "the driver"
         self._source, self._velocity, self._base, self._run = source, velocity, base, run
         self._permit = StaleCommandGuard(run, lambda: None)
 

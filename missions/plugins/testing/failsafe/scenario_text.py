@@ -22,16 +22,16 @@ def _describe_base(moment: ScenarioMoment) -> str:
     if moment.latched:
         return f"stands until it is enabled: {moment.latched}"
     if WAITING in (moment.mission, moment.person):
-        return "is not heard, so its firmware lets it stand"
+        return "gets no commands, so its firmware stops it"
     if not moment.source:
-        return "stands: nobody commands it"
+        return "stands: no commands"
     if moment.source == Source.SAFETY:
         return f"{moment.reason}, at {_velocity_text(moment.limited)}"
     who = SOURCE_NAMES[Source(moment.source)]
     if not any(moment.setpoint):
-        return f"stands: {who} has the wheels, and is silent"
+        return f"stands: {who} has control, but sends no commands"
     if not any(moment.limited):
-        return f"stands, though {who} wants {_velocity_text(moment.setpoint)}: {moment.reason}"
+        return f"stands, although {who} commands {_velocity_text(moment.setpoint)}: {moment.reason}"
     if moment.reason == ONLY_LIMITED:
         return (
             f"{who} drives it at {_velocity_text(moment.limited)}, slowed down from {_velocity_text(moment.setpoint)}"

@@ -134,7 +134,7 @@ def test_files_of_an_earlier_sweep_are_replaced_only_when_told_to(
     sweep(capsys, "--runs", "3", "--seed", "50")
     before = (folder / "sweep-glance" / "runs.csv").read_text(encoding="utf-8")
     _, err = sweep(capsys, "--runs", "1", code=2)
-    assert "sweep-glance/runs.csv is there already: name another folder with --output, or add --force" in err
+    assert "sweep-glance/runs.csv already exists: name another folder with --output, or add --force" in err
     assert (folder / "sweep-glance" / "runs.csv").read_text(encoding="utf-8") == before
     sweep(capsys, "--runs", "1", "--force")
     assert len((folder / "sweep-glance" / "runs.csv").read_text(encoding="utf-8").splitlines()) == 2

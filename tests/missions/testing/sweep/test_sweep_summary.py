@@ -126,7 +126,7 @@ def test_the_report_says_all_of_it_in_a_plain_table() -> None:
         "time      median 9.0 s, 5 % below 5.4 s, 5 % above 12.6 s, longest 13.0 s   (simulated, of the successes)",
         "",
         "causes of failure   runs   first seed",
-        "no face for 2 s             1            9",
+        "no face for 2 s        1            9",
         "",
         "person.distance (m)   runs   success     95 % interval",
         "0 to 1                   2   100.0 %   34.2 to 100.0 %",

@@ -47,7 +47,7 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "says_after_too_short_a_time": (REACHED, 6, "'say' is never reached", None),
     "greets_too_early": (SET, 9, "'guest' is read here, but nothing has set it", 2),
     "asks_what_nobody_set": (SET, 9, "'guest' is read here, but nothing has set it", 1),
-    "never_comes_to_rest": (CLEAN, 6, "told to stop, 'dither' never comes to rest", None),
+    "never_comes_to_rest": (CLEAN, 6, "after a halt, 'dither' never comes to rest", None),
     "holds_too_long": ("can: succeed", 8, "no run ends with success", None),
 }
 """Of each file: the rule that is refuted, the line, words of the message, and the ticks of a shortest run, if any."""

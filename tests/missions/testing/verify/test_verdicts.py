@@ -229,7 +229,7 @@ def test_a_leaf_that_never_comes_to_rest_by_itself_is_found() -> None:
     found = explored(tree, leaves=[Careful, Restless])
     (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
     assert finding.fault.mark.line == 5
-    assert finding.fault.message.startswith("told to stop, 'restless' never comes to rest")
+    assert finding.fault.message.startswith("after a halt, 'restless' never comes to rest")
     assert finding.fault.suggestion == "its actuators are stopped for it after 1 s"
     assert explored("careful", leaves=[Careful]).outcome == PROVED
 

@@ -111,7 +111,7 @@ def test_a_moment_says_of_every_node_how_it_stands_and_why(browser: Browser, fil
     assert "success 3.1 s ago a face at 12 deg" in tab.find("treeitem", "find_face").name
     assert "hold 500 ms failure held for 0.3 s" in tab.find("treeitem", "face_centred").name
     assert "idle" in tab.find("treeitem", "gesture").name
-    assert "as it stood at 6.25 s" in tab.text()
+    assert "state at 6.25 s" in tab.text()
 
 
 @each("name", ["greet", "patrol"])
