@@ -116,7 +116,7 @@ class RunDisplay:
                 self._fault(event)
             case CommandSent(to="screen"):
                 self._face(event.values)
-            case ReflexFired() if event.on and event.what in REFLEX_TEXTS:
+            case ReflexFired() if event.on and event.condition in REFLEX_TEXTS:
                 self._reflex(event)
             case Logged():
                 self._log(event)
@@ -156,7 +156,7 @@ class RunDisplay:
         self._lines.print(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}", took)
 
     def _fault(self, event: FaultRaised) -> None:
-        if event.what == "online":
+        if event.status == "online":
             self._online_parts.append(event.part)
             self._show_preparing()
             if "is at http:" in event.detail:  # the address of the page with its face
@@ -179,7 +179,7 @@ class RunDisplay:
             self._lines.print(("  shows: ", "bold cyan"), str(values["show"]))
 
     def _reflex(self, event: ReflexFired) -> None:
-        what = f" base: {REFLEX_TEXTS[event.what]}" + (f": {event.where}" if event.where else "")
+        what = f" base: {REFLEX_TEXTS[event.condition]}" + (f": {event.where}" if event.where else "")
         self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), what)
 
     def _log(self, event: Logged) -> None:

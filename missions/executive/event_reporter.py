@@ -69,10 +69,10 @@ class EventReporter:
         values: dict[str, object] = {"linear": round(steering.allowed.linear, 4)}
         values["angular"] = round(steering.allowed.angular, 4)
         if steering.allowed != steering.requested:
-            values["wanted_linear"] = round(steering.requested.linear, 4)
-            values["wanted_angular"] = round(steering.requested.angular, 4)
+            values["requested_linear"] = round(steering.requested.linear, 4)
+            values["requested_angular"] = round(steering.requested.angular, 4)
         if steering.reason:
-            values["because"] = steering.reason
+            values["reason"] = steering.reason
         self.on_command("base", str(source), values)
 
 

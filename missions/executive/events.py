@@ -105,7 +105,7 @@ class PerceptSeen(Event):
 class CommandSent(Event):
     """A part received a command from a behaviour, from ``safety`` (its reflexes), or from ``teleop``.
 
-    If the command was limited, ``values`` also has the requested values, and a reason ``because``.
+    If the command was limited, ``values`` also has the requested values, and a ``reason``.
     """
 
     event: ClassVar[str] = "command"
@@ -135,24 +135,24 @@ class VariableSet(Event):
 class ReflexFired(Event):
     """A condition of the base begins, or ends if ``on`` is False: a contact, a hazard, a stop, a low battery.
 
-    ``what`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: sides, the number of a button, the
+    ``condition`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: sides, the number of a button, the
     reason of a stop, the battery percentage.
     """
 
     event: ClassVar[str] = "reflex"
     tick: int
-    what: str
+    condition: str
     where: str
     on: bool
 
 
 @dataclass(slots=True)
 class FaultRaised(Event):
-    """A part of the robot reports a change of its state: ``what`` is ``offline``, ``online`` or ``fault``."""
+    """A part of the robot reports a change of its state: ``status`` is ``offline``, ``online`` or ``fault``."""
 
     event: ClassVar[str] = "fault"
     part: str
-    what: str
+    status: str
     detail: str
     hint: str = ""
 

@@ -73,8 +73,8 @@ class PartsMonitor:
 
     def on_event(self, event: Event) -> None:
         """Update the battery state from an event."""
-        if isinstance(event, ReflexFired) and event.what in BATTERY_TEXTS:
-            what = frozenset({event.what})
+        if isinstance(event, ReflexFired) and event.condition in BATTERY_TEXTS:
+            what = frozenset({event.condition})
             self._battery = self._battery | what if event.on else self._battery - what
 
     def check(self, now: float) -> tuple[PartStatus, ...]:

@@ -30,7 +30,7 @@ def _drive(arguments: tuple[Any, ...], given: Any) -> CommandValues:
     velocity = arguments[0]
     told = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
     if given != velocity:
-        told |= {"wanted_linear": round(velocity.linear, 4), "wanted_angular": round(velocity.angular, 4)}
+        told |= {"requested_linear": round(velocity.linear, 4), "requested_angular": round(velocity.angular, 4)}
     return told
 
 

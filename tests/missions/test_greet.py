@@ -49,7 +49,7 @@ def test_the_simulated_robot_finds_a_person_tracks_and_greets_them_within_5_degr
     assert isinstance(events[0], Started)
     assert events[-1].as_dict()["result"] == "success"
     # On a loaded machine a device or a tick may be late; what must not be is a device that complains.
-    faults = [event for event in events if isinstance(event, FaultRaised) and event.what == "fault"]
+    faults = [event for event in events if isinstance(event, FaultRaised) and event.status == "fault"]
     assert not [event for event in faults if event.part != "executive"]
     waved = {
         joint for event in events if isinstance(event, CommandSent) and event.to == "arm" for joint in event.values

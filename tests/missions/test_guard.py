@@ -40,7 +40,7 @@ class Watched:
 
     def told(self) -> list[tuple[str, str, bool]]:
         """Return what was told since the last time."""
-        found = [(event.what, event.where, event.on) for event in self.events if isinstance(event, ReflexFired)]
+        found = [(event.condition, event.where, event.on) for event in self.events if isinstance(event, ReflexFired)]
         self.events.clear()
         return found
 

@@ -129,7 +129,7 @@ def test_without_scans_the_base_stands_the_leaf_fails_and_it_is_told(tmp_path: P
     result = ran.run()
     assert result.reason == "the range finder does not report"
     assert 10.0 < result.seconds < 12.5
-    told = [each.detail for each in ran.faults if each.part == "base" and each.what == "fault"]
+    told = [each.detail for each in ran.faults if each.part == "base" and each.status == "fault"]
     assert [each.partition(":")[0] for each in told] == [
         "the range finder's scans are late",
         "the range finder does not report",

@@ -47,7 +47,7 @@ def test_simulated_people_are_heard_through_sound(folder: Path) -> None:
     result = missions.run(folder / "ask.yaml", simulate="wire", world=str(folder / "w.yaml"), listeners=[events.append])
     assert result.result == "success", reasons(events)
     assert said(events) == ["Coffee?", "You said yes please."]
-    assert not [event for event in events if isinstance(event, FaultRaised) and event.what == "fault"]
+    assert not [event for event in events if isinstance(event, FaultRaised) and event.status == "fault"]
 
 
 @pytest.mark.real_time
@@ -59,7 +59,7 @@ def test_without_what_that_needs_their_words_come_as_text_and_that_is_told(
     result = missions.run(folder / "ask.yaml", simulate="wire", world=str(folder / "w.yaml"), listeners=[events.append])
     assert result.result == "success", reasons(events)
     assert said(events) == ["Coffee?", "You said yes please."]
-    (fault,) = (event for event in events if isinstance(event, FaultRaised) and event.what == "fault")
+    (fault,) = (event for event in events if isinstance(event, FaultRaised) and event.status == "fault")
     assert (fault.part, "come as text" in fault.detail) == ("microphone", True)
 
 

@@ -220,7 +220,7 @@ def test_while_paused_the_guard_looks_once_a_second_and_at_once_when_the_base_fe
     gaps = [after - before for before, after in pairwise(quiet)]
     assert gaps == pytest.approx([GUARD_INTERVAL] * 2, abs=1.1 * STOP_POLL_INTERVAL)
     assert (bumped - quiet[0], latched - bumped) == pytest.approx((50 * STOP_POLL_INTERVAL, 2 * STOP_POLL_INTERVAL))
-    assert [event.what for event in driving.events if isinstance(event, ReflexFired)] == ["bumper", "latched"]
+    assert [event.condition for event in driving.events if isinstance(event, ReflexFired)] == ["bumper", "latched"]
     assert driving.moments[-1].kind == "halt"
 
 

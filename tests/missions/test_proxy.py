@@ -199,7 +199,7 @@ def test_commands_are_told_with_what_missions_know_them_by() -> None:
     leafs.screen.mouth(0.5)
     assert told == [
         {"linear": 0.1235, "angular": 0.0},
-        {"linear": 0.1, "angular": 0.0, "wanted_linear": 0.2, "wanted_angular": 0.0},
+        {"linear": 0.1, "angular": 0.0, "requested_linear": 0.2, "requested_angular": 0.0},
         {"linear": 0.0, "angular": 0.0},
         {"latch": "enough"},
         {"enable": True},

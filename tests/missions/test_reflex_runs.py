@@ -38,7 +38,7 @@ class Ran:
         self.twins = runner.twins
 
     def reflexes(self) -> list[tuple[str, str, bool]]:
-        return [(each.what, each.where, each.on) for each in self.events if isinstance(each, ReflexFired)]
+        return [(each.condition, each.where, each.on) for each in self.events if isinstance(each, ReflexFired)]
 
     def commands(self, source: str) -> list[CommandSent]:
         return [each for each in self.events if isinstance(each, CommandSent) and each.source == source]
@@ -90,7 +90,7 @@ def test_a_bump_in_the_middle_of_a_mission_shows_safety_as_the_source_of_command
     ran = Ran(tmp_path, f"selector: [{{{FAR}}}, {{wait: 3 s}}]", {1.0: bump, 1.3: let_go})
     begun, ended = ran.commands("safety")
     assert 1.0 <= begun.t <= 1.1
-    assert begun.values == {"linear": -0.1, "angular": -0.4, "because": "backing off: bumper left"}
+    assert begun.values == {"linear": -0.1, "angular": -0.4, "reason": "backing off: bumper left"}
     assert ended.values == {"linear": 0.0, "angular": 0.0}
     assert ran.reflexes() == [("bumper", "left", True), ("bumper", "left", False)]
 
@@ -114,7 +114,7 @@ def test_a_button_stops_the_base_until_another_enables_it(tmp_path: Path) -> Non
         ("button", "2", False),
     ]
     (stopped,) = ran.commands("safety")
-    assert stopped.values["because"] == reason
+    assert stopped.values["reason"] == reason
     assert ran.result.seconds > 4.0
 
 

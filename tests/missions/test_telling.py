@@ -41,7 +41,7 @@ def test_a_reflex_is_told_with_what_it_does_and_why_and_when_it_is_over(
     teller.on_steering(Steering(Source.SAFETY, back, back, "backing off: bumper right"))
     teller.on_steering(Steering(None, STILL, STILL))
     assert commands(events) == [
-        ("safety", {"linear": -0.1, "angular": 0.4, "because": "backing off: bumper right"}),
+        ("safety", {"linear": -0.1, "angular": 0.4, "reason": "backing off: bumper right"}),
         ("safety", {"linear": 0.0, "angular": 0.0}),
     ]
 
@@ -51,7 +51,7 @@ def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[E
     assert commands(events) == [
         (
             "teleop",
-            {"linear": 0.3, "angular": 0.0, "wanted_linear": 0.7, "wanted_angular": 0.0, "because": "limited"},
+            {"linear": 0.3, "angular": 0.0, "requested_linear": 0.7, "requested_angular": 0.0, "reason": "limited"},
         )
     ]
 
@@ -61,4 +61,4 @@ def test_a_base_that_is_stopped_for_good_is_so_for_safety(events: list[Event], t
     teller.on_steering(Steering(Source.MISSION, ahead, ahead))
     teller.on_steering(Steering(None, STILL, STILL, "button 0 was pressed"))
     teller.on_steering(Steering(None, STILL, STILL))
-    assert commands(events) == [("safety", {"linear": 0.0, "angular": 0.0, "because": "button 0 was pressed"})]
+    assert commands(events) == [("safety", {"linear": 0.0, "angular": 0.0, "reason": "button 0 was pressed"})]

@@ -50,7 +50,7 @@ class Lifting:
         """What was told of the arm so far: kind and words."""
         lines = Path("events.jsonl").read_text().splitlines()
         whole = [line for line in lines if line.endswith("}")]
-        return [(each["what"], each["detail"]) for each in events_of(whole) if each["event"] == "fault"]
+        return [(each["status"], each["detail"]) for each in events_of(whole) if each["event"] == "fault"]
 
     def left(self) -> str:
         """What was printed of joints that could not be relaxed: rest is asked for twice, and told in the same words."""

@@ -200,7 +200,7 @@ def finite(seen: Witness) -> Iterator[str]:
 @invariant("a battery that is critical ends the mission, which may be paused")
 def battery(seen: Witness) -> Iterator[str]:
     """See when that was told, and how long the mission went on, which is longer where no tick comes."""
-    fired = [event for event in seen.events if isinstance(event, ReflexFired) and event.what == "battery_critical"]
+    fired = [event for event in seen.events if isinstance(event, ReflexFired) and event.condition == "battery_critical"]
     told, stalls = [event.t for event in fired], list(held_up(seen))
     for event in fired:
         most = GIVEN_UP + sum(end - start for start, end in stalls if end > event.t)

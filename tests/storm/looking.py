@@ -64,10 +64,10 @@ def returns(seen: Witness, part: str, seconds: float) -> Iterator[float]:
     """Yield when a part came back that was away for longer than some seconds."""
     gone = inf
     for event in seen.events:
-        if isinstance(event, FaultRaised) and event.part == part and event.what in ("offline", "online"):
-            if event.what == "online" and event.t - gone > seconds:
+        if isinstance(event, FaultRaised) and event.part == part and event.status in ("offline", "online"):
+            if event.status == "online" and event.t - gone > seconds:
                 yield event.t
-            gone = event.t if event.what == "offline" else inf
+            gone = event.t if event.status == "offline" else inf
 
 
 def held_up(seen: Witness) -> Iterator[tuple[float, float]]:

@@ -106,7 +106,7 @@ class Witness:
         elif isinstance(event, Ticked):
             running = (leaf for leaf in self.leaves.values() if leaf.status is RUNNING or leaf.is_acting)
             self._claiming = {part for leaf in running for part in leaf.claims}
-        elif isinstance(event, FaultRaised) and event.what == "online":
+        elif isinstance(event, FaultRaised) and event.status == "online":
             self.back.setdefault(event.part, []).append(event.t)
 
     def moment(self, moment: TickRecord) -> None:

@@ -391,5 +391,5 @@ def _last_checkup() -> Json | None:
         return None
     except (OSError, ValueError) as error:
         what = f"cannot be read: {error}"
-        ailing = {"part": "check-up", "about": "its file", "what": what, "verdict": "fault", "cure": "mission doctor"}
+        ailing = {"part": "check-up", "about": "its file", "message": what, "verdict": "fault", "fix": "mission doctor"}
         return {"at": time_of_day().isoformat(timespec="seconds"), "robot": "", "ailing": [ailing]}

@@ -101,7 +101,7 @@ class CaseHistory:
                 self._on_fault_raised(event)
             case ReflexFired():
                 verb = "fires" if event.on else "clears"
-                self._add_event(ObservedEvent(event.t, (event.what,), verb, event.where))
+                self._add_event(ObservedEvent(event.t, (event.condition,), verb, event.where))
             case Logged(level="voice"):
                 self.said.append(event.text)
                 self._add_event(ObservedEvent(event.t, ("robot",), "says", event.text, self._speaker))
@@ -159,13 +159,13 @@ class CaseHistory:
             self._add_event(ObservedEvent(event.t, names, "halts", key=event.node))
 
     def _on_fault_raised(self, event: FaultRaised) -> None:
-        if event.what == "offline":
+        if event.status == "offline":
             self._offline_parts.add(event.part)
-        elif event.what == "online":
+        elif event.status == "online":
             if event.part not in self._offline_parts:  # the first connection is not an event
                 return
             self._offline_parts.discard(event.part)
-        self._add_event(ObservedEvent(event.t, (event.part,), NOTICE_VERBS[event.what], event.detail))
+        self._add_event(ObservedEvent(event.t, (event.part,), NOTICE_VERBS[event.status], event.detail))
 
     def _on_screen_command(self, values: Mapping[str, object]) -> None:
         if "show" in values:

@@ -40,7 +40,7 @@ def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
     assert runner.twins is not None
     runner.twins.timeline.call_at(3.0, lambda: faults.inject("voice unplugged 500 ms"))
     assert runner.run().result == "success"
-    notices = [(event.what, event.t) for event in told if isinstance(event, FaultRaised) and event.t > 1]
+    notices = [(event.status, event.t) for event in told if isinstance(event, FaultRaised) and event.t > 1]
     assert [what for what, _ in notices] == ["offline", "online"]
     assert notices[1][1] - notices[0][1] == pytest.approx(0.5, abs=0.03)
 

@@ -120,9 +120,9 @@ CUT_METADATA = "cut"
 SERIES: Mapping[str, tuple[str, str]] = {
     **{
         f"base.{name}": ("/state/base", name)
-        for name in ("x", "y", "heading", "speed", "turn", "wanted_speed", "wanted_turn")
+        for name in ("x", "y", "heading", "speed", "turn", "requested_speed", "requested_turn")
     },
-    **{f"head.{name}": ("/state/head", name) for name in ("pan", "tilt", "wanted_pan", "wanted_tilt")},
+    **{f"head.{name}": ("/state/head", name) for name in ("pan", "tilt", "requested_pan", "requested_tilt")},
     "battery.percent": ("/state/base", "battery_percent"),
 }
 """Time series for charts, in SI units (battery in percent): topic and field of each."""

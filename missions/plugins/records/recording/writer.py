@@ -133,8 +133,8 @@ class StateSampler:
                 "heading": pose.heading,
                 "speed": state.velocity.linear,
                 "turn": state.velocity.angular,
-                "wanted_speed": wanted.linear,
-                "wanted_turn": wanted.angular,
+                "requested_speed": wanted.linear,
+                "requested_turn": wanted.angular,
                 "given_speed": given.linear,
                 "given_turn": given.angular,
                 "battery_voltage": state.battery_voltage,
@@ -168,8 +168,8 @@ class StateSampler:
                     "quality": quality,
                     "pan": number(pose.pan),
                     "tilt": number(pose.tilt),
-                    "wanted_pan": None if wanted is None else number(wanted.pan),
-                    "wanted_tilt": None if wanted is None else number(wanted.tilt),
+                    "requested_pan": None if wanted is None else number(wanted.pan),
+                    "requested_tilt": None if wanted is None else number(wanted.tilt),
                 },
             )
 

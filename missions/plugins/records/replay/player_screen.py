@@ -143,9 +143,9 @@ def event_text(event: Event) -> str:
         case Notified():
             return f"notice: {event.text}"
         case FaultRaised():
-            return f"! {event.part} {event.what}: {event.detail_without_part}"
+            return f"! {event.part} {event.status}: {event.detail_without_part}"
         case ReflexFired():
-            return f"! {event.what} {event.where}".rstrip() + ("" if event.on else " over")
+            return f"! {event.condition} {event.where}".rstrip() + ("" if event.on else " over")
         case CommandSent() if SHOWN_COMMANDS & set(event.values):
             values = ", ".join(f"{name} {value_text(value)}" for name, value in event.values.items())
             return f"{event.to}: {values}  ({event.source})"

@@ -130,9 +130,9 @@ def reported_faults(record: RunRecord) -> list[FaultRaised]:
     offline_parts: set[str] = set()
     kept = []
     for event in events:
-        if event.what != "online" or event.part in offline_parts:
+        if event.status != "online" or event.part in offline_parts:
             kept.append(event)
-        if event.what == "offline":
+        if event.status == "offline":
             offline_parts.add(event.part)
     return kept
 
@@ -180,13 +180,13 @@ def _busiest_leaf_sentence(lanes: Sequence[Lane], drawing: TreeDrawing) -> Itera
 
 
 def _fault_sentence(record: RunRecord) -> str:
-    found = [fault for fault in reported_faults(record) if fault.what != "online"]
+    found = [fault for fault in reported_faults(record) if fault.status != "online"]
     if not found:
         return "No part of the robot reported a fault."
     first = found[0]
     detail = f": {first.detail_without_part}" if first.detail else ""
     count = count_text(len(found), "fault report")
-    return f"{count}, first at {seconds_text(first.t)}: {first.part} {first.what}{detail}."
+    return f"{count}, first at {seconds_text(first.t)}: {first.part} {first.status}{detail}."
 
 
 def _lateness_sentence(record: RunRecord) -> Iterator[str]:

@@ -31,13 +31,13 @@ def faults_table(record: RunRecord, slider: SliderTimes) -> Markup:
     rows: list[LogRow] = [
         (
             event.t,
-            f"{'✓' if event.what == 'online' else '!'} {event.part} {event.what}",
+            f"{'✓' if event.status == 'online' else '!'} {event.part} {event.status}",
             "\n".join(filter(None, (event.detail_without_part, event.hint and f"try: {event.hint}"))),
         )
         for event in reported_faults(record)
     ]
     rows += [
-        (event.t, event.what.replace("_", " "), f"{event.where} {'' if event.on else '(ended)'}".strip())
+        (event.t, event.condition.replace("_", " "), f"{event.where} {'' if event.on else '(ended)'}".strip())
         for event in record.events
         if isinstance(event, ReflexFired)
     ]

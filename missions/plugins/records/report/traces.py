@@ -168,13 +168,13 @@ class BaseRoute:
 def make_charts(record: RunRecord, errors: Sequence[TrackingError], begin: float = 0.0) -> list[Chart]:
     """Return the charts of a record from ``begin`` (s) on; constant values have no chart."""
     found = [
-        _requested_and_measured("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float, begin),
-        _requested_and_measured("turn", "Turn rate", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
+        _requested_and_measured("speed", "Speed", "m/s", record, "base.requested_speed", "base.speed", float, begin),
+        _requested_and_measured("turn", "Turn rate", "°/s", record, "base.requested_turn", "base.turn", degrees, begin),
         _requested_and_measured(
-            "pan", "Head pan (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin
+            "pan", "Head pan (left is +)", "°", record, "head.requested_pan", "head.pan", degrees, begin
         ),
         _requested_and_measured(
-            "tilt", "Head tilt (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin
+            "tilt", "Head tilt (down is +)", "°", record, "head.requested_tilt", "head.tilt", degrees, begin
         ),
         Chart(
             "tracking",

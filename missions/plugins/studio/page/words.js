@@ -46,7 +46,7 @@ const RATE = ["°/s", DEGREES, 0];
 const SPEED = ["m/s", 1, 2];
 const COUNT = ["", 1, 0];
 const SIZES = { x: METRES, y: METRES, nearest: METRES, distance: METRES, heading: ANGLE, pan: ANGLE, tilt: ANGLE, roll: ANGLE, pitch: ANGLE, yaw: ANGLE,
-  bearing: ANGLE, speed: SPEED, linear: SPEED, wanted_linear: SPEED, turn: RATE, angular: RATE, wanted_angular: RATE, battery: ["%", 1, 0], hottest: ["°C", 1, 0], joints: COUNT, moving: COUNT };
+  bearing: ANGLE, speed: SPEED, linear: SPEED, requested_linear: SPEED, turn: RATE, angular: RATE, requested_angular: RATE, battery: ["%", 1, 0], hottest: ["°C", 1, 0], joints: COUNT, moving: COUNT };
 
 /** Return a value with its name and unit, "speed 0.25 m/s"; a count as "6 joints". */
 export function sized(name, value) {
@@ -68,8 +68,8 @@ export function result_text(result, reason) {
 const LINES = {
   started: (e) => ["", `${e.mission} starts on ${e.robot}`],
   ended: (e) => [e.result === "success" ? "good" : "bad", `${e.mission} ended: ${e.result}${e.reason ? `, ${e.reason}` : ""}`],
-  reflex: (e) => [e.on ? "warn" : "", `${plain(e.what)}${e.where ? ` (${e.where})` : ""}${e.on ? "" : " cleared"}`],
-  fault: (e) => [e.what === "online" ? "" : "bad", `${e.part}: ${e.what === "online" ? "connected" : e.detail || e.what}${e.hint ? `. Try: ${e.hint}` : ""}`],
+  reflex: (e) => [e.on ? "warn" : "", `${plain(e.condition)}${e.where ? ` (${e.where})` : ""}${e.on ? "" : " cleared"}`],
+  fault: (e) => [e.status === "online" ? "" : "bad", `${e.part}: ${e.status === "online" ? "connected" : e.detail || e.status}${e.hint ? `. Try: ${e.hint}` : ""}`],
   notice: (e) => ["warn", `notice: ${e.text}`],
   command: (e) => ["", `${e.to}: ${Object.entries(e.values ?? {}).map(([name, value]) => sized(name, value)).join(", ")}`],
 };

@@ -48,14 +48,14 @@ def test_what_was_wanted_is_told_for_as_long_as_a_command_holds() -> None:
         (1.0, [state(1.0), drive(0.5, 0.3)]), (1.2, [state(1.2)]), (1.4, [state(1.4)]), (1.5, [state(1.5), drive(1, 1)])
     )
     wanted = [
-        (figure.data["wanted_speed"], figure.data["given_speed"]) for figure in told if figure.topic == "/state/base"
+        (figure.data["requested_speed"], figure.data["given_speed"]) for figure in told if figure.topic == "/state/base"
     ]
     assert wanted == [(0.5, 0.3), (0.5, 0.3), (0.0, 0.0), (1, 1)]
 
 
 def test_a_stop_ends_what_was_wanted() -> None:
     told = figures((1.0, [drive(0.5, 0.5), ("base", "stop", (None,), None), state(1.0)]))
-    assert [figure.data["wanted_speed"] for figure in told if figure.topic == "/state/base"] == [0.0]
+    assert [figure.data["requested_speed"] for figure in told if figure.topic == "/state/base"] == [0.0]
 
 
 def test_a_place_that_is_no_number_is_no_frame() -> None:
@@ -66,7 +66,7 @@ def test_a_head_is_told_with_where_it_is_to_look() -> None:
     pose = Reading(HeadPose(0.1, 0.2), 1.0, Quality.GOOD)
     told = figures((1.0, [("head", "pose", (), pose), ("head", "look", (HeadPose(9.0, 0.0),), HeadPose(1.0, 0.0))]))
     (head,) = (figure.data for figure in told if figure.topic == "/state/head")
-    assert (head["pan"], head["tilt"], head["wanted_pan"], head["wanted_tilt"]) == (0.1, 0.2, 1.0, 0.0)
+    assert (head["pan"], head["tilt"], head["requested_pan"], head["requested_tilt"]) == (0.1, 0.2, 1.0, 0.0)
 
 
 def test_another_head_turns_no_camera() -> None:

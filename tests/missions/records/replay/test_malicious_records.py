@@ -232,13 +232,13 @@ def of_figures() -> Iterator[tuple[str, dict[str, Any]]]:
     for name, value in (("tick", "7"), ("spent", "inf"), ("late", "nan"), ("kind", []), ("tick", float("nan"))):
         yield f"a tick with {name} {value}", {"raw": [raw("/moments", {**tick, name: value})]}
     base = {"t": 1.0, "quality": "good", "battery_percent": 80.0} | dict.fromkeys(
-        ("x", "y", "heading", "speed", "turn", "wanted_speed", "wanted_turn"), 0.0
+        ("x", "y", "heading", "speed", "turn", "requested_speed", "requested_turn"), 0.0
     )
     for value in (1e308, -1e308, many):
         yield f"a base at {str(value)[:9]}", {"raw": [
             raw("/state/base", base),
-            raw("/state/base", {**base, "x": value, "heading": value, "wanted_turn": value, "battery_percent": value}),
-            raw("/state/base", {**base, "x": -value, "wanted_turn": -value}),
+            raw("/state/base", {**base, "x": value, "heading": value, "requested_turn": value, "battery_percent": value}),
+            raw("/state/base", {**base, "x": -value, "requested_turn": -value}),
         ]}  # fmt: skip
     yield (
         "an end of many digits",

@@ -72,7 +72,7 @@ def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path:
 
 
 def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: RecordStudy) -> None:
-    assert [(event.part, event.what) for event in reported_faults(found.record)] == [
+    assert [(event.part, event.status) for event in reported_faults(found.record)] == [
         ("base", "offline"),
         ("base", "online"),
     ]
