@@ -8,7 +8,7 @@ from dataclasses import field
 
 from drivers.api.fast_dataclass import dataclass
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """Version of the record format; readers refuse any other."""
 
 VERSIONS_METADATA = "missiontree"

@@ -169,9 +169,9 @@ def pipe(path: Path) -> Path:
         (foreign, "an MCAP file, but not a record of MissionTree (written by ros2 and "),
         (
             newer,
-            "record format 3; this version reads only format 2\n  try: pip install --upgrade ",
+            "record format 4; this version reads only format 3\n  try: pip install --upgrade ",
         ),
-        (older, "record format 1; this version reads only format 2\n  try: record the mission again"),
+        (older, "record format 2; this version reads only format 3\n  try: record the mission again"),
         (folder, "cannot be read: Is a directory"),
         (pipe, "no such record file"),
         (lambda path: path, "cannot be read: No such file or directory"),

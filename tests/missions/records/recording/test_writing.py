@@ -127,23 +127,23 @@ BYTES = {
     "foxglove.Log": "21c8b8273df114f1",
     "foxglove.PoseInFrame": "d82826249cd36d0a",
     "missiontree.ArmState": "16e900167d89691c",
-    "missiontree.BaseState": "875f6f855fb8369b",
+    "missiontree.BaseState": "5c4ea884a9da2e9d",
     "missiontree.CommandSent": "bfcad541e70b5862",
     "missiontree.DeviceStates": "854e92ab337e78c7",
     "missiontree.Ended": "6650796735c65e29",
-    "missiontree.FaultRaised": "5488315a5facdf7a",
+    "missiontree.FaultRaised": "65031d8e16eb1eb0",
     "missiontree.Feedback": "d021b5c755896bc5",
-    "missiontree.HeadState": "4272e3f8f78455db",
+    "missiontree.HeadState": "c9c0fb68531d442f",
     "missiontree.Lost": "c7a72e226d97131f",
     "missiontree.Mission": "799ed6aa2d9cf79b",
     "missiontree.Moment": "e7c19d3deaf3ea07",
     "missiontree.NodeChanged": "3fd8537f5bc38c10",
     "missiontree.Notified": "95aea8105336e59f",
-    "missiontree.ReflexFired": "bcba3b6ebcd2ff33",
+    "missiontree.ReflexFired": "72510a59f37352d8",
     "missiontree.VariableSet": "6af26b682581de33",
     "missiontree.View": "fabf6043e9694d2b",
 }
-"""The beginnings of the SHA-256 of the schemas in records of format 2."""
+"""The beginnings of the SHA-256 of the schemas in records of format 3."""
 
 
 @pytest.mark.parametrize("name", BYTES)
