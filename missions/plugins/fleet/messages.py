@@ -150,7 +150,7 @@ class ListPeers(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepTask(FleetRequest):
-    """Keep a task, and assign it to the robot ``on`` (or `any`) that meets ``where``; idempotent by the task's ID."""
+    """Manage a task, and assign it to the robot ``on`` (or `any`) that meets ``where``; idempotent by the task's ID."""
 
     word: ClassVar[str] = "keep"
     task: str

@@ -230,7 +230,7 @@ def _arguments(box: TreeBox) -> Iterator[str]:
 
 
 def _reasons(box: TreeBox) -> Iterator[str]:
-    """Yield the reason of the status, its age, and additions of the modifiers."""
+    """Yield the reason of the status, its age, and the messages of the modifiers."""
     if box.reason:
         yield box.reason
     if box.since is not None:

@@ -335,4 +335,5 @@ def _tooltip_lines(box: TreeBox) -> Iterator[str]:
 def _band_path(x: int, y: int, high: int) -> str:
     """Return the SVG path of the left end of a card, which holds its symbol."""
     flat, down = BAND_WIDTH - CORNER_RADIUS, high - 2 * CORNER_RADIUS
-    return f"M{x + BAND_WIDTH} {y}h-{flat}q-{CORNER_RADIUS} 0 -{CORNER_RADIUS} {CORNER_RADIUS}v{down}q0 {CORNER_RADIUS} {CORNER_RADIUS} {CORNER_RADIUS}h{flat}z"
+    r = CORNER_RADIUS
+    return f"M{x + BAND_WIDTH} {y}h-{flat}q-{r} 0 -{r} {r}v{down}q0 {r} {r} {r}h{flat}z"

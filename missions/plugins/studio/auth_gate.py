@@ -72,7 +72,7 @@ class AuthGate:
             await refusal(scope, receive, _add_headers(send, {**HEADERS, "Connection": "close"}))
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """Return the answer that refuses a request for its headers or address, or None."""
+        """Return an error response if the request's address or headers are not allowed, else None."""
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._is_own_host(hosts[0]):

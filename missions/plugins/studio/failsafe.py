@@ -13,7 +13,7 @@ Json = dict[str, object]
 
 
 def answer_failsafe(command: ClientCommand) -> Json:
-    """Answer `failsafe`. Raises BadMessage for an unknown choice."""
+    """Return the answer to `failsafe`. Raises BadMessage for an unknown choice."""
     query = command if isinstance(command, FailsafeQuery) else FailsafeQuery()
     chosen = {name: getattr(query, name) or words[0] for name, words in CHOICES.items()}
     for name, word in chosen.items():

@@ -178,7 +178,7 @@ def check_name(kind: str, name: str) -> str:
 
 
 def answer_library(command: ClientCommand) -> Json:
-    """Answer `library`."""
+    """Return the answer to the command `library`."""
     known = {kind: _shipped_files(kind) for kind in ENTRY_MAKERS}
     faults: list[str] = []
     own = {kind: _own_files(kind, known[kind], faults) for kind in ENTRY_MAKERS}
@@ -215,7 +215,7 @@ def _option_json(option: Option) -> Json:
 
 
 def answer_mission(command: ClientCommand) -> Json:
-    """Answer `mission`."""
+    """Return the answer to the command `mission`."""
     name = check_name("missions", command.name if isinstance(command, MissionQuery) else "")
     found = load_with_behaviours(name)
     return {
@@ -231,7 +231,7 @@ def answer_mission(command: ClientCommand) -> Json:
 
 
 def answer_world(command: ClientCommand) -> Json:
-    """Answer `world`."""
+    """Return the answer to the command `world`."""
     name = check_name("worlds", command.name if isinstance(command, WorldQuery) else "")
     config = load_world(find_file("worlds", name))
     built = build_world(config)

@@ -35,7 +35,7 @@ PART_FIGURES: Mapping[str, Mapping[str, str]] = {
 
 
 def answer_moment(command: ClientCommand) -> Json:
-    """Answer `moment`."""
+    """Return the answer to the command `moment`."""
     if not isinstance(command, MomentQuery):
         raise TypeError(command.word)
     opened, time = ChunkedRecord(path_of(command.name)), command.t

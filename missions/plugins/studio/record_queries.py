@@ -43,7 +43,7 @@ MAX_WHOLE_BYTES = 200_000_000
 
 
 def answer_records(command: ClientCommand) -> Json:
-    """Answer `records`."""
+    """Return the answer to the command `records`."""
     del command
     return {
         "folder": str(studio_records_folder()),
@@ -52,7 +52,7 @@ def answer_records(command: ClientCommand) -> Json:
 
 
 def answer_record(command: ClientCommand) -> Json:
-    """Answer `record`."""
+    """Return the answer to the command `record`."""
     if not isinstance(command, studio_commands.RecordQuery):
         raise TypeError(command.word)
     opened = ChunkedRecord(path_of(command.name))
@@ -79,7 +79,7 @@ def render_report(name: str) -> str:
 
 
 def answer_compare(command: ClientCommand) -> Json:
-    """Answer `compare`."""
+    """Return the answer to the command `compare`."""
     if not isinstance(command, studio_commands.CompareRecords):
         raise TypeError(command.word)
     names = command.name, command.other

@@ -157,7 +157,7 @@ TASK_TIMEOUT = 30.0
 
 
 def answer_tasks(command: ClientCommand) -> Json:
-    """Answer `tasks`."""
+    """Return the answer to the command `tasks`."""
     ended = isinstance(command, TasksQuery) and command.ended
     path, now = queue_file(state_folder()), wall_clock()
     if not path.exists():
@@ -170,7 +170,7 @@ def answer_tasks(command: ClientCommand) -> Json:
 
 
 def answer_add_task(command: ClientCommand) -> Json:
-    """Answer `add_task` with `mission task add`, which checks the mission for its robot."""
+    """Return the answer to `add_task`, added with `mission task add`, which checks the mission for its robot."""
     if not isinstance(command, AddTask):
         raise TypeError(command.word)
     check_names(command)
@@ -184,12 +184,12 @@ def answer_add_task(command: ClientCommand) -> Json:
 
 
 def answer_cancel_task(command: ClientCommand) -> Json:
-    """Answer `cancel_task`."""
+    """Return the answer to the command `cancel_task`."""
     return {"message": _run_task_command("remove", str(command.task if isinstance(command, CancelTask) else 0))}
 
 
 def answer_approve_task(command: ClientCommand) -> Json:
-    """Answer `approve_task`."""
+    """Return the answer to the command `approve_task`."""
     return {
         "message": _run_task_command("approve", f"--by={command.by}", str(command.task))
         if isinstance(command, ApproveTask)
@@ -198,7 +198,7 @@ def answer_approve_task(command: ClientCommand) -> Json:
 
 
 def answer_move_task(command: ClientCommand) -> Json:
-    """Answer `move_task`."""
+    """Return the answer to the command `move_task`."""
     if not isinstance(command, MoveTask):
         raise TypeError(command.word)
     return {"message": _run_task_command("move", f"--priority={command.priority}", "--", str(command.task))}

@@ -72,7 +72,7 @@ PERSON_TIMEOUT = 30.0
 async def add_person(
     command: AddPerson, sent_pictures: Sequence[bytes], feed: RunFeed | None = None, robot: str = ""
 ) -> Mapping[str, object]:
-    """Answer `add_person`; with the people of the library's ``robot`` if it has one, otherwise the user's."""
+    """Return the answer to `add_person`. Passes ``robot`` on if it is one of the library."""
     try:
         proper_name(command.name)  # an invalid name is reported before any picture is taken
     except PeopleError as error:

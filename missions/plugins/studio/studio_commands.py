@@ -188,7 +188,7 @@ class FleetQuery(ClientCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopFleet(ClientCommand):
-    """Stop all robots of the fleet, latched; returns each confirmation, and the robots that are `silent`."""
+    """Stop all robots of the fleet, latched; returns each robot's confirmation, and the `silent` robots."""
 
     word: ClassVar[str] = "stop_fleet"
     role: ClassVar[Role] = "viewer"
@@ -196,7 +196,7 @@ class StopFleet(ClientCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleaseFleet(ClientCommand):
-    """Release that stop for one robot, or for all."""
+    """Release the stop of the fleet for one robot, or for all."""
 
     word: ClassVar[str] = "release_fleet"
     robot: Annotated[str, "Robot: name, or name/number; empty for all.", Bound(high=60)] = ""

@@ -148,7 +148,7 @@ class FaultInjector:
                 base.press(_sides(felt, "bumped"), cliff=_sides(felt, "cliff"), buttons=buttons)
 
     def _drive_by_hand(self, base: BaseTwin) -> None:
-        """Drive the base as a person who holds a key, while any such fault lasts."""
+        """Repeat the velocity command of a simulated person until the last fault of this kind ends."""
         if self._hand_count:
             with suppress(DriverError):  # unplugged, or latched: the person tries again
                 base.drive(HAND_VELOCITY, source=Source.TELEOP)

@@ -335,7 +335,7 @@ class ModelState:
 
 
 class MissionModel:
-    """A mission ready to be explored."""
+    """Executable model of a mission: ticks and halts it, and saves and restores its complete state."""
 
     def __init__(self, plan: Plan, sensor_timeout: float = SENSOR_TIMEOUT) -> None:
         self.oracle = Oracle()

@@ -190,7 +190,7 @@ class RuleMonitor:
     # --- called by the stand-ins and the nodes ------------------------------------------------------------------------
 
     def on_status_change(self, node: Node) -> None:
-        """Handle a node's new status; the observer of the run."""
+        """Handle a node's new status: the observer callback of the run."""
         self.changes.append((node, node.status))
         if node.status is not IDLE and self.oracle.all_sensors_report:
             self.reached.add(node)

@@ -127,7 +127,7 @@ def crossing_path(time: float) -> float:
 
 
 def swinging_path(period: float) -> Callable[[float], float]:
-    """Return the path of a face that swings by 10 degrees to both sides with a period in seconds."""
+    """Return the path of a face that swings by 10 degrees to both sides, once per ``period`` seconds."""
 
     def path(time: float) -> float:
         return SWING_AMPLITUDE * sin(2 * pi * time / period)
