@@ -68,9 +68,9 @@ class _SideCondition(BaseCondition):
     noun: str
 
     def judge(self, state: BaseState) -> Status:
-        felt = self.sensor_sides(state)
-        on = bool(felt) if self.side == "any" else getattr(felt, self.side)
-        self.feedback_message = f"{self.noun} {felt}" if felt else f"no {self.noun}"
+        sides = self.sensor_sides(state)
+        on = bool(sides) if self.side == "any" else getattr(sides, self.side)
+        self.feedback_message = f"{self.noun} {sides}" if sides else f"no {self.noun}"
         return SUCCESS if on else self.fail(self.feedback_message)
 
     @abstractmethod

@@ -16,9 +16,9 @@ def scan_points(scan: RangeScan, place: tuple[float, float, float]) -> Points:
     """Return the points of a scan, for a range finder at ``place`` (x, y, heading), at the time of the scan."""
     ahead, left, _ = place
     return [
-        (ahead + far * math.cos(bearing), left + far * math.sin(bearing))
-        for far, bearing in zip(scan.ranges.tolist(), scan.bearings().tolist(), strict=True)
-        if math.isfinite(far)
+        (ahead + distance * math.cos(bearing), left + distance * math.sin(bearing))
+        for distance, bearing in zip(scan.ranges.tolist(), scan.bearings().tolist(), strict=True)
+        if math.isfinite(distance)
     ]
 
 
@@ -78,5 +78,5 @@ class ObstacleView:
             self._scan, self._points = scan, scan_points(scan, ranger.place)
         heading = self._robot.base.heading_at(scan.stamp)
         turn = 0.0 if heading is None else state.pose.heading - heading
-        gone = state.velocity.linear * max(0.0, now - scan.stamp)
-        return [(x - gone, y) for x, y in rotate_points(self._points, turn)]
+        moved = state.velocity.linear * max(0.0, now - scan.stamp)
+        return [(x - moved, y) for x, y in rotate_points(self._points, turn)]

@@ -137,16 +137,18 @@ class _HeadTurnLeaf(Leaf):
         # Said at every tick: a head that was gone for a moment has forgotten where to look.
         goal = self.robot.head.look(target)
         reading = self.robot.head.pose()
-        there = self._arrival(reading, goal, self.run.now())
+        is_there = self._arrival(reading, goal, self.run.now())
         clamped = pose_difference(goal, target) > ARRIVAL_TOLERANCE
-        wanted = f"{pose_text(goal)}, the limit for {pose_text(target)}" if clamped else pose_text(goal)
+        goal_text = f"{pose_text(goal)}, the limit for {pose_text(target)}" if clamped else pose_text(goal)
         if self._arrival.stuck and reading.value is not None:
-            return self.fail(f"the head rests at {pose_text(reading.value)} and does not reach {wanted}")
-        if not there:
-            here = "the head is on its way" if reading.value is None else f"the head is at {pose_text(reading.value)}"
-            return self.wait(f"{here}, on its way to {wanted}")
+            return self.fail(f"the head rests at {pose_text(reading.value)} and does not reach {goal_text}")
+        if not is_there:
+            position_text = (
+                "the head is on its way" if reading.value is None else f"the head is at {pose_text(reading.value)}"
+            )
+            return self.wait(f"{position_text}, on its way to {goal_text}")
         self.result = reading.value
-        self.feedback_message = f"looks at {wanted}{unmeasured_note(self.robot.head)}"
+        self.feedback_message = f"looks at {goal_text}{unmeasured_note(self.robot.head)}"
         return SUCCESS
 
     def on_pause(self) -> None:

@@ -84,22 +84,22 @@ class _HeadGesture(_HeadSwing):
             self._swing_angle = max(self._swing_angle, abs(getattr(here.value, self.axis) - getattr(home, self.axis)))
 
     def update(self) -> Status:
-        home = self.start_pose()
-        if home is None:
+        start = self.start_pose()
+        if start is None:
             return self.wait("the head has not reported its pose yet")
-        middle, amplitude = self.swing_range(home, self.axis)
+        middle, amplitude = self.swing_range(start, self.axis)
         # No head turns sooner than it can come from side to side.
         half = max(self.period / 2, self.robot.head.limits.time_for(2 * amplitude))
         turns = int(self.swing_time / half)
-        self._measure_swing(home)
+        self._measure_swing(start)
         if turns < 2 * self.times:
-            self.turn(home, self.axis, middle + (amplitude if turns % 2 == 0 else -amplitude))
+            self.turn(start, self.axis, middle + (amplitude if turns % 2 == 0 else -amplitude))
             return self.wait(f"{turns // 2 + 1} of {self.times}")
-        goal, reading = self.robot.head.look(home), self.robot.head.pose()
+        goal, reading = self.robot.head.look(start), self.robot.head.pose()
         if self._arrival(reading, goal, self.run.now()):
             if self.robot.head.limits.measured and self._swing_angle < amplitude / 2:
-                far = f"{math.degrees(self._swing_angle):.1f} of {math.degrees(amplitude):.1f} deg"
-                return self.fail(f"the head turned by {far} only; is it blocked?")
+                angle_text = f"{math.degrees(self._swing_angle):.1f} of {math.degrees(amplitude):.1f} deg"
+                return self.fail(f"the head turned by {angle_text} only; is it blocked?")
             if note := unmeasured_note(self.robot.head):
                 self.feedback_message = f"back at {pose_text(goal)}{note}"
             return SUCCESS
@@ -156,14 +156,14 @@ class SweepHead(_HeadSwing):
     period: float = argument("duration", "duration of one cycle", default=8.0, low=0.5)
 
     def update(self) -> Status:
-        home, axis = self.start_pose(), "tilt" if self.vertical else "pan"
-        if home is None:
+        start, axis = self.start_pose(), "tilt" if self.vertical else "pan"
+        if start is None:
             return self.wait("the head has not reported its pose yet")
-        middle, amplitude = self.swing_range(home, axis)
+        middle, amplitude = self.swing_range(start, axis)
         limits = self.robot.head.limits
         # The steepest and the sharpest point of a sine are amplitude * w and amplitude * w**2.
         fastest = min(limits.speed / amplitude, math.sqrt(limits.acceleration / amplitude))
         rate = min(2 * math.pi / self.period, fastest)
-        self.turn(home, axis, middle + amplitude * math.sin(rate * self.swing_time))
+        self.turn(start, axis, middle + amplitude * math.sin(rate * self.swing_time))
         here = self.robot.head.pose().value
         return self.wait("" if here is None else f"at {pose_text(here)}")

@@ -58,7 +58,9 @@ class Argument:
 def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  # noqa: A002 - as argparse and click
     """Declare an argument of a leaf, as a class attribute.
 
-    ``speed: float = argument("speed", "maximum speed", default=0.2)``. When the leaf starts, the attribute holds the value: SI floats for quantities, a pair for a span, a mapping for
+    ``speed: float = argument("speed", "maximum speed", default=0.2)``.
+
+    When the leaf starts, the attribute holds the value: SI floats for quantities, a pair for a span, a mapping for
     values by joint, a tuple of names for joints. For phrases it is a mapping from the normalised to the written form.
     ``name`` is the name in missions if the attribute cannot have it; every node has the attribute ``name``, for
     example.
@@ -140,9 +142,9 @@ class JointRanges:
         names = list(names)
         groups = [name for name in names if name in self.groups]
         missing = [f"'{name}'{_similar_name(name, self.joints)}" for name in names if name not in self.groups]
-        told = [f"'{name}' is a group of joints, and here each needs its own angle" for name in groups]
+        errors = [f"'{name}' is a group of joints, and here each needs its own angle" for name in groups]
         joints = "joint" if len(missing) == 1 else "joints"
-        return [*told, *([f"the {self.name} has no {joints} {', '.join(missing)}"] if missing else [])]
+        return [*errors, *([f"the {self.name} has no {joints} {', '.join(missing)}"] if missing else [])]
 
 
 def _similar_name(name: str, known: Iterable[str]) -> str:

@@ -75,17 +75,17 @@ class _AnyJoint(Leaf):
 
     def update(self) -> Status:
         states, names = self.robot.arm.states(), self.robot.joint_ranges.resolve(self.joints)
-        known = {name: states[name].value for name in names if states[name].good}
-        felt = {name: state for name, state in known.items() if state is not None}
-        found = [name for name, state in felt.items() if self.holds(state)]
+        readings = {name: states[name].value for name in names if states[name].good}
+        known_states = {name: state for name, state in readings.items() if state is not None}
+        found = [name for name, state in known_states.items() if self.holds(state)]
         if found:
-            self.feedback_message = ", ".join(f"{name} {self.state_text(felt[name])}" for name in found)
+            self.feedback_message = ", ".join(f"{name} {self.state_text(known_states[name])}" for name in found)
             self.result = found
             return SUCCESS
-        if silent := [name for name in names if name not in felt]:
+        if silent := [name for name in names if name not in known_states]:
             return self.suspend(f"joint {silent[0]}")
-        most = max(felt, key=lambda name: self.rank(felt[name]))
-        return self.fail(f"{most} {self.state_text(felt[most])}")
+        most = max(known_states, key=lambda name: self.rank(known_states[name]))
+        return self.fail(f"{most} {self.state_text(known_states[most])}")
 
 
 class JointHot(_AnyJoint):
@@ -228,10 +228,10 @@ class MoveJoints(Leaf):
         """Return how far a joint is from its goal, as text."""
         at, goal = positions(self.robot.arm).get(joint), self.to[joint]
         detail = self.robot.arm.health().detail
-        why = f" ({detail})" if joint in detail else ""
+        suffix = f" ({detail})" if joint in detail else ""
         if at is None:
-            return f"{joint} does not report{why}"
-        return f"{joint} stopped {degrees_text(abs(goal - at))} short of {degrees_text(goal)}{why}"
+            return f"{joint} does not report{suffix}"
+        return f"{joint} stopped {degrees_text(abs(goal - at))} short of {degrees_text(goal)}{suffix}"
 
     def on_pause(self) -> None:
         if self._goals is not None:
@@ -283,10 +283,10 @@ class Torque(Leaf):
         ]
         if not wrong:
             return SUCCESS
-        wanted = "stiff" if self.stiff else "limp"
+        target = "stiff" if self.stiff else "limp"
         if now - self._begun_at > CONFIRMATION_TIMEOUT:
-            return self.fail(f"{', '.join(wrong)} did not become {wanted}")
-        return self.wait(f"waiting for {', '.join(wrong)} to be {wanted}")
+            return self.fail(f"{', '.join(wrong)} did not become {target}")
+        return self.wait(f"waiting for {', '.join(wrong)} to be {target}")
 
     def on_pause(self) -> None:
         pass  # nothing moves, and a joint that was made limp is not to stiffen in a hand

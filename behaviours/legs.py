@@ -106,17 +106,17 @@ class WalkLeaf(WalkMotion):
         if self._at is not None:  # piece by piece, for it may be a curve
             self._distance_gone += distance_along(self._at, state.pose)
         self._at = state.pose
-        gone = self.result = self._distance_gone
+        walked = self.result = self._distance_gone
         if self.distance is not None and self.velocity == 0.0:
             return self.fail("the velocity is 0")
         if self.distance is None:
-            return self.steer(Velocity(self.velocity, self.turn), f"{gone:.2f} m")
-        way = math.copysign(1.0, self.distance)
-        left = (self.distance - gone) * way
-        speed = self.approach_speed(left, abs(self.velocity), state.velocity.linear, slowest=MIN_WALK_SPEED)
+            return self.steer(Velocity(self.velocity, self.turn), f"{walked:.2f} m")
+        direction = math.copysign(1.0, self.distance)
+        remaining = (self.distance - walked) * direction
+        speed = self.approach_speed(remaining, abs(self.velocity), state.velocity.linear, slowest=MIN_WALK_SPEED)
         if speed == 0.0:
             return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
-        return self.steer(Velocity(way * speed, self.turn), f"{gone:.2f} of {self.distance:.2f} m")
+        return self.steer(Velocity(direction * speed, self.turn), f"{walked:.2f} of {self.distance:.2f} m")
 
 
 class TurnInPlace(WalkMotion):
@@ -143,14 +143,14 @@ class TurnInPlace(WalkMotion):
         return MotionDirection.ROUND
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
-        turned = self.result = state.pose.heading - start.heading
-        way = math.copysign(1.0, self.angle)
-        left = (self.angle - turned) * way
-        speed = self.approach_speed(left, self.speed, state.velocity.angular, slowest=MIN_TURN_RATE)
+        angle = self.result = state.pose.heading - start.heading
+        direction = math.copysign(1.0, self.angle)
+        remaining = (self.angle - angle) * direction
+        speed = self.approach_speed(remaining, self.speed, state.velocity.angular, slowest=MIN_TURN_RATE)
         if speed == 0.0:
             return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
-        doing = f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg"
-        return self.steer(Velocity(0.0, way * speed), doing)
+        activity = f"{math.degrees(angle):.0f} of {math.degrees(self.angle):.0f} deg"
+        return self.steer(Velocity(0.0, direction * speed), activity)
 
 
 class Fallen(BaseCondition):

@@ -77,17 +77,21 @@ class _LeaderFollowerLeaf(Leaf):
         if joint_violations := self.joint_violations(reach):
             return self.fail("; ".join(joint_violations))
         couplings = self.couplings(reach)
-        led = _known_states(self.robot.arm)
-        leading = led if self.other_leader_arm is None else _known_states(self._leading_arm)
-        if silent := self._silent_joints(couplings, leading, led):
+        follower_states = _known_states(self.robot.arm)
+        leader_states = follower_states if self.other_leader_arm is None else _known_states(self._leading_arm)
+        if silent := self._silent_joints(couplings, leader_states, follower_states):
             self._following = False
             if trouble := self._wait_timeout_reason(silent):
                 return self.fail(trouble)
             return self.wait(f"waiting for {', '.join(silent)} to report")
-        if blocked := [led[each.follower].blocked for each in couplings if led[each.follower].blocked]:
+        if blocked := [
+            follower_states[each.follower].blocked for each in couplings if follower_states[each.follower].blocked
+        ]:
             return self.fail("; ".join(blocked))
-        self._at = {each: (leading[each.leader].position, led[each.follower].position) for each in couplings}
-        stiff = tuple(dict.fromkeys(each.leader for each in couplings if leading[each.leader].torque))
+        self._at = {
+            each: (leader_states[each.leader].position, follower_states[each.follower].position) for each in couplings
+        }
+        stiff = tuple(dict.fromkeys(each.leader for each in couplings if leader_states[each.leader].torque))
         if not self._couplings:
             self._couplings, self._stiff = couplings, stiff
             if self.other_leader_arm is not None:
@@ -95,7 +99,7 @@ class _LeaderFollowerLeaf(Leaf):
         now = self.run.now()
         held = self._seen_at is None or now - self._seen_at > MAX_STEP_TIME
         self._seen_at = now
-        limp = [each.follower for each in couplings if not led[each.follower].torque]
+        limp = [each.follower for each in couplings if not follower_states[each.follower].torque]
         if held or not limp or not self.is_leading:
             self._stiff_at = now
         elif now - self._stiff_at > LIMP_TIMEOUT:
@@ -108,22 +112,27 @@ class _LeaderFollowerLeaf(Leaf):
     def _wait_timeout_reason(self, silent: list[str]) -> str:
         """Return the reason if ``silent`` joints have not reported in time, else an empty text."""
         mark = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
-        led = [name for name in silent if not mark or not name.startswith(mark)]
-        leading = [name for name in silent if name not in led]
-        for arm, wait, names in zip((self.robot.arm, self._leading_arm), self._waits, (led, leading), strict=True):
+        followers = [name for name in silent if not mark or not name.startswith(mark)]
+        leaders = [name for name in silent if name not in followers]
+        for arm, wait, names in zip(
+            (self.robot.arm, self._leading_arm), self._waits, (followers, leaders), strict=True
+        ):
             if names and (trouble := wait.timeout_reason(arm, names, self.run.now())):
                 return trouble
         return ""
 
     def _silent_joints(
-        self, couplings: tuple[Coupling, ...], leading: Mapping[str, JointState], led: Mapping[str, JointState]
+        self,
+        couplings: tuple[Coupling, ...],
+        leader_states: Mapping[str, JointState],
+        follower_states: Mapping[str, JointState],
     ) -> list[str]:
         """Return the joints that do not report; leaders of another arm are prefixed with the name of the arm."""
         of = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
         silent = []
         for each in couplings:
-            silent += [] if each.leader in leading else [f"{of}{each.leader}"]
-            silent += [] if each.follower in led else [each.follower]
+            silent += [] if each.leader in leader_states else [f"{of}{each.leader}"]
+            silent += [] if each.follower in follower_states else [each.follower]
         return list(dict.fromkeys(silent))
 
     def _start_following(self, stiff: tuple[str, ...], *, restart: bool) -> None:

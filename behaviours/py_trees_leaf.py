@@ -107,9 +107,9 @@ class WrappedClass(PyTreesLeaf):
         arguments = {name: getattr(self, name) for name in self.arguments}
         if self.inner is not None and arguments == self._arguments_used:
             return self.inner
-        made = type(self).make(**arguments, **({"name": self.name} if self.takes_name else {}))
+        behaviour = type(self).make(**arguments, **({"name": self.name} if self.takes_name else {}))
         self._arguments_used = arguments
-        return made
+        return behaviour
 
 
 def _ticked_path(error: BaseException) -> list[Behaviour]:
@@ -160,18 +160,18 @@ def _argument(cls: type, parameter: inspect.Parameter, hint: object) -> Argument
     required = parameter.default is parameter.empty
     union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     options = [option for option in typing.get_args(hint) if option is not type(None)] if union else []
-    asked = options[0] if len(options) == 1 else hint  # `int | None` takes a count
-    if asked is parameter.empty:
-        asked = type(parameter.default)
-    kind = ARGUMENT_KINDS.get(asked, "value" if hint in (parameter.empty, Any, object) else None)
+    kind_hint = options[0] if len(options) == 1 else hint  # `int | None` takes a count
+    if kind_hint is parameter.empty:
+        kind_hint = type(parameter.default)
+    kind = ARGUMENT_KINDS.get(kind_hint, "value" if hint in (parameter.empty, Any, object) else None)
     positional_only = parameter.kind is parameter.POSITIONAL_ONLY
-    own = parameter.name in {*dir(WrappedClass("any")), "run", "robot", "scope"}  # attributes that every leaf has
-    if kind is not None and not positional_only and not own:
+    is_taken = parameter.name in {*dir(WrappedClass("any")), "run", "robot", "scope"}  # attributes that every leaf has
+    if kind is not None and not positional_only and not is_taken:
         help_text = f"{parameter.name.replace('_', ' ')}, of {cls.__name__}"
         return Argument(parameter.name, kind, help_text, REQUIRED if required else parameter.default)
     if not required:
         return None
-    shown = "positional only" if positional_only else getattr(hint, "__name__", str(hint))
+    hint_text = "positional only" if positional_only else getattr(hint, "__name__", str(hint))
     if kind is not None and not positional_only:
-        shown = "a name that leaves use themselves"
-    raise TypeError(f"{cls.__name__} needs '{parameter.name}' ({shown}), which a mission cannot give")
+        hint_text = "a name that leaves use themselves"
+    raise TypeError(f"{cls.__name__} needs '{parameter.name}' ({hint_text}), which a mission cannot give")

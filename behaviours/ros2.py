@@ -84,11 +84,11 @@ class Navigate(_DrivingRequestLeaf):
         return (self.x, self.y, self.heading or 0.0), "map"
 
     def progress_text(self, progress: Progress) -> str:
-        told = parse_json(progress.feedback)
-        left = told.get("distance_remaining") if isinstance(told, dict) else None
+        feedback = parse_json(progress.feedback)
+        left = feedback.get("distance_remaining") if isinstance(feedback, dict) else None
         if not isinstance(left, int | float):
             return f"Nav2: {progress.state}"
-        again = told.get("number_of_recoveries") or 0
+        again = feedback.get("number_of_recoveries") or 0
         return f"{length_text(left)} to go" + (f", {again} times stuck" if again else "")
 
     def update(self) -> Status:
@@ -218,8 +218,8 @@ class TopicLeaf(Leaf):
         except LookupError as error:
             return self.fail(f"{self.topic} has no {self.field}: {error}")
         self.result = value
-        shown = json.dumps(value)[:60]
-        self.feedback_message = f"{self.field or self.topic} is {shown}"
+        text = json.dumps(value)[:60]
+        self.feedback_message = f"{self.field or self.topic} is {text}"
         return SUCCESS if self._holds(value) else self.fail(self.feedback_message)
 
     def _holds(self, value: Any) -> bool:

@@ -61,7 +61,8 @@ class RunState:
     - ``preemptible``: running nodes that are halted when a leaf of higher priority is about to drive an actuator
     - ``safe_stop``: stops the named actuators if a leaf did not do so in time
     - ``notify(text)``: sends a notice to a person
-    - ``wait(seconds)``: waits until the time is over or ``wake_event`` is set, and returns whether it is set; simulated time replaces it
+    - ``wait(seconds)``: waits for the time or for ``wake_event``, and returns whether that is set; simulated time
+      replaces it
     - ``sensor_timeout``: seconds for which a node may be suspended
     - ``wake_event``: starts the next tick early
     - ``interruptible``: true while a Ctrl-C arrives as a KeyboardInterrupt

@@ -70,12 +70,12 @@ class Scan(Leaf):
             return self.wait("the head has not reported its pose yet")
         self._setpoint = head.look(step_towards(place, aim, self.speed * min(now - self._ticked_at, MAX_STEP_TIME)))
         self._ticked_at = now
-        told = pose_difference(self._setpoint, place) <= ARRIVAL_TOLERANCE / 10
-        there = self._arrival(reading, self._setpoint, now) and told
+        sent = pose_difference(self._setpoint, place) <= ARRIVAL_TOLERANCE / 10
+        arrived = self._arrival(reading, self._setpoint, now) and sent
         if self._arrival.stuck and reading.value is not None:
             return self.fail(f"the head rests at {pose_text(reading.value)} and does not reach {pose_text(place)}")
         number, self.result = self._number, reading.value
-        if self._has_passed(sent=told, arrived=there) if self.smooth else self._has_dwelt(there, now):
+        if self._has_passed(sent=sent, arrived=arrived) if self.smooth else self._has_dwelt(arrived, now):
             self._advance()
         if self._target is None:
             return SUCCESS

@@ -94,9 +94,9 @@ class FacePerceptLeaf(PerceptLeaf[Face]):
         return not self.person_name or percept.name.casefold() == self.person_name.casefold()
 
     def absence_reason(self, so_far: str = "") -> str:
-        said = super().absence_reason(so_far)
-        whose = "a stranger" if self.person_name.casefold() == UNKNOWN else self.person_name
-        return said.replace("no face", f"no face of {whose}") if whose else said
+        reason = super().absence_reason(so_far)
+        person = "a stranger" if self.person_name.casefold() == UNKNOWN else self.person_name
+        return reason.replace("no face", f"no face of {person}") if person else reason
 
 
 class FaceSeenLeaf(FacePerceptLeaf):
@@ -283,8 +283,8 @@ class Identify(PerceptLeaf[Face]):
         face = self.largest_fresh()
         now = self.run.now()
         if face is None:
-            gone = now - self._seen_at > FACE_TIMEOUT
-            return self.fail(self.absence_reason()) if gone else self.wait(self.absence_reason())
+            is_gone = now - self._seen_at > FACE_TIMEOUT
+            return self.fail(self.absence_reason()) if is_gone else self.wait(self.absence_reason())
         if face.name:
             return self.accept(face)
         self._seen_at = now

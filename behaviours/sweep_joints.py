@@ -87,5 +87,5 @@ class SweepLeaf(JointMotion):
 
     def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
         del time
-        shown = (f"{joint} {math.degrees(sample.position):+.0f} deg" for joint, sample in samples.items())
-        return self.wait(", ".join(shown))
+        texts = (f"{joint} {math.degrees(sample.position):+.0f} deg" for joint, sample in samples.items())
+        return self.wait(", ".join(texts))

@@ -73,10 +73,10 @@ class SpeechLeaf(Leaf):
         self._begin()
 
     def update(self) -> Status:
-        said = self._utterance
-        if said is None or not said.done():
+        utterance = self._utterance
+        if utterance is None or not utterance.done():
             return self.wait(self.activity)
-        if not said.cancelled:
+        if not utterance.cancelled:
             return SUCCESS
         if self._again:
             return self.fail("interrupted")

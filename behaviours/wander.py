@@ -111,10 +111,10 @@ class Wander(BaseMotion):
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start
         self._visited.visit(state.pose)
-        seen = self._lookout.points_around(state, self.run.now())
-        if seen is None and self.robot.ranger_part is not None:
+        points = self._lookout.points_around(state, self.run.now())
+        if points is None and self.robot.ranger_part is not None:
             return self.steer(ZERO_VELOCITY, "waiting for the range finder")
-        things = self._obstacles(state.pose, seen)
+        things = self._obstacles(state.pose, points)
         if self._last_hit is not None and self._must_back_off(state.pose, *self._last_hit, things):
             return self.steer(Velocity(-BACK_OFF_SPEED, 0.0), "backing off")
         self._last_hit = None
@@ -126,7 +126,7 @@ class Wander(BaseMotion):
         off = math.remainder(course - state.pose.heading, math.tau)
         turn = max(-MAX_TURN_RATE, min(MAX_TURN_RATE, TURN_GAIN * off))
         status = self.steer(
-            Velocity(self._speed(off, free_distance(things), blind=seen is None), turn), self._activity(off)
+            Velocity(self._speed(off, free_distance(things), blind=points is None), turn), self._activity(off)
         )
         if status is FAILURE:  # an edge that is not far enough behind it
             self._last_hit = state.pose, self.run.now()
@@ -145,9 +145,9 @@ class Wander(BaseMotion):
         value = [self._score(pose, heading, way) for heading, way in zip(HEADINGS, ways, strict=True)]
         best = value.index(max(value))
         if self._course is not None:
-            kept = math.remainder(self._course - pose.heading, math.tau)
-            way = free_distance(things, kept)
-            if way > CLEARANCE_MARGIN and self._score(pose, kept, way) * SWITCH_FACTOR >= value[best]:
+            present = math.remainder(self._course - pose.heading, math.tau)
+            way = free_distance(things, present)
+            if way > CLEARANCE_MARGIN and self._score(pose, present, way) * SWITCH_FACTOR >= value[best]:
                 return self._course
         return pose.heading + HEADINGS[best]
 
@@ -164,10 +164,10 @@ class Wander(BaseMotion):
 
     # --- what is there ----------------------------------------------------------------------------------------------
 
-    def _obstacles(self, pose: Pose2D, seen: Points | None) -> Points:
+    def _obstacles(self, pose: Pose2D, points: Points | None) -> Points:
         """Return the obstacles in view and the remembered ones, relative to the base."""
         known = rotate_points([(x - pose.x, y - pose.y) for x, y in self._hits], pose.heading)
-        return known if seen is None else seen + known
+        return known if points is None else points + known
 
     def _remember_hit(self, pose: Pose2D, where: Sides) -> None:
         """Remember an obstacle or edge at the rim of the base, and begin to back off."""
@@ -180,9 +180,9 @@ class Wander(BaseMotion):
 
     def _must_back_off(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:
         """Return True if the base has to back off farther, and can."""
-        gone = math.hypot(pose.x - origin.x, pose.y - origin.y)
+        distance = math.hypot(pose.x - origin.x, pose.y - origin.y)
         room = free_distance(things, math.pi)
-        return gone < BACK_OFF_DISTANCE and room > 0.0 and self.run.now() - since < BACK_OFF_TIMEOUT
+        return distance < BACK_OFF_DISTANCE and room > 0.0 and self.run.now() - since < BACK_OFF_TIMEOUT
 
     def _wait_shut_in(self) -> Status:
         now = self.run.now()

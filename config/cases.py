@@ -85,7 +85,8 @@ class ExpectKeys:
         default={},
         wrong="'{}' needs joints and their angles",
         hint="such as {elbow: 30 deg +- 5 deg}",
-        help="True angles of joints at the end: `{elbow: 30 deg +- 5 deg, right_arm.elbow: 0 deg}`; the default tolerance is 3 deg.",
+        help="True angles of joints at the end: `{elbow: 30 deg +- 5 deg, right_arm.elbow: 0 deg}`; "
+        "the default tolerance is 3 deg.",
     )
     returns: Mapping[str, object] = key(
         default={},

@@ -102,11 +102,11 @@ def load_controller(path: Path) -> ControllerConfig:
 def parse_controller(source: SourceText) -> ControllerConfig:
     """Return the controller in a text. Raises as ``load_controller``."""
     fields = fields_of(source, subject="a controller file")
-    told = read_keys(fields, ControllerFileKeys)
+    parsed = read_keys(fields, ControllerFileKeys)
     values = {key.text: _plain(node) for key, node in fields.entries() if key.text not in DESCRIPTION_KEYS}
     if fields.diagnostics:
         raise InvalidFileError(fields.diagnostics)
-    return ControllerConfig(told.controller, told.summary, values)
+    return ControllerConfig(parsed.controller, parsed.summary, values)
 
 
 def tunable_numbers(source: SourceText) -> list[TunableNumber]:

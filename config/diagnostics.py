@@ -83,12 +83,12 @@ class Diagnostic:
         start = min(self.mark.column - 1, len(line))
         cut = start - 40 if start > 100 else 0
         # A tab is shown as one blank, and control codes as a sign, so that carets stand under what they mean.
-        shown = "".join(c if c.isprintable() else " " if c == "\t" else "\ufffd" for c in line[cut : cut + 160])
-        before, marked = shown[: start - cut], shown[start - cut :][: self.mark.length]
+        visible = "".join(c if c.isprintable() else " " if c == "\t" else "\ufffd" for c in line[cut : cut + 160])
+        before, marked = visible[: start - cut], visible[start - cut :][: self.mark.length]
         lead = "..." if cut else ""
         number = f"{self.mark.line:6d} | "
         carets = " " * (len(lead) + _width(before)) + "^" * max(1, _width(marked))
-        return [number + lead + shown, " " * (len(number) - 2) + "| " + carets]
+        return [number + lead + visible, " " * (len(number) - 2) + "| " + carets]
 
 
 class InvalidInputError(ValueError):

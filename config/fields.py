@@ -91,11 +91,11 @@ class Fields:
     def section(self, key: str, *, hint: str = "") -> "Fields | None":
         """Return the mapping under ``key``, or None; ``hint`` is the suggestion if the value is not a mapping."""
         node = self.node_of(key)
-        what = f"'{key}'"
+        subject = f"'{key}'"
         return (
             None
             if node is None
-            else Fields(self.source, node, self.diagnostics, subject=what, torn=self.torn, hint=hint)
+            else Fields(self.source, node, self.diagnostics, subject=subject, torn=self.torn, hint=hint)
         )
 
     def entries(self) -> Iterator[tuple[Scalar, Node]]:

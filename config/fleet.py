@@ -43,8 +43,10 @@ class FleetKeys:
         """Yield endpoints that would be open to the network without certificates."""
         for word in ("listen", "connect"):
             for number, endpoint in enumerate(getattr(self, word)):
-                if why := refusal_reason(endpoint, certified=bool(self.ca and self.certificate and self.private_key)):
-                    yield KeyDiagnostic(why, (word, number), hint=SECURE_ENDPOINT_HINT)
+                if reason := refusal_reason(
+                    endpoint, certified=bool(self.ca and self.certificate and self.private_key)
+                ):
+                    yield KeyDiagnostic(reason, (word, number), hint=SECURE_ENDPOINT_HINT)
 
 
 SECURE_ENDPOINT_HINT = (

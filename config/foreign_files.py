@@ -105,15 +105,15 @@ def recognise_file(path: Path) -> ForeignFile | None:
             data = file.read(MAX_HEAD_BYTES) or b""
     except (OSError, ValueError):
         return None
-    for place, magic, what, use in _MAGIC:
+    for place, magic, description, usage in _MAGIC:
         if data[place:].startswith(magic):
-            return ForeignFile(what, use)
+            return ForeignFile(description, usage)
     text = data.decode("utf-8-sig", errors="replace")
     if re.search(r"^\s*(type=motion|page_begin)\s*$", text, re.MULTILINE):
         return ForeignFile("a motion file of RoboPlus (Bioloid, .mtn)", _PLAY, "roboplus")
-    for pattern, what, use in _TEXTS:
+    for pattern, description, usage in _TEXTS:
         if re.search(pattern, text, re.MULTILINE):
-            return ForeignFile(what, use)
+            return ForeignFile(description, usage)
     return _recognise_data(read_plain_data(path, text))
 
 

@@ -26,16 +26,20 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.api.gait import GaitKeys
 from drivers.api.keys import KeyDiagnostic, key, keys
 
-# Gait files: how a humanoid walks, by parameters, or by where its soles are over a cycle.
+# Gait files: a gait of a humanoid, by parameters or by the positions of its soles over a cycle.
 #
-# By parameters, for the walking engine; what is not given is as the robot's own stride has it::
+# By parameters, for the walking engine; the robot's own stride has the defaults:
 #
-# gait: stroll walk: {step: 60 mm, turn: 5 deg}
+#     gait: stroll
+#     walk: {step: 60 mm, turn: 5 deg}
 #
-# By points, from the trunk's origin to the middles of the soles, gone through smoothly, again and again::
+# By points, from the trunk's origin to the middles of the soles, in a smooth cycle:
 #
-# gait: march period: 1 s points: - {at: 0 %, left: [0 mm, 60 mm, -415 mm], right: [0 mm, -60 mm, -415 mm]} - {at: 30
-# %, left: [0 mm, 60 mm, -390 mm], right: [0 mm, -60 mm, -415 mm], on: right}
+#     gait: march
+#     period: 1 s
+#     points:
+#       - {at: 0 %, left: [0 mm, 60 mm, -415 mm], right: [0 mm, -60 mm, -415 mm]}
+#       - {at: 30 %, left: [0 mm, 60 mm, -390 mm], right: [0 mm, -60 mm, -415 mm], on: right}
 
 
 def load_gait(path: Path) -> GaitKeys:
@@ -67,7 +71,7 @@ class GestureKeys:
     summary: str = key(default="", help="Description in a line.")
     interpolation: Interpolation = key(
         default="minimum_jerk",
-        help="`minimum_jerk` rests at every keyframe, `cubic` passes through them smoothly, `linear` moves straight to each.",
+        help="`minimum_jerk` rests at every keyframe, `cubic` passes through smoothly, `linear` moves straight.",
     )
     keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Keyframes in the order of time.")
 

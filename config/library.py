@@ -104,8 +104,8 @@ def _missing_folder_notes(kind: str) -> list[str]:
     from config.defaults import DEFAULTS_FILE, config_folder, missing_folders, unreadable_folders  # noqa: PLC0415 - rarely needed
 
     missing = missing_folders()
-    gone = [f"{config_folder() / DEFAULTS_FILE} names missing folders: {', '.join(missing)}"] if missing else []
-    return [*gone, *unreadable_folders(kind)]
+    notes = [f"{config_folder() / DEFAULTS_FILE} names missing folders: {', '.join(missing)}"] if missing else []
+    return [*notes, *unreadable_folders(kind)]
 
 
 def is_file(path: Path) -> bool:

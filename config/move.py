@@ -130,11 +130,11 @@ def parse_move(source: SourceText, folder: Path, joints: Collection[str] | None 
     Raises InvalidFileError with all errors.
     """
     fields = fields_of(source, subject="a move file")
-    told = read_keys(fields, MoveKeys)
+    parsed = read_keys(fields, MoveKeys)
     if joints is not None:
-        add_mistakes(fields, told.unknown_joint_mistakes(joints))
+        add_mistakes(fields, parsed.unknown_joint_mistakes(joints))
     if fields.diagnostics:
         raise InvalidFileError(fields.diagnostics)
-    sources = {name: each.source() for name, each in told.joints.items()}
-    sheet, degrees = folder / told.sheet, told.unit == "deg"
-    return MoveConfig(told.move, told.summary, sheet, sources, told.tab, told.rate, degrees, told.dead_band)
+    sources = {name: each.source() for name, each in parsed.joints.items()}
+    sheet, degrees = folder / parsed.sheet, parsed.unit == "deg"
+    return MoveConfig(parsed.move, parsed.summary, sheet, sources, parsed.tab, parsed.rate, degrees, parsed.dead_band)

@@ -89,7 +89,8 @@ def _missing_colour_error(words: list[str], text: str) -> str:
     if not words:
         return f"{quoted_value(text)}: which colour? {PHRASE_EXAMPLES}"
     if words[0] in COLOURS:
-        return f"{quoted_value(text)}: {words[0]} things cannot be distinguished from a room; colours are: {', '.join(HUES)}"
+        colours = ", ".join(HUES)
+        return f"{quoted_value(text)}: {words[0]} things cannot be distinguished from a room; colours are: {colours}"
     hint = did_you_mean(words[0], [*HUES, *SIZES]) or f"colours are: {', '.join(HUES)}"
     return f"{quoted_value(text)}: '{words[0]}' is not a colour; {hint}"
 

@@ -162,11 +162,11 @@ def parse_robot(source: SourceText, drivers: DriverCatalogue, path: Path | None 
         if found is not None:
             sections[name] = found
     _check_together(read, sections)
-    told = read_keys(fields, RobotKeys)
+    parsed = read_keys(fields, RobotKeys)
     if fields.diagnostics:
         raise InvalidFileError(fields.diagnostics)
-    notices = tuple(map(notice_of, told.notices))
-    return RobotConfig(told.robot, told.summary, told.rate, sections, notices, path, told.sensor_timeout)
+    notices = tuple(map(notice_of, parsed.notices))
+    return RobotConfig(parsed.robot, parsed.summary, parsed.rate, sections, notices, path, parsed.sensor_timeout)
 
 
 def _driver_alone(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> str:
@@ -189,8 +189,8 @@ def _named_parts(fields: Fields) -> dict[str, PartKind]:
             fields.add_error(name.mark, f"invalid name of a part: '{name.text}'", hint, sure=True)
         named = kind.text if isinstance(kind, Scalar) else ""
         if named not in several:
-            told = f"'kind' cannot be {quoted_value(value_of(kind))}: only of {' and '.join(several)} a robot may have several"
-            fields.add_error(kind.mark, told, suggest_from(named, several), sure=True)
+            message = f"'kind' cannot be {quoted_value(value_of(kind))}: it is one of {', '.join(several)}"
+            fields.add_error(kind.mark, message, suggest_from(named, several), sure=True)
         found[name.text] = several.get(named) or next(iter(several.values()))
     return found
 
@@ -243,5 +243,7 @@ def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Se
                 mistakes = [KeyDiagnostic(about, ("driver",))]
             add_mistakes(fields, mistakes)
         elif lacking := [need for need in driver.needs if need not in sections]:
-            told = f"'driver: {driver.name}' is made of the {' and the '.join(lacking)}, which this robot does not have"
-            fields.add_error(fields.node.mark, told)
+            message = (
+                f"'driver: {driver.name}' is made of the {' and the '.join(lacking)}, which this robot does not have"
+            )
+            fields.add_error(fields.node.mark, message)

@@ -36,8 +36,8 @@ def read_value(key: Key, text: str) -> Any:
     except InvalidFileError as error:
         raise ValueError(error.diagnostics[0].message) from None
     if fields.diagnostics:
-        told = fields.diagnostics[0]
-        raise ValueError(told.message + (f"; {told.suggestion}" if told.suggestion else ""))
+        first = fields.diagnostics[0]
+        raise ValueError(first.message + (f"; {first.suggestion}" if first.suggestion else ""))
     return found
 
 

@@ -140,18 +140,18 @@ def _dimension_error(value: object, dimension: str) -> str:
     text = value.strip() if isinstance(value, str) else ""
     if re.match(r"[-+]?\d+,\d", text):
         return f": write '{text.replace(',', '.', 1)}', with a point"
-    written = _WRITTEN.fullmatch(text)
-    if written is None:
+    match = _WRITTEN.fullmatch(text)
+    if match is None:
         return (
             f": {quoted_value(value)} has no unit ({units})"
             if re.fullmatch(_NUMBER, text)
             else f", got {quoted_value(value)}"
         )
-    if written[2] in _DIMENSION_OF:
+    if match[2] in _DIMENSION_OF:
         return f": {quoted_value(value)} is too large"
-    meant = _UNIT_SYNONYMS.get(written[2].lower())
-    hint = f"write '{written[1]} {meant}'" if meant else units
-    return f": unknown unit {quoted_value(written[2])} ({hint})"
+    unit = _UNIT_SYNONYMS.get(match[2].lower())
+    hint = f"write '{match[1]} {unit}'" if unit else units
+    return f": unknown unit {quoted_value(match[2])} ({hint})"
 
 
 def quantity_text(value: float, dimension: str) -> str:

@@ -67,20 +67,20 @@ def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> 
     Raises NotEditableError and InvalidFileError as ``with_value``, and NotEditableError if an anchor is used more than
     once.
     """
-    wanted, text = _plain_value(compose(source)), source.text
+    expected, text = _plain_value(compose(source)), source.text
     for keys, value in values.items():
         text = with_value(SourceText(source.name, text), keys, value)
-        place = wanted
+        section = expected
         for key in keys[:-1]:
-            place = place[key]
-        place[keys[-1]] = _plain_value(compose(SourceText(source.name, value)))
+            section = section[key]
+        section[keys[-1]] = _plain_value(compose(SourceText(source.name, value)))
     try:
-        right = _plain_value(compose(SourceText(source.name, text))) == wanted
+        right = _plain_value(compose(SourceText(source.name, text))) == expected
     except InvalidFileError:  # the anchor was lost
         right = False
     if not right:
-        what = "; ".join(": ".join((*keys, value)) for keys, value in values.items())
-        raise NotEditableError(f"{source.name}: it cannot be edited automatically; write {what}")
+        changes = "; ".join(": ".join((*keys, value)) for keys, value in values.items())
+        raise NotEditableError(f"{source.name}: it cannot be edited automatically; write {changes}")
     return text
 
 

@@ -72,20 +72,20 @@ Node = Scalar | Listing | Mapping
 
 def read_source(path: Path, name: str | None = None) -> SourceText:
     """Read a text file for ``compose``. Raises InvalidFileError: missing, too large, not UTF-8."""
-    shown = name if name is not None else str(path)
+    label = name if name is not None else str(path)
     try:
         data = read_regular(path, MAX_BYTES)
     except OSError as error:
         reason = error.strerror or str(error)
         reason = reason if error.errno == EFBIG else f"cannot be read: {reason}"
-        raise InvalidFileError([Diagnostic(SourceText(shown, ""), Mark(), reason)]) from error
+        raise InvalidFileError([Diagnostic(SourceText(label, ""), Mark(), reason)]) from error
     record_read(path, data)
     try:
-        return SourceText(shown, data.decode("utf-8-sig"))
+        return SourceText(label, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         good = data[: error.start].decode("utf-8-sig", errors="replace")
         fault = Diagnostic(
-            SourceText(shown, data.decode("utf-8-sig", errors="replace")),
+            SourceText(label, data.decode("utf-8-sig", errors="replace")),
             mark_at(good, len(good)),
             f"not UTF-8: byte 0x{data[error.start]:02x}",
             "save the file as UTF-8",
@@ -109,11 +109,11 @@ def compose(source: SourceText, faults: list[Diagnostic] | None = None) -> Node:
     composer = _compose_text(source, text, found, mending=faults is not None)
     if composer.root is None:
         raise InvalidFileError(found or [Diagnostic(source, Mark(), "the file is empty")])
-    told: list[Diagnostic] = [] if faults is None else faults
+    collected: list[Diagnostic] = [] if faults is None else faults
     for each in (*found, *composer.faults):
-        add_diagnostic(told, each)
-    if faults is None and told:
-        raise InvalidFileError(told)
+        add_diagnostic(collected, each)
+    if faults is None and collected:
+        raise InvalidFileError(collected)
     return composer.root
 
 

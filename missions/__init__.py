@@ -1,22 +1,22 @@
-"""What the robot is asked: the missions, their language, and the executive that runs them.
+"""Missions, their language, and the executive that runs them.
 
-From Python, a mission is loaded and ticked by hand, or run from beginning to end::
+From Python you can load a mission and tick it yourself, or run it from beginning to end::
 
     import missions
 
-    mission = missions.load("hello.yaml", params={"text": "Good morning"})  # all mistakes in one InvalidFileError
+    mission = missions.load("hello.yaml", params={"text": "Good morning"})  # all errors in one InvalidFileError
     mission.events.listeners.append(print)
-    while mission.tick() is Status.RUNNING:  # one tick, at once
+    while mission.tick() is Status.RUNNING:  # one tick
         ...
     mission.halt()
 
-    with missions.load("greet", robot="turtlebot2_arm", simulate=True) as mission:  # opened; at rest in the end
+    with missions.load("greet", robot="turtlebot2_arm", simulate=True) as mission:  # opens and closes the robot
         mission.tick()
 
-    result = missions.run("greet", listeners=[print])  # what `mission run greet` does
+    result = missions.run("greet", listeners=[print])  # as `mission run greet`
     print(result.result, result.reason)
 
-A whole example, which needs no robot:
+A complete example without a robot:
 
 >>> import pathlib, tempfile, missions
 >>> file = pathlib.Path(tempfile.mkdtemp(), "count.yaml")
@@ -25,8 +25,8 @@ A whole example, which needs no robot:
 >>> [mission.tick().name for _ in range(3)]
 ['RUNNING', 'RUNNING', 'SUCCESS']
 
-What is not one of ``load``, ``wrap``, ``run``, ``Mission``, ``Result``, ``InvalidFileError`` and ``UnknownNameError``
-may change from one version to the next.
+The names ``load``, ``wrap``, ``run``, ``Mission``, ``Result``, ``InvalidFileError`` and ``UnknownNameError`` are stable.
+All other names may change between versions.
 """
 
 from importlib import import_module

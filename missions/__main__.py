@@ -83,8 +83,8 @@ def _origin() -> str:
     """Return the folder or file that our distribution was installed from, or its name."""
     from importlib import metadata  # noqa: PLC0415 - see ``shadowing_fixes``
 
-    told = metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
-    url = str(json.loads(told)["url"]) if told else ""
+    direct_url = metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
+    url = str(json.loads(direct_url)["url"]) if direct_url else ""
     return unquote(url.removeprefix("file://")) if url.startswith("file://") else DISTRIBUTION
 
 
@@ -115,9 +115,9 @@ def _main() -> None:
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
     problems = shadowed_packages()
     if problems:
-        told = [f"  {name}: {found}" for name, found in problems.items()]
+        lines = [f"  {name}: {found}" for name, found in problems.items()]
         tried = [f"  {'then' if place else 'try'}: {cure}" for place, cure in enumerate(shadowing_fixes(problems))]
-        sys.exit("\n".join(["mission: another module shadows a package of MissionTree:", *told, *tried]))
+        sys.exit("\n".join(["mission: another module shadows a package of MissionTree:", *lines, *tried]))
     import_module("missions.cli.root").main()
 
 

@@ -152,10 +152,12 @@ def load(
     Raises InvalidFileError, whose ``diagnostics`` are all errors; UnknownNameError for an unknown mission or robot.
     """
     files = [Path(file) for file in behaviours]
-    given = _param_texts(params)
+    param_texts = _param_texts(params)
     if isinstance(robot, str):
-        order = RunRequest(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
-        runner = Runner(order)
+        request = RunRequest(
+            str(path), param_texts, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes
+        )
+        runner = Runner(request)
 
         @contextmanager
         def opening() -> Iterator[None]:
@@ -164,7 +166,7 @@ def load(
 
         return Mission(runner.executive, runner=runner, opening=opening)
     parts = Robot() if robot is None else robot
-    plan = load_plan(RunRequest(str(path), given, behaviours=files), robot)
+    plan = load_plan(RunRequest(str(path), param_texts, behaviours=files), robot)
     run = RunState(SystemClock(), seed=seed)
     run.safe_stop = partial(hold_still, parts)
     stream, answers = EventStream(), TickCache()
@@ -219,7 +221,7 @@ def run(
     Raises ValueError for arguments that are out of bounds or contradict each other, such as a camera in simulated time;
     InvalidFileError, UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
     """
-    order = RunRequest(
+    request = RunRequest(
         str(mission),
         _param_texts(params),
         robot,
@@ -236,10 +238,10 @@ def run(
         ros2_domain=ros2_domain,
         without_stop=without_stop,
     )
-    if why := "; ".join(contradictions(order, _argument, parts_with_ports)):
-        raise ValueError(why)
-    limits = replace(SIMULATED_LIMITS if order.simulation == "fast" else WatchdogLimits(), lost=math.inf)
-    runner = Runner(order, listeners=listeners, limits=limits)
+    if problems := "; ".join(contradictions(request, _argument, parts_with_ports)):
+        raise ValueError(problems)
+    limits = replace(SIMULATED_LIMITS if request.simulation == "fast" else WatchdogLimits(), lost=math.inf)
+    runner = Runner(request, listeners=listeners, limits=limits)
     with _control_socket(runner):
         return runner.run()
 

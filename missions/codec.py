@@ -147,8 +147,8 @@ def encode(message: object, rules: Rules) -> Any:
 
 def decode(kind: type[T], data: object, rules: Rules) -> T:
     """Return ``data`` as a value of type ``kind``. Raises CodecError."""
-    wanted: Any = kind
-    return cast("T", coder(wanted, rules).decode(data))
+    expected: Any = kind
+    return cast("T", coder(expected, rules).decode(data))
 
 
 def encode_tagged(message: Any, key: str, rules: Rules) -> dict[str, Any]:
@@ -239,13 +239,13 @@ def _plain(kind: type, rules: Rules, bound: Bound) -> Coder:
         return Coder(identity, _check("true or false", lambda data: isinstance(data, bool)))
     if kind is str:
         longest = rules.max_text if bound.high == inf else bound.high
-        wanted = rules.text if longest == inf else f"{rules.text} of at most {longest:g} characters"
+        expected = rules.text if longest == inf else f"{rules.text} of at most {longest:g} characters"
         fits = lambda data: isinstance(data, str) and len(data) <= longest and rules.is_text(data)  # noqa: E731
-        return Coder(identity, _check(wanted, fits))
+        return Coder(identity, _check(expected, fits))
     low, high = max(bound.low, -rules.max_number), min(bound.high, rules.max_number)
-    kinds, wanted = ((int,), "a whole number") if kind is int else ((int, float), "a number")
-    wanted += "" if bound == UNBOUNDED else f" within {low:g} and {high:g}"
-    decode = _check(wanted, lambda data: type(data) in kinds and low <= data <= high)
+    kinds, expected = ((int,), "a whole number") if kind is int else ((int, float), "a number")
+    expected += "" if bound == UNBOUNDED else f" within {low:g} and {high:g}"
+    decode = _check(expected, lambda data: type(data) in kinds and low <= data <= high)
     if kind is int or rules.finite:
         return Coder(identity, decode)
 

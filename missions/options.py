@@ -140,5 +140,5 @@ T = TypeVar("T")
 
 def make_options(cls: type[T], values: Mapping[str, object], **more: object) -> T:
     """Return an instance of ``cls`` with the ``values`` of its options; None stands for the default."""
-    given = {each.name: values[each.name] for each in options_of(cls) if values.get(each.name) is not None}
-    return cls(**given, **more)
+    options = {each.name: values[each.name] for each in options_of(cls) if values.get(each.name) is not None}
+    return cls(**options, **more)

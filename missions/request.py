@@ -191,7 +191,8 @@ def contradictions(
         yield f"{named('port')} names real ports: it goes with {named('robot', 'NAME')}, and not with a simulation"
     for part in request.ports:
         if part not in PORT_KINDS and part not in (others := ports_of(request)):
-            yield f"{named('port')}: '{part}' is not a part with a port; parts with ports: {', '.join((*PORT_KINDS, *others))}"
+            known = ", ".join((*PORT_KINDS, *others))
+            yield f"{named('port')}: '{part}' is not a part with a port; parts with ports: {known}"
     if request.world is not None and request.simulation is None:
         yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
     if request.camera is not None and not _may_be_camera(request.camera):

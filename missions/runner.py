@@ -132,7 +132,7 @@ class Runner:
             self._context,
             self.stream,
             stop_actions={part: partial(self._robot.safe_stop, frozenset({part})) for part in self._robot.moving_parts},
-            first_signal=self._heard,
+            first_signal=self._poll_signals,
             abandon=self._abandon,
             limits=limits,
         )
@@ -323,8 +323,8 @@ class Runner:
         Raises NotConnected that lists all parts that do not appear, and BadRequest for hardware that no stop can reach.
         """
         if self.request.simulation is None and not (self.is_reachable or self.request.without_stop):
-            what = f"mission '{self.plan.mission}': `mission stop` cannot reach this run, and the robot would move"
-            raise BadRequest(what, hint="run it by missions.run or `mission run`, or within a ControlSocket")
+            message = f"mission '{self.plan.mission}': `mission stop` cannot reach this run, and the robot would move"
+            raise BadRequest(message, hint="run it by missions.run or `mission run`, or within a ControlSocket")
         self._context.record_heartbeat()
         try:
             self._robot.open()
@@ -347,7 +347,7 @@ class Runner:
         if os.getpid() != self._process:
             os._exit(1)
 
-    def _heard(self) -> str | None:
+    def _poll_signals(self) -> str | None:
         self._lifeline.beat()
         return self._signals.first_signal()
 

@@ -74,9 +74,9 @@ class DelegatedMotion(BaseMotion):
                 return self._delegate_again()
             self._cancelled_at = None
         state, progress = self.state(), self.robot.ros2.progress(self._goal)
-        doing = "waiting for the base to report" if state is None else self.update_progress(state)
+        activity = "waiting for the base to report" if state is None else self.update_progress(state)
         if not progress.is_final:
-            return self.fail(NO_PROGRESS_REASON) if self._is_stuck(state) else self.wait(doing)
+            return self.fail(NO_PROGRESS_REASON) if self._is_stuck(state) else self.wait(activity)
         self.robot.base.stop()
         return SUCCESS if progress.state is GoalState.SUCCEEDED else self.fail(progress.reason or str(progress.state))
 
@@ -195,14 +195,14 @@ class GoTo(DelegatedMotion, Spin):
         if self._at_place:
             return self._turn_to_heading(state)
         aside = math.remainder(math.atan2(dy, dx) - pose.heading, math.tau)
-        near, doing = away <= self.tolerance, f"{length_text(away)} to go"
+        near, activity = away <= self.tolerance, f"{length_text(away)} to go"
         turn = max(-MAX_TURN_RATE, min(MAX_TURN_RATE, TURN_GAIN * aside))
         self._turns = not near and not self._stopping and abs(aside) > MAX_DRIVING_BEARING
         if self._turns:
-            return self.steer(Velocity(0.0, turn), doing)
+            return self.steer(Velocity(0.0, turn), activity)
         speed = self.approach(away * math.cos(aside), braking=self.braking, crawl=CRAWL_SPEED)
         if speed > 0.0:
-            return self.steer(Velocity(min(speed, self.speed), 0.0 if near else turn), doing)
+            return self.steer(Velocity(min(speed, self.speed), 0.0 if near else turn), activity)
         if self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular))) is not SUCCESS:
             return self.wait("stopping")
         return self._on_arrival(near=near, state=state)

@@ -95,8 +95,8 @@ def _permitted_share(steering: Steering) -> float:
     """Return the share of the requested velocity that the base permits, less than 1 at an obstacle, for example."""
     if steering.reason in UNHINDERED_REASONS or steering.fault:
         return 1.0
-    wanted, given = _size(steering.requested), _size(steering.allowed)
-    return 1.0 if wanted == 0.0 else min(1.0, given / wanted)
+    requested, allowed = _size(steering.requested), _size(steering.allowed)
+    return 1.0 if requested == 0.0 else min(1.0, allowed / requested)
 
 
 def _size(velocity: Velocity) -> float:
@@ -260,8 +260,8 @@ class BaseMotion(Leaf):
 
         While the range guard stops the base, the leaf waits for RANGE_GUARD_TIMEOUT instead.
         """
-        given = self.robot.base.drive(velocity)
-        if given != ZERO_VELOCITY or velocity == ZERO_VELOCITY:
+        allowed = self.robot.base.drive(velocity)
+        if allowed != ZERO_VELOCITY or velocity == ZERO_VELOCITY:
             self._refused_since = None
             return self.wait(activity)
         now, steering = self.run.now(), self.robot.base.steering()
@@ -270,8 +270,8 @@ class BaseMotion(Leaf):
         guarded = is_guarded(steering)
         if now - self._refused_since <= (RANGE_GUARD_TIMEOUT if guarded else REACTION_TIME):
             return self.wait(f"{activity}: {steering.reason}" if guarded else activity)
-        because = steering.reason or "it is not permitted"
-        return self.fail(because if guarded else f"the base does not move: {because}")
+        reason = steering.reason or "it is not permitted"
+        return self.fail(reason if guarded else f"the base does not move: {reason}")
 
     def come_to_rest(self, speed: float) -> Status:
         """Stop the base, and return SUCCESS when ``speed`` is below STANDSTILL_SPEED."""
@@ -444,14 +444,14 @@ class DriveLeaf(BaseMotion):
             self._direction = math.copysign(1.0, self.distance - distance_along(self._start, state.pose))
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
-        gone = self.result = distance_along(start, state.pose)
-        speed = self.approach((self.distance - gone) * self._direction, braking=self.braking, crawl=CRAWL_SPEED)
+        driven = self.result = distance_along(start, state.pose)
+        speed = self.approach((self.distance - driven) * self._direction, braking=self.braking, crawl=CRAWL_SPEED)
         if speed == 0.0:
             return self.come_to_rest(state.velocity.linear)
         steer = STEERING_GAIN * (start.heading - state.pose.heading)
         turn = max(-MAX_STEERING_RATE, min(MAX_STEERING_RATE, steer))
         return self.steer(
-            Velocity(self._direction * min(speed, self.speed), turn), f"{gone:.2f} of {self.distance:.2f} m"
+            Velocity(self._direction * min(speed, self.speed), turn), f"{driven:.2f} of {self.distance:.2f} m"
         )
 
 
@@ -486,18 +486,18 @@ class Arc(BaseMotion):
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         direction = math.copysign(1.0, self.angle)
-        turned = self.result = state.pose.heading - start.heading
+        angle = self.result = state.pose.heading - start.heading
         # Whichever of driving and turning needs more care on this circle says how fast it may go round.
         rate = self.approach(
-            (self.angle - turned) * direction,
+            (self.angle - angle) * direction,
             braking=min(self.turn_braking, self.braking / self.radius),
             crawl=min(CRAWL_TURN_RATE, CRAWL_SPEED / self.radius),
         )
         if rate == 0.0:
             return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
         rate = min(rate, self.speed / self.radius)
-        doing = f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg"
-        return self.steer(Velocity(rate * self.radius, direction * rate), doing)
+        activity = f"{math.degrees(angle):.0f} of {math.degrees(self.angle):.0f} deg"
+        return self.steer(Velocity(rate * self.radius, direction * rate), activity)
 
 
 # The leaf that keeps the base at a velocity.
@@ -525,8 +525,8 @@ class Cruise(BaseMotion):
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start
         velocity = state.velocity
-        doing = f"{velocity.linear:.2f} m/s, {velocity.angular:.2f} rad/s"
-        return self.steer(Velocity(self.speed, self.turn), doing)
+        activity = f"{velocity.linear:.2f} m/s, {velocity.angular:.2f} rad/s"
+        return self.steer(Velocity(self.speed, self.turn), activity)
 
 
 # The leaf that stops the base.
@@ -603,6 +603,6 @@ class TurnLeaf(Spin):
             self._direction = math.copysign(1.0, self._start.heading + self.angle - state.pose.heading)
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
-        turned = self.result = state.pose.heading - start.heading
-        doing = f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg"
-        return self.turn_to(start.heading + self.angle, self._direction, self.speed, state, doing)
+        angle = self.result = state.pose.heading - start.heading
+        activity = f"{math.degrees(angle):.0f} of {math.degrees(self.angle):.0f} deg"
+        return self.turn_to(start.heading + self.angle, self._direction, self.speed, state, activity)

@@ -119,9 +119,9 @@ class Controller:
     conjunction: Conjunction = math.prod
 
     def __post_init__(self) -> None:
-        faults = [f"{self.name}: rule {n} '{rule}': {what}" for n, rule, what in self._faults()]
-        if faults:
-            raise ValueError("\n".join(faults))
+        errors = [f"{self.name}: rule {n} '{rule}': {error}" for n, rule, error in self._faults()]
+        if errors:
+            raise ValueError("\n".join(errors))
         if self.multilinear:
             return  # each case has its rule, and at any value some term of each input holds
         for values in product(*(variable.grid(2) for variable in self.inputs)):
@@ -153,8 +153,8 @@ class Controller:
         if (joined := str(mapping.get("and", usual))) not in CONJUNCTIONS:
             raise ValueError(f"{name}: 'and' is one of {list_text(CONJUNCTIONS)}, not '{joined}'")
         try:
-            variables = tuple(FuzzyVariable.from_points(what, terms) for what, terms in inputs.items())
-            (conclusion,) = (make(what, terms) for what, terms in output.items())
+            variables = tuple(FuzzyVariable.from_points(variable, terms) for variable, terms in inputs.items())
+            (conclusion,) = (make(variable, terms) for variable, terms in output.items())
             found = tuple(_table(rules) if isinstance(rules, Mapping) else _sentences(rules, conclusion.name))
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
@@ -268,10 +268,10 @@ class ProportionalDerivative:
 
     def __call__(self, error: float, rate: float) -> float:
         """Return the turn rate for an error and its rate. Raises ValueError for NaN."""
-        asked = self.p * error + self.d * rate
-        if math.isnan(asked):
+        output = self.p * error + self.d * rate
+        if math.isnan(output):
             raise ValueError("a value is not a number (NaN)")
-        return min(max(asked, -self.most), self.most)
+        return min(max(output, -self.most), self.most)
 
 
 ERROR, RATE, PAN, EDGE = "error", "rate", "pan", "edge"
@@ -350,6 +350,6 @@ def _law(name: str, found: object) -> ControlLaw:
     else:
         controller = Controller.from_mapping(name, mapping)
         law = ControlLaw(tuple(variable.name for variable in controller.inputs), controller.tabulate())
-    if unknown := [given for given in law.inputs if given not in INPUTS[name]]:
+    if unknown := [each for each in law.inputs if each not in INPUTS[name]]:
         raise ValueError(f"{name}: there is no input '{unknown[0]}' for it; there are {', '.join(INPUTS[name])}")
     return law

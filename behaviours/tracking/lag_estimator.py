@@ -107,13 +107,13 @@ class LagEstimator:
         span = state.stamp - before.stamp
         most, means = self.acceleration * span, list(self._rates)
         newest = reversed(self._commands)  # a longer lag asks for an older time, so one walk through them finds all
-        when, told = next(newest)
+        when, command = next(newest)
         for number, lag in enumerate(LAG_GRID):
             time = state.stamp - lag - span / 2
             while when > time:
-                when, told = next(newest, NO_COMMAND)
+                when, command = next(newest, NO_COMMAND)
             rate = self._rates[number]
-            self._rates[number] = ramp(rate, rate if when == -math.inf else told, most)
+            self._rates[number] = ramp(rate, rate if when == -math.inf else command, most)
             means[number] = (rate + self._rates[number]) / 2
         if max(means) - min(means) >= MIN_RATE_SPREAD:
             # How far it turned, not how fast: what a base reports of its rate is older than its heading.

@@ -2,8 +2,11 @@
 
 Three models predict one angle; y is the angle when last seen, r its rate, m its slow mean, h the time ahead:
 
-- walk: the straight line through as many of the last samples as fit one, so that it is steady while a person walks on and quick when they turn (adaptive windowing after Janabi-Sharifi, Hayward and Chen, 2000); y + r h, with the rate of the filter, if hardly any fit;
-- swing: y + a r h + b (m - y), with a and b by least squares. For a swing of angular frequency w that is exact, with a = sin(wh) / (wh) and b = 1 - cos(wh). The limits of head or base decide how wide a swing is followed;
+- walk: the straight line through as many of the last samples as fit one, so that it is steady while a person walks on
+  and quick when they turn (adaptive windowing after Janabi-Sharifi, Hayward and Chen, 2000); y + r h, with the rate of
+  the filter, if hardly any fit;
+- swing: y + a r h + b (m - y), with a and b by least squares. For a swing of angular frequency w that is exact, with
+  a = sin(wh) / (wh) and b = 1 - cos(wh). The limits of head or base decide how wide a swing is followed;
 - rest: m, for motion that cannot be predicted.
 
 Each model is weighted by its errors of the last seconds; a walk is the prior. A motion back and forth that is too fast
@@ -120,12 +123,12 @@ class MotionPredictor:
         now = self._past[-1]
         walk, swing, rest = self._weights
         back = now.mean - angle
-        swung = angle + self._trust * rate * ahead + self._pull * back
-        turned = (1.0 - self._pull) * rate + (2 * self._trust * self._pull / ahead * back if ahead > 0 else 0.0)
+        swing_angle = angle + self._trust * rate * ahead + self._pull * back
+        swing_rate = (1.0 - self._pull) * rate + (2 * self._trust * self._pull / ahead * back if ahead > 0 else 0.0)
         line = now.level + now.slope * (stamp - now.stamp + ahead)
-        there = walk * line + swing * swung + rest * now.mean
-        going = walk * now.slope + swing * turned
-        return self._middle + self._share * (there - self._middle), self._share * going
+        predicted_angle = walk * line + swing * swing_angle + rest * now.mean
+        predicted_rate = walk * now.slope + swing * swing_rate
+        return self._middle + self._share * (predicted_angle - self._middle), self._share * predicted_rate
 
     def _add_picture(self, stamp: float, angle: float, rate: float, ahead: float, camera: tuple[float, float]) -> None:
         """Add a sample, and score the predictions made ``ahead`` seconds before."""
@@ -247,8 +250,8 @@ class BasePredictor:
         time = min(time, now + MAX_LOOKAHEAD)
         while now < time:
             step = min(STEP, time - now)
-            told = self._lag.command_at(now + step / 2 - self._lag.seconds, rate)
-            after = ramp(rate, told, self._lag.acceleration * step)
+            command = self._lag.command_at(now + step / 2 - self._lag.seconds, rate)
+            after = ramp(rate, command, self._lag.acceleration * step)
             heading += (rate + after) / 2 * step
             rate = after
             now += step

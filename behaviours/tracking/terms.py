@@ -135,9 +135,9 @@ def memberships(
     The outermost terms end at their peaks, or are symmetric with ``whole``. Raises ValueError that names the variable
     ``name`` and the term.
     """
-    points = {term: as_numbers(f"{name}: '{term}'", given) for term, given in terms.items()}
-    if not all(len(given) == 1 for given in points.values()):
-        return {term: Membership.from_points(given, f"{name}: '{term}'") for term, given in points.items()}
+    points = {term: as_numbers(f"{name}: '{term}'", values) for term, values in terms.items()}
+    if not all(len(values) == 1 for values in points.values()):
+        return {term: Membership.from_points(values, f"{name}: '{term}'") for term, values in points.items()}
     peaks = {term: peak for term, (peak,) in points.items()}
     if not all(map(math.isfinite, peaks.values())) or len(set(peaks.values())) < len(peaks):
         raise ValueError(f"{name}: needs finite peaks, no two in one place, not {list_text(peaks.values())}")

@@ -263,11 +263,11 @@ class FollowPerson(TrackFace):
         """Return the safe speed straight ahead by the range finder; 0 while the range finder does not report."""
         if self._lookout is None or self.robot.ranger_part is None:
             return math.inf
-        seen = self._lookout.points_around(state, self.run.now())
-        if seen is None:
+        points = self._lookout.points_around(state, self.run.now())
+        if points is None:
             return 0.0
         braking = BRAKING_SHARE * self.robot.base.limits.acceleration
-        return safe_speed(free_distance(seen), braking=braking, reaction=REACTION_TIME)
+        return safe_speed(free_distance(points), braking=braking, reaction=REACTION_TIME)
 
 
 # The leaf that keeps a coloured object in the middle of the picture.

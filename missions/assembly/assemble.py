@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
 
 
-def real_voice(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Voice, Voice]:
+def real_voice(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Voice, Voice]:
     """Return the voice as device and part; in a simulation it prints its text, and people in the world hear it."""
     simulation = factory.simulation
     if simulation is None:
-        voice: Voice = factory.device(section, made)
+        voice: Voice = factory.device(section, devices)
     else:
         from drivers.voice.speech import printed  # noqa: PLC0415 - a robot on the metal without a voice needs none of it
 
         out = partial(_say_aloud, factory.hooks.print_line, simulation.hear)
-        voice = printed(section.keys, factory.site(section, made, out))
+        voice = printed(section.keys, factory.site(section, devices, out))
     return voice, voice
 
 
@@ -68,15 +68,20 @@ class RealPartFactory:
 
         Raises BadRequest for a driver without a virtual device: its real device must not move in a simulation.
         """
-        wishes = self.overrides
-        if wishes.world is not None:
-            for part in sorted((chosen & self.config.sections.keys()).difference(PART_MAKERS, wishes.ports)):
+        overrides = self.overrides
+        if overrides.world is not None:
+            for part in sorted((chosen & self.config.sections.keys()).difference(PART_MAKERS, overrides.ports)):
                 resolve_maker(self.config.sections[part].driver.virtual, self.config.sections[part], "virtual device")
             wired = chosen.difference(PART_MAKERS)
-            self.simulation = found = resolve_name("missions.assembly.simulation:Simulation")(
-                self.config, wired, self.clock, world=wishes.world, on_answer=self.hooks.on_answer, seed=wishes.seed
+            self.simulation = simulation = resolve_name("missions.assembly.simulation:Simulation")(
+                self.config,
+                wired,
+                self.clock,
+                world=overrides.world,
+                on_answer=self.hooks.on_answer,
+                seed=overrides.seed,
             )
-            self._ports = {**found.ports, **wishes.ports}
+            self._ports = {**simulation.ports, **overrides.ports}
 
     def refuse_other_ports(self, chosen: frozenset[str]) -> None:
         """Raise NotConnected if the port of a ``chosen`` part is not a serial port."""
@@ -84,32 +89,32 @@ class RealPartFactory:
         ports = {kind: self._port(section) for kind, section in sections.items()}
         require_serial_ports({kind: port for kind, port in ports.items() if port})
 
-    def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
+    def make(self, kind: str, section: Section, devices: Mapping[str, Any]) -> tuple[Device, object]:
         """Return the device of a part, and the object that leaves use."""
         if kind in PART_MAKERS:
-            found: tuple[Device, object] = resolve_name(PART_MAKERS[kind])(self, section, made)
-            return found
-        device = self.device(section, made)
+            maker_result: tuple[Device, object] = resolve_name(PART_MAKERS[kind])(self, section, devices)
+            return maker_result
+        device = self.device(section, devices)
         return device, device
 
-    def device(self, section: Section, made: Mapping[str, Any] | None = None, keys: object = None) -> Any:
+    def device(self, section: Section, devices: Mapping[str, Any] | None = None, keys: object = None) -> Any:
         """Return the device that the section's driver makes from its keys, or from ``keys``."""
         make = resolve_maker(section.driver.make, section, "make")
-        return make(section.keys if keys is None else keys, self.site(section, made or {}))
+        return make(section.keys if keys is None else keys, self.site(section, devices or {}))
 
     def site(
-        self, section: Section, made: Mapping[str, Any], out: Callable[[str], None] | None = None
+        self, section: Section, devices: Mapping[str, Any], out: Callable[[str], None] | None = None
     ) -> DriverContext:
         """Return the driver context of a section; ``out`` replaces the function that prints text for people."""
-        audience = self.hooks
+        hooks = self.hooks
         return DriverContext(
             self.clock,
             self._port(section),
-            audience.report,
-            audience.on_change,
-            audience.on_steering,
-            audience.print_line if out is None else out,
-            {need: made[need] for need in section.driver.needs if need in made},
+            hooks.report,
+            hooks.on_change,
+            hooks.on_steering,
+            hooks.print_line if out is None else out,
+            {need: devices[need] for need in section.driver.needs if need in devices},
             state_folder() if self.simulation is None else None,
             section.part,
         )

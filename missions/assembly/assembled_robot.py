@@ -102,8 +102,8 @@ class AssembledRobot:
             for part, (detail, hint) in missing.items():
                 if waited > REMARK_DELAY and part not in mentioned:
                     mentioned.add(part)
-                    what = f"waiting for it: {detail.removeprefix(f'{part}: ')}"
-                    report(DeviceStatus(part, "offline", what, hint))
+                    text = f"waiting for it: {detail.removeprefix(f'{part}: ')}"
+                    report(DeviceStatus(part, "offline", text, hint))
             if waited > CONNECT_TIMEOUT:
                 details = "\n".join(f"  {detail}" for detail, _ in missing.values())
                 hints = dict.fromkeys(hint for _, hint in missing.values() if hint)

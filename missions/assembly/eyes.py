@@ -71,28 +71,28 @@ class OnDemandSight:
         return self._sight
 
 
-def real_eyes(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Camera, OnDemandSight]:
+def real_eyes(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Camera, OnDemandSight]:
     """Return the camera of a robot (or a rendered one), and its sight."""
-    wishes, audience = factory.overrides, factory.hooks
+    overrides, hooks = factory.overrides, factory.hooks
     keys = _keys(factory, section)
-    camera = _camera(factory, section, keys, made)
-    base: Base | None = made.get("base")
-    head: Head | None = made.get("head")
-    world = wishes.world
+    camera = _camera(factory, section, keys, devices)
+    base: Base | None = devices.get("base")
+    head: Head | None = devices.get("head")
+    world = overrides.world
     if factory.simulation is None:
         cv2.setNumThreads(1)  # to share a small picture out among threads costs half as much again as to search it
     sight = vision(
         lambda stamp: gaze(stamp, base, head),
         factory.clock,
-        interests=wishes.interests,
+        interests=overrides.interests,
         detector=face_detector(keys),
         lens=keys.upright() if world is None else None,
         field_of_view=partial(keys.orientation.field_of_view, keys.field_of_view)
         if world is None
         else camera.field_of_view,
-        report=audience.report,
-        seen=audience.on_view,
-        watched=audience.on_frame,
+        report=hooks.report,
+        seen=hooks.on_view,
+        watched=hooks.on_frame,
         recogniser=_recogniser(factory, keys),
         delay=factory.lags.delay,
     )
@@ -100,38 +100,38 @@ def real_eyes(factory: "RealPartFactory", section: Section, made: Mapping[str, A
     return camera, OnDemandSight(sight, eyes.wake, eyes.is_awake)
 
 
-def _recogniser(place: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser | None:
+def _recogniser(factory: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser | None:
     """Return the recogniser of people, or None if the mission does not use names."""
-    wishes, world = place.overrides, place.overrides.world
-    if not wishes.interests.names:
+    overrides, world = factory.overrides, factory.overrides.world
+    if not overrides.interests.names:
         return None
     from missions.assembly.gallery import recogniser  # noqa: PLC0415 - most missions ask for no names
 
     return recogniser(
-        wishes.interests,
-        place.hooks.report,
-        camera=keys if world is None or wishes.camera is not None else None,
+        overrides.interests,
+        factory.hooks.report,
+        camera=keys if world is None or overrides.camera is not None else None,
         drawn=() if world is None else world.people,
     )
 
 
-def _keys(place: "RealPartFactory", section: Section) -> CameraKeys:
+def _keys(factory: "RealPartFactory", section: Section) -> CameraKeys:
     """Return the keys of the camera; a video that replaces it is upright."""
     keys: CameraKeys = section.keys
-    source = place.overrides.camera
+    source = factory.overrides.camera
     if source is None:
         return keys
     return replace(keys, source=source) if is_live(source) else replace(keys.upright(), source=source)
 
 
-def _camera(place: "RealPartFactory", section: Section, keys: CameraKeys, made: Mapping[str, Any]) -> Camera:
-    source, simulation = place.overrides.camera, place.simulation
+def _camera(factory: "RealPartFactory", section: Section, keys: CameraKeys, devices: Mapping[str, Any]) -> Camera:
+    source, simulation = factory.overrides.camera, factory.simulation
     if simulation is not None and source is None:
-        return simulation.rendered_camera(seed=place.overrides.seed)
+        return simulation.rendered_camera(seed=factory.overrides.seed)
     if source is None:
-        camera: Camera = place.device(section, made)
+        camera: Camera = factory.device(section, devices)
     else:  # whatever camera the robot has: a source is one of OpenCV's
-        camera = make(keys, place.site(section, {}))
+        camera = make(keys, factory.site(section, {}))
     # A simulated head cannot turn a real camera, so its picture is turned instead.
     return camera if simulation is None else simulation.panned_camera(camera)
 

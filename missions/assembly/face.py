@@ -41,9 +41,9 @@ FRAME_INTERVAL, IDLE_INTERVAL = 1 / 30, 0.1
 """Seconds between two updates of the mouth during speech and without speech."""
 
 
-def real_face(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Device, Screen]:
+def real_face(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Device, Screen]:
     """Return the screen of a robot, as device and part, with a mouth that moves with its voice."""
-    face = TalkingScreen(factory.device(section), made.get("voice"), factory.clock, factory.hooks.report)
+    face = TalkingScreen(factory.device(section), devices.get("voice"), factory.clock, factory.hooks.report)
     return face, face
 
 
@@ -68,12 +68,12 @@ class MouthAnimation:
 
     def step(self) -> float:
         """Update the mouth, and return the seconds until the next update."""
-        said = self._voice.speaking()
-        opening = self._opening(said)
+        utterance = self._voice.speaking()
+        opening = self._opening(utterance)
         if opening or self._moving:
             self._screen.mouth(opening)
         self._moving = opening > 0
-        return IDLE_INTERVAL if said is None else FRAME_INTERVAL
+        return IDLE_INTERVAL if utterance is None else FRAME_INTERVAL
 
     def _opening(self, said: Utterance | None) -> float:
         started = None if said is None else said.started

@@ -51,13 +51,13 @@ class FeatureCache:
     def __call__(self, name: str, portraits: Sequence[Image]) -> list[Feature]:
         """Return the features of a person's portraits. Raises as ``describe``."""
         home, model = self._people.folder / name, self._describe.model
-        kept = _read_cache(home / FEATURES_FILE, model)
+        cached = _read_cache(home / FEATURES_FILE, model)
         found = {
-            key: kept[key] if key in kept else self._describe(each, portrait_face_box(each))
+            key: cached[key] if key in cached else self._describe(each, portrait_face_box(each))
             for each in portraits
             for key in [picture_digest(each).hex()]
         }
-        if found.keys() != kept.keys():
+        if found.keys() != cached.keys():
             with suppress(OSError, PeopleError):  # no room, no rights, or they were removed meanwhile: nothing is lost
                 self._write_cache(home, model, found)
         return [found[picture_digest(each).hex()] for each in portraits]
@@ -150,7 +150,7 @@ def gallery(camera: CameraKeys, report: StatusCallback) -> FaceRecogniser:
     Unreadable pictures are reported and left out.
     """
 
-    def told(error: PeopleError) -> None:
+    def report_error(error: PeopleError) -> None:
         report(DeviceStatus("camera", "fault", str(error), error.hint))
 
     people = people_of(camera)
@@ -159,7 +159,7 @@ def gallery(camera: CameraKeys, report: StatusCallback) -> FaceRecogniser:
             report(
                 DeviceStatus("camera", "fault", f"pictures of people in {people.folder} were readable by others: fixed")
             )
-        portraits = people.portraits(told)
+        portraits = people.portraits(report_error)
     except PeopleError as error:
         report(DeviceStatus("camera", "fault", f"people cannot be recognised: {error}", error.hint))
         return NullRecogniser()

@@ -24,8 +24,8 @@ class HalfDuplex:
         return start < self._until and end > self._from
 
     def _look(self) -> None:
-        said = None if self._voice is None else self._voice.speaking()
-        begun = None if said is None else said.started
+        utterance = None if self._voice is None else self._voice.speaking()
+        begun = None if utterance is None else utterance.started
         if begun is not None:
             if not self._speaks and begun > self._until:
                 self._from = begun

@@ -78,28 +78,26 @@ class MicrophoneEars:
         return self.listener.level()
 
 
-def real_ears(factory: "RealPartFactory", section: Section, made: Mapping[str, Any]) -> tuple[Device, Heard]:
+def real_ears(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Device, Heard]:
     """Return ears for the phrases of a mission, as device and part, which ignore the robot's own speech."""
     keys: MicrophoneKeys = section.keys
-    voice: Voice | None = made.get("voice")
-    wishes, audience, simulation = factory.overrides, factory.hooks, factory.simulation
-    phrases = wishes.interests.phrases
-    if simulation is None or wishes.world is None:
+    voice: Voice | None = devices.get("voice")
+    overrides, hooks, simulation = factory.overrides, factory.hooks, factory.simulation
+    phrases = overrides.interests.phrases
+    if simulation is None or overrides.world is None:
         source: Microphone = factory.device(section)
         deaf = HalfDuplex(voice, factory.clock).may_be_own_speech
-        found = make_ears(
-            keys, source, phrases, factory.clock, report=audience.report, deaf=deaf, changed=audience.on_change
-        )
+        found = make_ears(keys, source, phrases, factory.clock, report=hooks.report, deaf=deaf, changed=hooks.on_change)
         return found, found
     ears, simulation.on_reply = resolve_name("missions.assembly.simulated_hearing:make_simulated_ears")(
         keys,
-        wishes.world,
+        overrides.world,
         phrases,
         factory.clock,
         voice=voice,
-        seed=wishes.seed,
-        report=audience.report,
-        changed=audience.on_change,
+        seed=overrides.seed,
+        report=hooks.report,
+        changed=hooks.on_change,
     )
     return ears, ears
 

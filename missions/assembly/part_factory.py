@@ -80,25 +80,25 @@ class Hooks:
 class PartFactory(Protocol):
     """Factory of a robot's parts: on hardware or virtual devices, or in simulated time."""
 
-    def make(self, part: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
+    def make(self, part: str, section: Section, devices: Mapping[str, Any]) -> tuple[Device, object]:
         """Return the device of a part, and the object that leaves use, which is usually the same."""
         ...
 
 
 def make_parts(config: RobotConfig, chosen: frozenset[str], factory: PartFactory) -> tuple[Robot, dict[str, Device]]:
     """Return the robot of the ``chosen`` parts as leaves see it, and its devices in the order in which they open."""
-    made: dict[str, Device] = {}
-    seen: dict[str, object] = {}
+    devices: dict[str, Device] = {}
+    leaf_parts: dict[str, object] = {}
     for part in order_parts(config, chosen):
-        made[part], seen[part] = factory.make(part, config.sections[part], made)
-    parts: Mapping[str, object] = made
+        devices[part], leaf_parts[part] = factory.make(part, config.sections[part], devices)
+    parts: Mapping[str, object] = devices
     base, ranger = parts.get("base"), parts.get("range")
     if config.has_range_guard and config.range is not None and isinstance(base, Guardable) and ranger is not None:
         base.guard_by(cast("Ranger", ranger), config.range.blind)
     if isinstance(base, WitnessedBase) and {"range", "imu"} & parts.keys():
         base.compare_with(ranger=cast("Ranger | None", ranger), imu=cast("Imu | None", parts.get("imu")))
-    opened = sorted(made, key=lambda part: (list(KINDS).index(config.kind_of(part).name), part not in KINDS))
-    return robot_of_parts(config, seen), {part: made[part] for part in opened}
+    opened = sorted(devices, key=lambda part: (list(KINDS).index(config.kind_of(part).name), part not in KINDS))
+    return robot_of_parts(config, leaf_parts), {part: devices[part] for part in opened}
 
 
 def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
@@ -178,12 +178,12 @@ def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]
 
 def order_parts(config: RobotConfig, chosen: frozenset[str]) -> Iterator[str]:
     """Yield the ``chosen`` parts, each after the parts that its driver or its kind needs first."""
-    made: set[str] = set()
+    done: set[str] = set()
 
     def make(part: str) -> Iterator[str]:
-        if part in made or part not in chosen or part not in config.sections:
+        if part in done or part not in chosen or part not in config.sections:
             return
-        made.add(part)
+        done.add(part)
         for before in (*config.sections[part].driver.needs, *config.kind_of(part).made_after):
             yield from make(before)
         yield part

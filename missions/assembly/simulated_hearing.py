@@ -133,8 +133,8 @@ def make_simulated_ears(
             changed=changed,
         )
     )
-    why = "people's speech arrives as text: no synthesis or recognition is installed"
-    report(DeviceStatus("microphone", "fault", why, extra_hint("speak", extra_hint("listen"))))
+    reason = "people's speech arrives as text: no synthesis or recognition is installed"
+    report(DeviceStatus("microphone", "fault", reason, extra_hint("speak", extra_hint("listen"))))
     return text, text.hear
 
 

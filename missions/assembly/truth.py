@@ -169,20 +169,20 @@ class GroundTruth:
         """Return the marker of a robot that faces the camera most, or None if none is readable."""
         solid = rover.solid(now)
         x, y, facing = max(_sides(solid), key=lambda side: cos(_side_angle(side, view)))
-        turned = _side_angle((x, y, facing), view)
+        angle = _side_angle((x, y, facing), view)
         height = max(solid.top / 2, solid.top - MARKER_HEIGHT / 2 - 0.03)
         middle = (x, y, height)
         _, _, ahead = view.to_camera_axes(*middle)
         place = self._pixel_of(view, middle)
-        width = MARKER_SIZE * self._lens.focal * cos(turned) / max(ahead, 0.01)
+        width = MARKER_SIZE * self._lens.focal * cos(angle) / max(ahead, 0.01)
         if place is None or width < MIN_MARKER_SIDE:
             return None
-        side = width / cos(turned)
+        side = width / cos(angle)
         box = self._detected_box(Box(place[0] - width / 2, place[1] - side / 2, width, side), view, middle, now)
         if box is None:
             return None
         away = hypot(x - view.x, y - view.y, height - view.z)
-        return MarkerSighting(rover.marker, kind.robots.get(rover.marker, ""), box, away, turned)
+        return MarkerSighting(rover.marker, kind.robots.get(rover.marker, ""), box, away, angle)
 
     def _pixel_of(self, view: Viewpoint, point: Point3) -> tuple[float, float] | None:
         """Return the pixel (x, y) of a point, or None behind the camera."""

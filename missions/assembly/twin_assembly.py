@@ -71,11 +71,11 @@ class Conversation:
         self._expect(self._twins.world.replies_between(-1.0, inf))
 
     def _voice(self, keys: VoiceKeys) -> VoiceTwin:
-        clock, audience = self._twins.timeline.clock, self._hooks
-        return VoiceTwin(clock, self._say, default_style=keys.style, report=audience.report, changed=audience.on_change)
+        clock, hooks = self._twins.timeline.clock, self._hooks
+        return VoiceTwin(clock, self._say, default_style=keys.style, report=hooks.report, changed=hooks.on_change)
 
     def _microphone(self) -> HearingTwin[Words]:
-        clock, audience = self._twins.timeline.clock, self._hooks
+        clock, hooks = self._twins.timeline.clock, self._hooks
         return HearingTwin(
             clock,
             PhraseGrammar.from_texts(self._phrases),
@@ -83,8 +83,8 @@ class Conversation:
             is_deaf=HalfDuplex(self._twins.parts.get("voice"), clock).may_be_own_speech,
             mishearing=self._world.physics.mishearing,
             seed=self._seed,
-            report=audience.report,
-            changed=audience.on_change,
+            report=hooks.report,
+            changed=hooks.on_change,
         )
 
     def _screen(self, keys: ScreenKeys) -> ScreenTwin:
@@ -203,12 +203,12 @@ class _TwinPartFactory:
             scene=twins.scene,
         )
 
-    def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:  # noqa: ARG002
+    def make(self, kind: str, section: Section, devices: Mapping[str, Any]) -> tuple[Device, object]:  # noqa: ARG002
         """Return the twin of a part, and the object that leaves use."""
         parts = self._twins.parts
         if kind == "camera":
-            seen = self._eyes(section.keys)
-            return parts[kind], seen
+            sight = self._eyes(section.keys)
+            return parts[kind], sight
         twin = self.conversation.twin(kind, section.keys)
         if twin is None:
             make = resolve_maker(section.driver.twin, section, "twin")
@@ -243,7 +243,7 @@ class _TwinPartFactory:
         from missions.assembly.gallery import recogniser  # noqa: PLC0415
         from missions.assembly.models import face_detector  # noqa: PLC0415
 
-        twins, audience = self._twins, self._hooks
+        twins, hooks = self._twins, self._hooks
         renderer = Renderer(twins.world, twins.lens, noise=self._world.noise, seed=self._seed)
         camera = self.camera(lambda time: renderer.draw(twins.viewpoint(), time))
         sight = vision(
@@ -253,10 +253,10 @@ class _TwinPartFactory:
             detector=face_detector(keys),
             lens=None,  # what draws the pictures is ideal
             field_of_view=twins.lens.field_of_view,
-            report=audience.report,
-            seen=audience.on_view,
-            watched=audience.on_frame,
-            recogniser=recogniser(self._interests, audience.report, drawn=self._world.people),
+            report=hooks.report,
+            seen=hooks.on_view,
+            watched=hooks.on_frame,
+            recogniser=recogniser(self._interests, hooks.report, drawn=self._world.people),
         )
 
         def take() -> CameraFrame | None:

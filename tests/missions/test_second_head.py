@@ -78,7 +78,7 @@ def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
     [
         (
             MAST.replace("kind: head", "kind: base"),
-            "'kind' cannot be 'base': only of head and arm a robot may have several",
+            "'kind' cannot be 'base': it is one of head, arm",
         ),
         (MAST.replace("servo: 2", "servo: 1"), "servo 1 is the tilt of the 'head'"),
         (MAST.replace("servo: 2", "servo: 3"), "'pan' and 'tilt' are both on servo 3"),
