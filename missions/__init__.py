@@ -25,8 +25,8 @@ A complete example without a robot:
 >>> [mission.tick().name for _ in range(3)]
 ['RUNNING', 'RUNNING', 'SUCCESS']
 
-The names ``load``, ``wrap``, ``run``, ``Mission``, ``Result``, ``InvalidFileError`` and ``UnknownNameError`` are stable.
-All other names may change between versions.
+The names ``load``, ``wrap``, ``run``, ``Mission``, ``Result``, ``InvalidFileError`` and ``UnknownNameError`` are
+stable. All other names may change between versions.
 """
 
 from importlib import import_module

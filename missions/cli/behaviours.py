@@ -92,6 +92,10 @@ def _describe(leaf: type[Leaf]) -> None:
     for argument in leaf.arguments.values():
         principal = "; may stand alone" if argument.principal else ""
         click.echo(f"    {argument.name}: {requirements_text(argument)}{principal}\n        {argument.help}")
+    if leaf.example:
+        click.echo("\n  example:")
+        for line in leaf.example.splitlines():
+            click.echo(f"    {line}")
 
 
 def _as_dict(leaf: type[Leaf]) -> dict[str, object]:

@@ -154,10 +154,10 @@ def test_a_run_returns_its_result_and_tells_its_events(file: Path) -> None:
     [
         ({"simulate": "fast", "camera": "0"}, 'camera gives pictures in real time: it goes with simulate="wire"'),
         ({"simulate": "wire", "ports": {"base": "/dev/kobuki"}}, 'ports names real ports: it goes with robot="NAME"'),
-        ({"robot": "turtlebot2", "ports": {"wing": "/dev/wing"}}, "ports: 'wing' is no part with a port"),
+        ({"robot": "turtlebot2", "ports": {"wing": "/dev/wing"}}, "ports: 'wing' is not a part with a port"),
         ({"robot": "turtlebot2", "world": "empty"}, "world is for a simulated robot"),
         ({"simulate": "wire", "speed": 2.0}, 'are for simulated time: add simulate="fast"'),
-        ({"simulate": "wire", "camera": "no_such.png"}, "camera: 'no_such.png': no such file"),
+        ({"simulate": "wire", "camera": "no_such.png"}, "camera: 'no_such.png': not a file"),
     ],
 )
 def test_a_run_is_refused_where_a_wish_could_only_be_ignored(file: Path, wishes: dict[str, Any], told: str) -> None:
