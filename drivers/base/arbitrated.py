@@ -283,11 +283,11 @@ class ArbitratedBase(ABC):
             self._reported_steering = steering
             self._steered(steering)
 
-    def _report_online(self, what: str) -> None:
+    def _report_online(self, message: str) -> None:
         """Report that a base that was silent is online again."""
         if self._silent:
             self._silent = False
-            self._report(DeviceStatus(self.name, "online", what))
+            self._report(DeviceStatus(self.name, "online", message))
 
     def _report_changes(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
         """Report the changes of contacts, buttons and hazards from state to state."""

@@ -155,8 +155,8 @@ class DiffDriveProtocol(ABC):
     def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:  # noqa: ARG002
         """Return why an open port brings no reports, and a hint. ``where`` names part and port."""
         if silent:
-            what = f"{where}: open but silent; is the {self.noun} switched on?"
-            return what, f"switch the {self.noun} on; then look at its cable"
+            reason = f"{where}: open but silent; is the {self.noun} switched on?"
+            return reason, f"switch the {self.noun} on; then check its cable"
         return f"{where}: bytes arrive, but no report of {self.model}", f"is it the right port, at {baud} baud?"
 
 

@@ -23,4 +23,4 @@ def drift(turned: float, seconds: float) -> Finding:
     )
     if abs(rate) < DRIFT_WRONG:
         return warning("gyro drift", what, "keep the base still while it is switched on; let it warm up")
-    return failure("gyro drift", what, "switch the base off and on while it stands still; else its gyro is broken")
+    return failure("gyro drift", what, "switch the base off and on at rest; if that does not help, its gyro is broken")

@@ -15,34 +15,34 @@ MIN_TONE_FREQUENCY, MAX_TONE_FREQUENCY = 6.0, 20_000.0
 MAX_TONE_DURATION = 0.255
 
 
-def check(who: str, velocity: Velocity, source: Source) -> None:
+def check(part: str, velocity: Velocity, source: Source) -> None:
     """Raise BadRequest for a velocity that is not finite, and for ``Source.SAFETY``."""
     if not (isfinite(velocity.linear) and isfinite(velocity.angular)):
         raise BadRequest(
-            f"{who}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
+            f"{part}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
             hint="both must be finite numbers",
         )
     if source is Source.SAFETY:
-        raise BadRequest(f"{who}: only its own reflexes command in the name of safety", hint="use another source")
+        raise BadRequest(f"{part}: only its own reflexes command in the name of safety", hint="use another source")
 
 
-def require(who: str, latched: str) -> None:
+def require(part: str, latched: str) -> None:
     """Raise DeviceFault if ``latched``, the reason of a latch, is not empty."""
     if latched:
-        raise DeviceFault(f"{who}: stopped: {latched}", hint="remove the cause, then enable the base")
+        raise DeviceFault(f"{part}: stopped: {latched}", hint="remove the cause, then enable the base")
 
 
-def check_light(who: str, number: int) -> None:
+def check_light(part: str, number: int) -> None:
     """Raise BadRequest for an unknown light."""
     if number not in LIGHTS:
-        raise BadRequest(f"{who}: no light {number}", hint=f"it has lights {' and '.join(map(str, LIGHTS))}")
+        raise BadRequest(f"{part}: no light {number}", hint=f"it has lights {' and '.join(map(str, LIGHTS))}")
 
 
-def check_tone(who: str, frequency: float, seconds: float) -> None:
+def check_tone(part: str, frequency: float, seconds: float) -> None:
     """Raise BadRequest for a tone outside the range of frequencies in Hz and durations."""
     if not (MIN_TONE_FREQUENCY <= frequency <= MAX_TONE_FREQUENCY and 0 < seconds <= MAX_TONE_DURATION):
         raise BadRequest(
-            f"{who}: no tone of {frequency} Hz for {seconds} s",
+            f"{part}: no tone of {frequency} Hz for {seconds} s",
             hint=f"{MIN_TONE_FREQUENCY:g} to {MAX_TONE_FREQUENCY:g} Hz, for {MAX_TONE_DURATION} s at most",
         )
 

@@ -226,7 +226,7 @@ class ProgressMonitor:
             return None
         if now - self._reported_at > NO_DATA_TIMEOUT:
             return MotionFault(
-                f"{describe_command(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
+                f"{describe_command(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "check its cable"
             )
         if not new:
             return None

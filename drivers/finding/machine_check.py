@@ -17,7 +17,7 @@ MIN_FREE_BYTES = {"wrong": 200e6, "warning": 2e9}
 """Free bytes on the disk below which a record may not fit."""
 
 MIN_FREE_MEMORY = 300e6
-"""Bytes of available memory."""
+"""Minimum bytes of available memory."""
 
 MAX_TEMPERATURE = 80.0
 """Degrees Celsius at which small computers slow down."""

@@ -207,32 +207,32 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         self._requested_at = now
         self._link.write(guardian_wire.REPORT_REQUEST)
 
-    def _on_report(self, found: guardian_wire.GuardianReport) -> None:
+    def _on_report(self, report: guardian_wire.GuardianReport) -> None:
         now = self._clock.now()
         self._counters["reports"] += 1
         with self._lock:
             before, was_met = self._state, self._has_report
-            restarted = self._boot is not None and found.boot != self._boot
+            restarted = self._boot is not None and report.boot != self._boot
             self._handle(GuardianEvent.REPORT)
             if restarted or not was_met:
-                self._boot = found.boot
-                self._apply_report(found, now, anew=restarted)
-            elif (found.first, found.second) != self._sent and guardian_wire.UNKNOWN_ANGLE not in (
-                found.first,
-                found.second,
+                self._boot = report.boot
+                self._apply_report(report, now, restarted=restarted)
+            elif (report.first, report.second) != self._sent and guardian_wire.UNKNOWN_ANGLE not in (
+                report.first,
+                report.second,
             ):
                 self._is_settled = False  # the last setpoint was lost, or is still on the wire
-            if guardian_wire.UNKNOWN_ANGLE not in (found.first, found.second):
-                self._reported_angles = (found.first, found.second)
+            if guardian_wire.UNKNOWN_ANGLE not in (report.first, report.second):
+                self._reported_angles = (report.first, report.second)
             if self._reconnect.on_report(now, restarted=restarted):
                 self._hold()
             self._reported_at = now
         if before in (GuardianState.UNMET, GuardianState.SILENT):
             self._report(DeviceStatus(self.name, "online", f"{self._link.port}: the servos are online again"))
 
-    def _apply_report(self, found: guardian_wire.GuardianReport, now: float, *, anew: bool) -> None:
+    def _apply_report(self, report: guardian_wire.GuardianReport, now: float, *, restarted: bool) -> None:
         """Continue from the reported servo angles; move to the start pose the first time that they are known."""
-        axes, reported = self._motion.axes, (found.first, found.second)
+        axes, reported = self._motion.axes, (report.first, report.second)
         stored = self._angle_store.pop() if self._angle_store is not None and self._reported_angles is None else {}
         unknown = guardian_wire.UNKNOWN_ANGLE in reported and not {0, 1} <= stored.keys()
         middle = tuple(
@@ -254,7 +254,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
         if unknown:
             message = "its servo angles are unknown, since no pulse was sent yet: the first movement may leap"
             self._report(DeviceStatus(self.name, "fault", message, "keep clear of it at its first movement"))
-        if anew:
+        if restarted:
             self._report(DeviceStatus(self.name, "fault", "the servo controller has restarted", self._hint))
 
     def _step(self) -> None:

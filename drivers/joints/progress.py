@@ -204,12 +204,12 @@ class JointProgress:
         if self._stall_share < 1.0 or self._pushed:
             return ""
         self._pushed = True
-        return f"{self.title}: holds {self._goal:.2f} rad, stands at {here:.2f} rad: pushed away, or overloaded?"
+        return f"{self.title}: holds {self._goal:.2f} rad, but is at {here:.2f} rad: pushed away, or overloaded?"
 
-    def _give_up(self, here: float, why: str, load: float) -> str:
+    def _give_up(self, here: float, reason: str, load: float) -> str:
         self._blocked_at = here
         load_text = f"; load {abs(load):.0%}".replace("%", " %") if load else ""
-        self.blocked = f"{self.title}: commanded {self._goal:.2f} rad, {why}{load_text}"
+        self.blocked = f"{self.title}: commanded {self._goal:.2f} rad, {reason}{load_text}"
         return self.blocked
 
     def _restart(self) -> None:

@@ -82,7 +82,7 @@ def _gyro(parts: list[KobukiSubpayload], reports: list[Core], span: float) -> It
         for each in reports
     )
     if not stood:
-        yield warning("gyro drift", "not measured: its wheels turned meanwhile", "let it stand, and try again")
+        yield warning("gyro drift", "not measured: its wheels turned meanwhile", "keep it at rest, and try again")
     elif len(turns) > 1 and span:
         turned = (turns[-1].heading_cdeg - turns[0].heading_cdeg + 18000) % 36000 - 18000
         yield drift(radians(turned / 100), span)

@@ -205,8 +205,8 @@ class RPLidarSession:
             message = f"it is an A{info.series} (model {info.model:#x}), not an {self._model.name}"
             self._report_once(message, "set `model` in the robot file")
 
-    def _report_once(self, what: str, hint: str) -> None:
+    def _report_once(self, message: str, hint: str) -> None:
         """Report a fault, once in a session."""
-        if what not in self._reported_faults:
-            self._reported_faults.add(what)
-            self._report(DeviceStatus(self._name, "fault", f"{self._prefix()}: {what}", hint))
+        if message not in self._reported_faults:
+            self._reported_faults.add(message)
+            self._report(DeviceStatus(self._name, "fault", f"{self._prefix()}: {message}", hint))

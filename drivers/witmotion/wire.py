@@ -79,8 +79,8 @@ class WitMotionReportFinder:
         if HEADER not in self._bytes:
             self._bytes = b""
 
-    def _handle_packet(self, found: bytes) -> WitMotionReport | None:
-        _, kind, x, y, z, _ = struct.unpack("<BB4h", found[:-1])
+    def _handle_packet(self, packet_data: bytes) -> WitMotionReport | None:
+        _, kind, x, y, z, _ = struct.unpack("<BB4h", packet_data[:-1])
         unit = {ACCELERATION: FORCE_PER_STEP, RATES: RATE_PER_STEP, ANGLES: ANGLE_PER_STEP}.get(kind)
         if unit is None:
             return None

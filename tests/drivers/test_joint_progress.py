@@ -227,7 +227,7 @@ def test_a_joint_that_is_pushed_away_from_where_it_holds_is_reported_and_does_no
     drive(rig, 0.4, limit=1.5)
     rig.joints.push("a", 0.9)
     rig.run(2.0)
-    assert faults(rig) == ["joint a: holds 0.40 rad, stands at 0.90 rad: pushed away, or overloaded?"]
+    assert faults(rig) == ["joint a: holds 0.40 rad, but is at 0.90 rad: pushed away, or overloaded?"]
     felt = rig.joints.states()["a"].value
     assert felt is not None
     assert felt.goal == pytest.approx(0.4, abs=0.01)

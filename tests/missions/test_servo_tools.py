@@ -241,7 +241,7 @@ def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot
     robot.elbow.load = 2.0
     outcome = servo("move", "elbow", "40 deg")
     assert outcome.code == 1
-    assert "joint elbow: commanded 0.70 rad, stands at 0.00 rad" in outcome.out
+    assert "joint elbow: commanded 0.70 rad, at 0.00 rad" in outcome.out
 
 
 @pytest.mark.parametrize(
