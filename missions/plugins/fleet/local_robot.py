@@ -181,9 +181,9 @@ class LocalRobot:
             self._state, self._at = self._state | kept, self._clock.now()
 
 
-def _is_stopped_by_fleet(told: Mapping[str, Any]) -> bool:
+def _is_stopped_by_fleet(outcome: Mapping[str, Any]) -> bool:
     """Return whether a run reports a stop by its fleet."""
-    return str(told.get("stopped", "")).startswith(f"stopped by {FLEET_PREFIX}")
+    return str(outcome.get("stopped", "")).startswith(f"stopped by {FLEET_PREFIX}")
 
 
 def _battery(state: Mapping[str, Any]) -> float | None:
@@ -195,6 +195,6 @@ def _battery(state: Mapping[str, Any]) -> float | None:
     return None
 
 
-def _summarise(said: StopOutcomes) -> tuple[bool, str]:
-    words = "; ".join(words.partition("\n")[0] for _, words in said.values())
-    return all(good for good, _ in said.values()), "".join(each for each in words if each.isprintable())[:900]
+def _summarise(outcomes: StopOutcomes) -> tuple[bool, str]:
+    words = "; ".join(words.partition("\n")[0] for _, words in outcomes.values())
+    return all(good for good, _ in outcomes.values()), "".join(each for each in words if each.isprintable())[:900]

@@ -29,7 +29,7 @@ from missions.plugins.tasks.queue_database import open_db, queue_file
 from missions.request import RunRequest
 from missions.runner import requested_robot
 
-# What a member of a fleet is besides being seen: it does tasks of the fleet, and keeps some of them.
+# Tasks of a fleet member: it runs tasks of the fleet, and manages some of them.
 
 
 def add_task_services(

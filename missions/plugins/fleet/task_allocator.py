@@ -33,10 +33,10 @@ from missions.plugins.fleet.zenoh_transport import Roster, RosterEntry
 from missions.plugins.tasks.notice import from_row, row_of
 from missions.plugins.tasks.task import Interrupted, RetryPolicy, is_due
 
-# The tasks that a robot keeps for its fleet: who has each, and what becomes of it.
+# Tasks that a robot manages for its fleet: their robots and results.
 #
-# One robot keeps a task, from the moment when it was asked for to its end, so that nobody else decides who does it:
-# that needs no leader. What must not be lost is on the disk before it is answered.
+# One robot manages a task from its addition to its end, and alone decides which robot runs it:
+# so no leader is needed. Data that must not be lost is stored before the answer is sent.
 
 RETRY_INTERVAL = 5.0
 """Seconds between a failed attempt and the next one."""

@@ -169,7 +169,7 @@ class TaskExecutor:
         self._send_request(report, errand.allocator, lambda answer: self._answers.append((errand, said, now, answer)))
 
     def _on_report_answer(
-        self, errand: TaskAssignment, said: tuple[TaskState, AttemptEnd], sent: float, answer: FleetAnswer | None
+        self, errand: TaskAssignment, state: tuple[TaskState, AttemptEnd], sent: float, answer: FleetAnswer | None
     ) -> None:
         """Process an allocator's answer to the report that was sent at ``sent``."""
         talk = self._report_states.get((errand.id, errand.attempt))
@@ -179,7 +179,7 @@ class TaskExecutor:
             return  # the request will be repeated
         talk.answered = talk.answered or talk.sent_at == sent
         task = self._queue.task(errand.task.id)
-        if task.has_ended and (said[0] in ("FINISHED", "FAILED") or not answer.ok):
+        if task.has_ended and (state[0] in ("FINISHED", "FAILED") or not answer.ok):
             self._queue.mark_confirmed(errand)
             del self._report_states[errand.id, errand.attempt]
         elif not answer.ok:

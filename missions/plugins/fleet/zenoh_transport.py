@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import zenoh
 
 
-# Who is in a fleet, as one of them sees it: from tokens that come and go, and from what each tells of itself.
+# Members of a fleet as one member sees them: from liveliness tokens and from published states.
 
 MAX_ROBOTS = 4096
 """Maximum number of robots in a roster; offline ones make space for new ones, and further ones are ignored."""

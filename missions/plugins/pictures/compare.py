@@ -170,7 +170,7 @@ def _differences(left: TreeBox, right: TreeBox) -> Iterator[str]:
         yield "modifiers in another order"
 
 
-# Two missions in two columns of text, a sign between them for what is the same, changed, added or removed.
+# Two missions in two columns of text; signs between them mark equal, changed, added and removed nodes.
 
 MIN_SIDE_COLUMNS = 16
 """Minimum columns of a side, even on a narrow terminal."""

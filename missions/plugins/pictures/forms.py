@@ -10,7 +10,7 @@ from missions.plugins.pictures.png import png
 from missions.plugins.pictures.svg import svg, svg_pair
 from missions.trees.drawing import TreeDrawing, to_json
 
-# A comparison of two missions as plain JSON, for other programs.
+# JSON of a comparison, for other programs.
 
 FORMAT = "missiontree-diff/1"
 

@@ -15,9 +15,9 @@ from unicodedata import category, combining, east_asian_width, normalize
 from missions.plugins.pictures.compare import NodePair, TreeComparison
 from missions.trees.drawing import SIGNS, Status, TreeBox, TreeDrawing
 
-# How wide a text is in DejaVu Sans, so that a picture is laid out without a font, and the same on every machine.
+# Widths of texts in DejaVu Sans, so that the layout needs no font and is the same on every machine.
 #
-# It is among the widest of the usual sans: where another takes its place, every text still fits.
+# It is among the widest usual sans fonts, so texts also fit in a substitute.
 
 _REGULAR = """
 318 401 460 838 637 951 780 275 391 391 500 838 318 361 318 337 637 637 637 637 637 637 637 637 637 637 337 337 838 838
@@ -29,7 +29,7 @@ _BOLD = """
 838 581 1000 774 763 734 831 684 684 821 837 373 373 775 638 996 837 851 733 851 771 721 683 813 774 1104 771 725 726
 458 366 458 838 500 500 675 716 593 716 679 436 716 712 343 343 666 343 1042 712 688 716 716 494 596 479 712 652 924 646
 652 583 712 366 712 838"""
-# Thousandths of the font's size for each character of ASCII from the blank on, as the font's own table has them.
+# Widths of the ASCII characters from the blank on in thousandths of the font size, from the font's table.
 
 _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
 """Widths of characters outside the table: small letters of other scripts; signs and capitals; East Asian characters."""
@@ -102,10 +102,10 @@ def _advance(letter: str, bold: bool) -> float:
     return usual * (_BROADER if plain in _BROAD else 1.0) * (1.1 if bold else 1.0)
 
 
-# A node as it is drawn: a card with a few short lines of text, each with its place on the card.
+# Card of a node: a few short lines of text with their positions.
 #
-# Title, arguments, modifiers and the reason stand below each other; all of it in whole pixels, so that a picture is
-# the same everywhere. What is too long ends in "…": a picture's tooltip has the rest.
+# Title, arguments, modifiers and reason stand below each other, in whole pixels, so that a picture is
+# the same everywhere. Long texts end in "…"; the tooltip has the rest.
 
 Part = Literal["symbol", "kind", "name", "sign", "line", "argument", "badge", "reason", "change", "folded"]
 

@@ -32,10 +32,10 @@ from missions.plugins.pictures.layout import (
 from missions.trees.drawing import SIGNS, Status, TreeBox, TreeDrawing
 from missions.trees.drawing_builder import ACTION_SYMBOL, CONDITION_SYMBOL
 
-# How drawn trees look: colours that the colour-blind tell apart (after Okabe and Ito), each with a border of its own.
+# Style of drawn trees: colours for colour-blind readers (Okabe and Ito), each with a border of its own.
 #
-# Plain classes without variables: not every program that draws SVG knows more of CSS. Those that know of day and
-# night draw it dark at night; others draw it as by day.
+# Plain classes without variables: many SVG programs support no more CSS. Programs that support dark mode
+# draw it dark at night; others always draw it light.
 
 STYLE = """
 text { font-family: "DejaVu Sans", Verdana, sans-serif; font-size: 11px; fill: #1d2530 }
@@ -97,7 +97,7 @@ text { fill: #e5e9ee } .page { fill: #12161b } .summary { fill: #a3aeba } .momen
 """
 
 
-# An SVG document that is being drawn, in whole pixels: rectangles, lines and texts of a class each.
+# SVG document in whole pixels: rectangles, lines and texts, each with a class.
 
 
 class SvgCanvas:

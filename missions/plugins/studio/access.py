@@ -16,7 +16,7 @@ from drivers.clock import Clock, SystemClock
 from missions.control.commands import Role
 from missions.library.folders import state_folder
 
-# Tokens that outlive the studio, where the user wishes that: a file that only the owner reads.
+# Tokens that the user stores beyond one studio: a file that only its owner can read.
 
 ROLE_NAMES = ("operator", "viewer")
 MIN_TOKEN_LENGTH = 24

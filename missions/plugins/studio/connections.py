@@ -19,7 +19,7 @@ from typing import Any
 
 from drivers.clock import Clock, SystemClock
 
-# File descriptors that are kept for a stop: a studio that has none left for anything else can still look for runs.
+# Reserve of file descriptors for a stop: without free descriptors, the studio can still search for runs.
 
 RESERVED_DESCRIPTORS = 64
 """Number of descriptors in reserve: a folder, a file and a socket for each of several runs at the same time."""

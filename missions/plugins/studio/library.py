@@ -47,7 +47,7 @@ from missions.trees.drawing import TreeBox, to_json
 from missions.trees.drawing_builder import drawing_of, first_values
 from missions.trees.value_text import value_text
 
-# A mission as it is offered to somebody who may run it: read with the leaves beside it, and its params for a form.
+# A mission for the form that starts it: loaded with the behaviours beside it, and its params as fields.
 
 
 def load_with_behaviours(name: str) -> Plan:
@@ -82,7 +82,7 @@ def _param(param: Param) -> dict[str, object]:
     return field
 
 
-# A limit on the time of a piece of work, for a process whose main thread does nothing else.
+# Time limit of a piece of work in a process whose main thread has no other task.
 
 
 class TimeLimitError(BaseException):

@@ -104,10 +104,10 @@ def _joints(now: Mapping[str, Any]) -> Json:
     return {name: each for name, each in found.items() if all(isinstance(value, int | float) for value in each)}
 
 
-def _scan(told: Mapping[str, Any]) -> list[list[float]]:
+def _scan(message: Mapping[str, Any]) -> list[list[float]]:
     """Return the points of a range scan in the frame of the robot."""
-    ranges, start = told["ranges"], told["start_angle"]
-    step = (told["end_angle"] - start) / max(1, len(ranges) - 1)
+    ranges, start = message["ranges"], message["start_angle"]
+    step = (message["end_angle"] - start) / max(1, len(ranges) - 1)
     seen = [(ranges[at], start + at * step) for at in range(0, len(ranges), max(1, len(ranges) // MAX_SCAN_POINTS))]
     return [[round(far * cos(bearing), 3), round(far * sin(bearing), 3)] for far, bearing in seen if far > 0]
 

@@ -159,10 +159,10 @@ class _RecordPieces:
         return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}
 
 
-def pose_in(told: Mapping[str, Any]) -> list[list[float]]:
+def pose_in(message: Mapping[str, Any]) -> list[list[float]]:
     """Return the base's time and pose in a message, as a list of one point; empty if it has none."""
-    found = [told[name] for name in ("t", "x", "y", "heading")]
-    known = told["quality"] == "good" and all(
+    found = [message[name] for name in ("t", "x", "y", "heading")]
+    known = message["quality"] == "good" and all(
         isinstance(each, int | float) and abs(each) < MAX_SECONDS for each in found
     )
     return [[round(each, 3) for each in found]] if known else []

@@ -19,7 +19,7 @@ from missions.control.processes import ProcessIdentity, identity_of
 from missions.control.run_search import FoundProcess, addresses_of
 from missions.control.sockets import MAX_MESSAGE_BYTES, REPLY_TIMEOUT
 
-# The studio's connection to a run's control socket: commands go in, and each message is passed on as it comes.
+# Connection of the studio to a run's control socket: sends commands, forwards messages unchanged.
 
 OnLine = Callable[[bytes], Awaitable[None]]
 """Callback for each line of a run. While it waits, the run drops all but the newest state."""

@@ -23,7 +23,7 @@ from missions.plugins.tasks.file_lock import is_locked, server_lock
 from missions.plugins.tasks.queue import TaskQueue, local_zone, wall_clock
 from missions.plugins.tasks.queue_database import open_db, queue_errors, queue_file
 
-# Starting a run: `mission run` in a process of its own, which goes on whatever becomes of the studio.
+# Starting a run: `mission run` in a process of its own, which outlives the studio.
 
 START_TIMEOUT = 60.0
 """Seconds within which a run must open its control socket."""
@@ -144,10 +144,10 @@ class RunLauncher:
         return process, output
 
 
-def _last_output(said: IO[bytes]) -> str:
+def _last_output(output: IO[bytes]) -> str:
     """Return the last lines of output of a run."""
-    size = os.fstat(said.fileno()).st_size
-    return os.pread(said.fileno(), 4000, max(0, size - 4000)).decode(errors="replace").strip()
+    size = os.fstat(output.fileno()).st_size
+    return os.pread(output.fileno(), 4000, max(0, size - 4000)).decode(errors="replace").strip()
 
 
 Json = dict[str, object]

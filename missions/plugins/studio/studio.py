@@ -57,7 +57,7 @@ from missions.plugins.studio.studio_commands import (
 )
 from missions.plugins.tasks.task import TaskError
 
-# Letting the robot know somebody from what the camera of a run sees: by `mission person add`, and by its rules.
+# Adding a person from pictures of a run's camera, with `mission person add`.
 
 PERSON_PICTURE_COUNT = 6
 """Number of pictures that are taken of a person."""
@@ -135,7 +135,7 @@ def _run_person_add(*words: str) -> str:
     return "\n".join(filter(None, [done.stdout.strip(), done.stderr.strip()]))
 
 
-# The fleet of this computer, for the page: who is there and what each does, and all of them stopped or released.
+# The fleet of this computer, for the page: its robots, their state, and the stop and release of all.
 
 T = TypeVar("T")
 

@@ -34,7 +34,7 @@ from missions.plugins.studio.file_reader import FileReader
 from missions.plugins.studio.run_launcher import RunLauncher
 from missions.plugins.studio.studio import PAGE_FOLDER, Studio, page_edition
 
-# The routes of the studio, behind its gate: the page, the websocket, and records, as files and as reports.
+# Routes behind the authentication: the page, the websocket, and records as files and reports.
 
 MAX_CLIENTS = 96
 """Maximum number of websockets; a page has three."""

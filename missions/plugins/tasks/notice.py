@@ -11,7 +11,7 @@ from config.file_io import parse_json
 from missions.codec import Rules, decode, message_fields
 from missions.plugins.tasks.task import How, NewTask, RetryPolicy, State, Task, TaskError
 
-# Why a notice was not taken, and what a channel reads of secrets.
+# Errors of notices, and secrets from environment variables.
 
 
 class DeliveryError(RuntimeError):
@@ -103,7 +103,7 @@ class TerminalChannel:
         self._print(f"{notice.time[:19]}  {notice.text}" + ("" if notice.kind != "said" else f"  (task {notice.task})"))
 
 
-# Values as the rows of the database that they are kept in: lists and mappings are JSON, truth is 0 or 1.
+# Dataclasses as database rows: lists and mappings are JSON, truth values are 0 or 1.
 
 T = TypeVar("T")
 

@@ -16,7 +16,7 @@ from missions.plugins.tasks.notice import Channel
 from missions.plugins.tasks.outbox import Outbox, QueuedNotice
 from missions.plugins.tasks.queue_database import describe_retry, open_db
 
-# Which notice is next: each channel takes its own in order, and one that takes none rests, longer each time.
+# Order of notices: each channel sends its own in order; a failing channel waits, longer each time.
 
 FIRST_RETRY_DELAY, MAX_RETRY_DELAY = 1.0, 600.0
 """Seconds before the first retry, and the maximum; each delay is twice the previous one."""

@@ -22,10 +22,10 @@ from missions.plugins.tasks.notice import Notice, check_texts, from_row, row_of,
 from missions.plugins.tasks.queue_database import ORDER, checkpoint_log
 from missions.plugins.tasks.task import Attempt, AttemptOutcome, Claim, How, NewTask, State, Task, TaskError, next_state
 
-# When a task is due: times of day and repetitions as people say them, in the local time of a place.
+# Due times of tasks: times of day and repetitions as users write them, in local time.
 #
-# All else than ``wall_clock`` is computed from what is handed in, in seconds (Unix). Where the clocks go forward, a
-# time that is left out is the moment at which they do; where they go back, a time that comes twice is the first of
+# All functions except ``wall_clock`` depend only on their arguments, in Unix seconds. When clocks go forward, a
+# skipped time means the moment of the change; when they go back, a repeated time means the first of
 # the two.
 
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 
 from missions.plugins.tasks.task import TaskError
 
-# What keeps the queue's file from being used, in words: a disk that is full, can only be read, or fails.
+# Error texts of the queue's file: the disk is full, read-only, or failing.
 
 MIN_FREE_BYTES = 128 * 1024
 """Free bytes below which a disk counts as full; SQLite reports a full disk in some cases only as an I/O error."""

@@ -21,7 +21,7 @@ from drivers.clock import Clock, SystemClock
 from missions.library.shipped import find_mission
 from missions.plugins.tasks.task import AttemptOutcome, Claim, Task
 
-# What a process says on its two outputs, line by line, without waiting for either.
+# Output of a process on stdout and stderr, line by line, without blocking.
 
 
 class ProcessOutput:
@@ -225,9 +225,9 @@ def _kill(process: "subprocess.Popen[bytes]") -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def _replace_surrogates(told: object) -> str:
+def _replace_surrogates(value: object) -> str:
     """Return a text with lone surrogates replaced, which JSON allows but files and terminals refuse."""
-    return str(told).encode(errors="replace").decode()
+    return str(value).encode(errors="replace").decode()
 
 
 def _json(line: str) -> dict[str, Any] | None:

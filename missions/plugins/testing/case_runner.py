@@ -71,9 +71,9 @@ class CaseRunner:
         twins.timeline.call_at(case.timeout, lambda: self._stop(runner))
         try:
             history.result = runner.run()
-        except DriverError:  # a robot that is not complete: told as the end of the run
+        except DriverError:  # an incomplete robot: reported as the end of the run
             history.result = _result_from_events(history.events)
-        if runner.stream.failed_listeners:  # whoever raises is told no more, and so knows only half of it
+        if runner.stream.failed_listeners:  # a listener that raises gets no more events
             raise RuntimeError(f"some events were lost: {', '.join(runner.stream.failed_listeners)}")
         history.returns = _mission_returns(runner)
         history.heard_by = _heard_by_person(twins)

@@ -31,61 +31,61 @@ def check_expectations(expectations: Sequence[Expectation], history: CaseHistory
     return sorted(misses, key=lambda miss: miss[0])
 
 
-def _check_result(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_result(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     result, reason = _result_and_reason(history)
-    for item in wanted.items:
+    for item in expectation.items:
         if item.value != result:
             yield item.mark, f"the result was {result}" + (f": {reason}" if reason else "")
 
 
-def _check_reason(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_reason(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     reason = _result_and_reason(history)[1]
-    for item in wanted.items:
+    for item in expectation.items:
         if item.value not in reason:
             yield item.mark, f"the reason was '{reason}'" if reason else "there was no reason"
 
 
-def _check_within(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_within(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         if _run_seconds(history) > item.value:
             yield item.mark, f"it took {_run_seconds(history):.2f} s"
 
 
-def _check_after(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_after(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         if _run_seconds(history) < item.value:
             yield item.mark, f"it took only {_run_seconds(history):.2f} s"
 
 
-def _check_said(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    yield from _check_sequence("said", history.said, wanted)
+def _check_said(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    yield from _check_sequence("said", history.said, expectation)
 
 
-def _check_sequence(did: str, texts: Sequence[str], wanted: Expectation) -> Iterator[Miss]:
+def _check_sequence(did: str, texts: Sequence[str], expectation: Expectation) -> Iterator[Miss]:
     """Compare expected partial texts with observed texts, in order; no expected text requires none observed.
 
     An empty text matches only an empty text.
     """
-    if texts and not wanted.items:
-        yield wanted.mark, f"it {did} {_quote_list(texts)}"
+    if texts and not expectation.items:
+        yield expectation.mark, f"it {did} {_quote_list(texts)}"
     left, before = iter(texts), ""
-    for item in wanted.items:
+    for item in expectation.items:
         if not any(item.value in text if item.value else not text for text in left):
             yield item.mark, f'it never {did} "{item.value}"{before}; it {did} {_quote_list(texts)}'
             return
         before = f' after "{item.value}"'
 
 
-def _check_never_said(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_never_said(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         found = next((text for text in history.said if item.value in text), None)
         if found is not None:
             yield item.mark, f'it said "{found}"'
 
 
-def _check_heard_by(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_heard_by(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     """Compare each person's expected texts, in order, with the heard ones; an empty list requires none."""
-    for item in wanted.items:
+    for item in expectation.items:
         person, texts = item.value
         utterances = history.heard_by.get(person, [])
         left = iter(utterances)
@@ -93,18 +93,18 @@ def _check_heard_by(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]
             yield item.mark, f"{person} heard {_quote_list(utterances)}"
 
 
-def _check_showed(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_showed(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     """Compare expected texts with the screen's; an empty text matches only a cleared screen."""
-    words = history.showed if wanted.items else [text for text in history.showed if text]
-    yield from _check_sequence("showed", words, wanted)
+    words = history.showed if expectation.items else [text for text in history.showed if text]
+    yield from _check_sequence("showed", words, expectation)
 
 
-def _check_moods(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    yield from _check_sequence("looked", history.moods, wanted)
+def _check_moods(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    yield from _check_sequence("looked", history.moods, expectation)
 
 
-def _check_ran(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_ran(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         name, count = item.value
         starts = history.starts(name)
         if starts == 0 and count != 0:
@@ -113,24 +113,24 @@ def _check_ran(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
             yield item.mark, f"'{name}' started {_times(starts)}"
 
 
-def _check_never_ran(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_never_ran(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         starts = [each for each in history.observed_events if each.verb == "starts" and item.value in each.names]
         if starts:
             yield item.mark, f"'{item.value}' started {_times(len(starts))}, first at {starts[0].time:.2f} s"
 
 
-def _check_succeeded(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    yield from _check_ends("succeeds", wanted, history)
+def _check_succeeded(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    yield from _check_ends("succeeds", expectation, history)
 
 
-def _check_failed(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    yield from _check_ends("fails", wanted, history)
+def _check_failed(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    yield from _check_ends("fails", expectation, history)
 
 
-def _check_ends(verb: str, wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_ends(verb: str, expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     words = {"starts": "started", "succeeds": "succeeded", "fails": "failed", "halts": "was halted"}
-    for item in wanted.items:
+    for item in expectation.items:
         outcomes = history.outcomes(item.value)
         if not outcomes:
             yield item.mark, f"'{item.value}' never ran"
@@ -139,9 +139,9 @@ def _check_ends(verb: str, wanted: Expectation, history: CaseHistory) -> Iterato
             yield item.mark, f"'{item.value}' {did}"
 
 
-def _check_order(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_order(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     left, before = iter(history.observed_events), ""
-    for item in wanted.items:
+    for item in expectation.items:
         moment: EventSpec = item.value
         found = next((each for each in left if moment.matches(each)), None)
         if found is None:
@@ -152,48 +152,48 @@ def _check_order(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
         before = f"{found}"
 
 
-def _check_faults(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_faults(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     """Require that each text is part of a notice, and that each notice contains one of the texts."""
     verbs = ("disconnects", "complains")
     notices = [f"{each.names[0]} {each.verb}: {each.text}" for each in history.observed_events if each.verb in verbs]
-    for item in wanted.items:
+    for item in expectation.items:
         if not any(item.value in notice for notice in notices):
             yield item.mark, f"the notices were {_quote_list(notices)}"
-    strange = [notice for notice in notices if not any(item.value in notice for item in wanted.items)]
+    strange = [notice for notice in notices if not any(item.value in notice for item in expectation.items)]
     if strange:
-        yield wanted.mark, f"unexpected notices: {_quote_list(strange)}"
+        yield expectation.mark, f"unexpected notices: {_quote_list(strange)}"
 
 
-def _check_reflexes(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_reflexes(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     """Require that each text is part of a reflex's message."""
     fired = [f"{each.names[0]} {each.text}".strip() for each in history.observed_events if each.verb == "fires"]
-    if fired and not wanted.items:
-        yield wanted.mark, f"these reflexes fired: {_quote_list(fired)}"
-    for item in wanted.items:
+    if fired and not expectation.items:
+        yield expectation.mark, f"these reflexes fired: {_quote_list(fired)}"
+    for item in expectation.items:
         if not any(item.value in each for each in fired):
             yield item.mark, f"the reflexes that fired were {_quote_list(fired)}"
 
 
-def _check_base(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_base(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     commands = (event for event in history.events if isinstance(event, CommandSent) and event.to == "base")
     velocities = [event.values for event in commands if event.source not in OVERRIDE_SOURCES]
     stopped = bool(velocities) and velocities[-1].get("linear") == velocities[-1].get("angular") == 0.0
-    for item in wanted.items:
+    for item in expectation.items:
         if history.is_moving and not stopped:
             yield item.mark, "the base was still moving when the mission ended"
 
 
-def _check_pose(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
+def _check_pose(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
     pose = history.pose
-    for item in wanted.items:
+    for item in expectation.items:
         if pose is None:
             yield item.mark, "the robot has no base"
         elif not _is_at(pose, item.value):
             yield item.mark, f"the base was at {_pose_text(pose)}"
 
 
-def _check_joints(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_joints(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         joint, angle, either = item.value
         found = history.joints.get(joint)
         if found is None:
@@ -202,12 +202,12 @@ def _check_joints(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
             yield item.mark, f"'{joint}' was at {math.degrees(found):.1f} deg"
 
 
-def _check_notified(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    yield from _check_sequence("notified", history.notified, wanted)
+def _check_notified(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    yield from _check_sequence("notified", history.notified, expectation)
 
 
-def _check_returns(wanted: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    for item in wanted.items:
+def _check_returns(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
+    for item in expectation.items:
         name, value = item.value
         found = history.returns.get(name)
         if not _is_equal(found, value):
@@ -249,10 +249,10 @@ def _run_seconds(history: CaseHistory) -> float:
     return math.inf if history.result is None else history.result.seconds
 
 
-def _is_equal(found: object, wanted: object) -> bool:
-    if isinstance(found, int | float) and isinstance(wanted, int | float) and not isinstance(found, bool):
-        return math.isclose(found, wanted, rel_tol=1e-6, abs_tol=1e-6)
-    return found == wanted
+def _is_equal(found: object, expectation: object) -> bool:
+    if isinstance(found, int | float) and isinstance(expectation, int | float) and not isinstance(found, bool):
+        return math.isclose(found, expectation, rel_tol=1e-6, abs_tol=1e-6)
+    return found == expectation
 
 
 def _times(count: int) -> str:

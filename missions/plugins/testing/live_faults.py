@@ -22,7 +22,7 @@ from missions.plugins.testing.phrases import Phrase
 from missions.request import RunRequest
 from missions.runner import Runner
 
-# Mishaps that are told a run while it goes on: the words of test files, without a file.
+# Faults injected into a live run, in the words of test files.
 
 STATE_EXAMPLES = {
     "bumped": "bumped left", "cliff": "cliff centre", "battery": "battery at 5 %", "button": "button 0 pressed",

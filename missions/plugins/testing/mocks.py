@@ -16,10 +16,10 @@ from missions.language.plan import Step
 from missions.plugins.testing.phrases import Phrase
 from perception.api import Box, Face
 
-# What a mock does, as a test file writes it: ``fails twice, then succeeds``, ``runs for 2 s, then fails``.
+# Script of a mock in a test file: ``fails twice, then succeeds``, ``runs for 2 s, then fails``.
 #
-# A script is a list of turns. One is taken each time that a mock starts, whether it comes to its end or is halted
-# before; the last turn is taken again and again.
+# A script is a list of turns. Each start of a mock takes one, whether the mock ends or is halted
+# before; the last turn is repeated.
 
 DEFAULT_REASON = "failed as requested"
 """Default failure reason of a mock."""

@@ -14,7 +14,7 @@ from missions.plugins.testing.case_history import NodeRecord
 from missions.plugins.testing.case_verdict import CaseVerdict
 from missions.plugins.testing.suite import display_path
 
-# What tests have tried of a mission: which nodes were ticked, how each ended, and why it failed.
+# Coverage of a mission: ticked nodes, their ends, and failure reasons.
 
 Place = tuple[str, int, str, str]
 """Key of a node: file, line, word and name. A sub-mission counts once, whichever missions run it."""
@@ -115,7 +115,7 @@ def coverage_lines(files: Iterable[FileCoverage]) -> Iterator[str]:
                 yield f"  {each.file}:{node.line}: {name}: {node.describe_gaps()}"
 
 
-# Coverage as one page of HTML that needs nothing beside it: every mission with its lines marked.
+# Coverage as one self-contained HTML page: every mission with its lines marked.
 
 LEVEL_SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}
 """Sign of each coverage level, in addition to its colour for colour-blind readers."""

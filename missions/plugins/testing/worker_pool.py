@@ -51,7 +51,7 @@ def run_parallel(
                     lost.append(playing[future])
                 else:
                     yield future.result()
-        except BaseException:  # nobody waits for what is left, and it may take long
+        except BaseException:  # do not wait for the remaining work, which may take long
             pool.shutdown(wait=False, cancel_futures=True)
             for process in active_children():
                 if process not in others:

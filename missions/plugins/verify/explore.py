@@ -204,9 +204,9 @@ def is_halt_step(place: ExploredState) -> bool:
     return place.kind in (HALTING, RESTED)
 
 
-# Verdicts: what an exploration proves of a mission, what it refutes, and what it could not decide.
+# Verdicts: proved, refuted and undecided rules of a mission.
 
-# Traces: a run of the exploration taken again, step by step, and told in lines.
+# Traces: a run of the exploration, replayed step by step and formatted as lines.
 
 
 @dataclass(frozen=True, slots=True)

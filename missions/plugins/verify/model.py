@@ -53,7 +53,7 @@ from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, st
 from missions.plugins.verify.symbolic_time import Rows as Times
 from missions.plugins.verify.symbolic_time import SymbolicClock, UnknownTime, extrapolate
 
-# From a checked plan to one whose leaves are stand-ins and whose unknown values are choices.
+# Abstraction of a checked plan: leaves become stand-ins, unknown values become choices.
 
 DURATION_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "duration")
 COUNT_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "count")
@@ -200,14 +200,14 @@ def missing_params(plan: Plan) -> frozenset[str]:
     return frozenset(reads - plan.params.keys() - plan.tree.variables - STATE_KINDS.keys())
 
 
-# Runs that nobody can tell apart: of many of them one is explored, so that a mission with many leaves stays small.
+# Reduction of equivalent runs: one of each class is explored, so that many leaves give few states.
 #
-# Two cases, both exact. Where a modifier above a leaf takes success and failure for the same, one of the two will do.
-# And in a ``parallel``, of leaves that keep nothing, wait for nothing and stop at once, it does not matter which ends
-# before which, since until the parallel ends each of them might as well have gone on: all but the first of them,
-# their ``leader``, go on while it does, and end in the tick in which it has. For every run there is such a run in
-# which each node around them does the same in the same tick (a partial-order reduction, with one representative of
-# all orders).
+# Two cases, both exact. If a modifier above a leaf maps success and failure to the same status, one suffices.
+# And in a ``parallel``, the order in which leaves end has no effect if they store nothing, wait for nothing and
+# stop at once, since each might as well have run until the parallel ends. So all but the first of them,
+# their ``leader``, run while it does, and end in the tick in which it ends. For every run there is such a run in
+# which each node around them has the same status in the same tick (a partial-order reduction with one
+# representative of all orders).
 
 _MERGED_STATUS = {OnFailureModifier: SUCCESS, OnSuccessModifier: FAILURE}
 """Modifiers with the same result on success and failure, and that result."""
@@ -256,7 +256,7 @@ def _modified_status(node: Node, status: object) -> object:
     return _MERGED_STATUS.get(type(node)) or (FAILURE if below is SUCCESS else SUCCESS)
 
 
-# Which nodes read variables that must have been set, so that a run that comes to them too early is found.
+# Nodes that read variables of their mission, to find runs that reach them before the variables are set.
 
 
 def variable_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozenset[str]]:
@@ -278,7 +278,7 @@ def _read_variables(step: Step, key: str, names: frozenset[str]) -> Iterator[tup
             yield from _read_variables(child, f"{key}.{place}", inner)
 
 
-# The variables of a mission, and of those inside it, as far as they decide anything yet.
+# Live variables of a mission and of its sub-missions.
 
 
 class ScopeSnapshots:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from missions.plugins.verify.stand_ins import StandIn
 
 
-# Monitors: each follows one of a mission's properties along a run.
+# Monitors: each checks one property of a mission along a run.
 
 
 @dataclass

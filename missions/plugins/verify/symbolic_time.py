@@ -10,7 +10,7 @@ from typing import Self
 from config.units import quantity_text
 from missions.plugins.verify.choices import Oracle
 
-# Zones: all that is known of when things happened, as bounds on the time between any two instants.
+# Zones: bounds on the time between any two instants.
 #
 # The timed automata of Alur and Dill (1994), with the difference bound matrices of Dill (1989): ``bounds[i][j]``
 # limits how much later instant i was than instant j. The last instant is now. A zone stands for every timing within

@@ -258,7 +258,7 @@ def _unwrap_modifiers(step: Step) -> Step:
     return step
 
 
-# From a checked mission to a report on it.
+# Verification of a checked mission.
 
 MAX_STATES = 10_000
 """Maximum number of states; the shipped missions have a few hundred at most."""

@@ -24,7 +24,7 @@ from missions.plugins.fleet.messages import TASK_ID_PATTERN, Address, FleetTaskI
 from missions.plugins.fleet.operator import Operator, connect_operator
 from missions.plugins.tasks.task import Interrupted, TaskError
 
-# Being at a fleet for a command of a terminal.
+# Connection to a fleet for a terminal command.
 
 FLEET = shared_option(
     "--fleet", "name", metavar="NAME", help="Name of the fleet; the default is that of fleet.yaml, or `home`."

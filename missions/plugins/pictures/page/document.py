@@ -17,7 +17,7 @@ from html import escape
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
-# HTML as values: what is text is escaped, so nothing that a mission or a robot says can become markup.
+# HTML as values: text is escaped, so no text of a mission or a robot can become markup.
 
 
 class Markup(str):

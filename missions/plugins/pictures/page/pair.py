@@ -5,7 +5,7 @@ from missions.plugins.pictures.page.document import Markup, document, join, tag
 from missions.plugins.pictures.page.tree import button, card, item, toolbar, tools, tree, unfold_button, window
 from missions.trees.drawing import TreeBox, TreeDrawing
 
-# The page of one mission: its tree, to be looked at, searched and folded.
+# Page of one mission: its tree, with search and folding.
 
 
 def page(drawing: TreeDrawing) -> str:

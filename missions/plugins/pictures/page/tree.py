@@ -11,10 +11,10 @@ from missions.plugins.pictures.svg import kind_of
 from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
 from missions.trees.drawing_builder import legend
 
-# A node as the page shows it: a card with all that is known of it. To a screen reader that is the node's name.
+# Card of a node on the page, with all its facts. For a screen reader the card is the node's name.
 #
-# Order and wording are for the ear as well: first what it is, then how it stands and why, then the rest. Signs are
-# hidden from screen readers; a word that only they need is "unseen".
+# Order and wording suit screen readers: first the node, then its status and reason, then the rest. Signs are
+# hidden from screen readers; a word only for them has the class "unseen".
 
 
 def card(box: TreeBox, time: float | None = None) -> Markup:
@@ -94,7 +94,7 @@ def _badge(badge: Badge, *, live: bool) -> Markup:
     )  # fmt: skip
 
 
-# What stands above a tree: search, fold, layout, zoom, and the legend. The script that works them shows them.
+# Tools above a tree: search, fold, layout, zoom, and the legend. The script makes them visible.
 
 STATUSES: Mapping[Status, str] = {
     "idle": "is idle",

@@ -34,7 +34,7 @@ from missions.plugins.tasks.queue_database import open_db, queue_errors, queue_f
 from missions.plugins.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, RetryPolicy, Task, TaskError
 from missions.request import RunRequest, Simulate
 
-# How tasks, attempts and notices are told on a terminal.
+# Texts of tasks, attempts and notices on a terminal.
 
 
 def list_row(task: Task) -> Mapping[str, str]:

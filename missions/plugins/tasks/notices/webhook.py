@@ -14,7 +14,7 @@ from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, Reque
 from config.notices import WebhookNotice, site_of
 from missions.plugins.tasks.notice import DeliveryError, Notice, read_secret
 
-# A deadline for a talk with a server: a time-out for each read alone lets one go on for ever that sends little.
+# Deadline of a whole exchange with a server: a timeout for each read would let a slow sender go on for ever.
 
 
 class Deadline:

@@ -35,13 +35,13 @@ def fault(words: tuple[str, ...], which: str | None) -> int:
     return SUCCESS if results and all(good for good, _ in results) else FAILURE
 
 
-def _inject(found: FoundProcess, asked: Mapping[str, object]) -> list[tuple[bool, str]]:
+def _inject(found: FoundProcess, request: Mapping[str, object]) -> list[tuple[bool, str]]:
     """Inject a fault into a run; return (success, text for the user) pairs. Empty if the run has ended."""
     why = ""
     for where in found.addresses:
         try:
             with open_connection(where) as link:
-                answer = link.request(asked)
+                answer = link.request(request)
         except (ConnectionRefusedError, FileNotFoundError):
             continue  # it has gone
         except (OSError, ValueError) as error:

@@ -63,7 +63,9 @@ class DeviceCommands:
             keys = robot.sections[part].keys
             if isinstance(keys, DynamixelKeys) and isinstance(plugged.device, VirtualServoBus):
                 joint_list = (Joint(name, spec, MODELS[spec.model]) for name, spec in joint_specs(keys).items())
-                for joint, servo in zip(joint_list, plugged.device.servos, strict=True):  # whatever ID it has by now
+                for joint, servo in zip(
+                    joint_list, plugged.device.servos, strict=True
+                ):  # by order: the IDs may have changed
                     self._joints[qualified_joint_name(part, joint.name)] = part, joint, servo
 
     def run_command(self, line: str) -> str:

@@ -116,13 +116,13 @@ def _select_cases(names: Sequence[str], words: str, own: Sequence[Path]) -> list
 
 
 def _play_cases(
-    cases: Sequence[Case], jobs: int, fail_fast: bool, told: Callable[[CaseVerdict], None]
+    cases: Sequence[Case], jobs: int, fail_fast: bool, on_verdict: Callable[[CaseVerdict], None]
 ) -> list[CaseVerdict]:
     verdicts: list[CaseVerdict] = []
     with closing(play_all(cases, jobs=jobs)) as playing:
         for verdict in playing:
             verdicts.append(verdict)
-            told(verdict)
+            on_verdict(verdict)
             if fail_fast and not verdict.passed:
                 break
     return report.sort_verdicts(verdicts)

@@ -21,7 +21,7 @@ from missions.plugins.testing.controllers.tracking_trial import (
     standing_path,
 )
 
-# How good a trial was, and how good it could have been.
+# Score of a trial, and its lower bound.
 
 CENTRED_ERROR = radians(2)
 """Largest error in radians at which the face counts as centred."""
@@ -148,7 +148,7 @@ def time_optimal_bound(scenario: Scenario, ability: Ability, lag: float = 0.0) -
     return outside
 
 
-# A controller in words: its rule bases, what they listen to, and what they say.
+# Description of a controller: its rule bases, with inputs and rules.
 
 UNITS: Mapping[str, tuple[str, float]] = {
     "error": ("deg", math.degrees(1)),

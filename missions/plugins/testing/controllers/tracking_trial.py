@@ -32,7 +32,7 @@ from perception.geometry import FACE_WIDTH, Pinhole
 from perception.senses import NewestView
 from perception.tracks import AngleFilter
 
-# What a face does in front of a robot that follows it, and what the robot follows it with.
+# Motion of a face in front of a robot, and the robot's joints that follow it.
 
 StampNoise = Callable[[float, Random], float]
 """Returns the error of a time stamp in seconds at a scenario time; its second argument supplies random values."""
@@ -224,7 +224,7 @@ STAMP_SCENARIOS = (
 """Scenarios of `--stamps`: jittering stamps with and without learning time, and a delay that changes."""
 
 
-# The eyes of a trial: faces, measured in pixels with noise, and filtered over time as perception does it.
+# Sight of a trial: faces measured in pixels with noise, and filtered over time as in perception.
 
 PIXEL_NOISE = SensorNoise().noise
 """Standard deviation of a face position in pixels, as in simulations with ``--eyes truth``."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from behaviours.leaf import Leaf
 
 
-# What may be chosen on the failsafe page: who drives a base how, what befalls it, how full it is, and its reflexes.
+# Choices of the failsafe page: command source, velocity, fault, battery, and reflexes.
 
 ROBOT = "turtlebot2"
 """Name of the robot whose base, limits and reflexes are used."""

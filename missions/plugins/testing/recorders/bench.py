@@ -63,7 +63,7 @@ from missions.plugins.testing.recorders.senses import (
     none,
 )
 
-# A base and a range finder that keep what they were told.
+# Recorders of a base and a range finder.
 
 
 def drive(linear: float, angular: float) -> Velocity:
@@ -168,7 +168,7 @@ class RecordedRanger(Spy):
         return self.reading
 
 
-# Joints that keep what they were told, and a head.
+# Recorders of joints and of a head.
 
 
 class RecordedHead(Spy):
@@ -256,7 +256,7 @@ class RecordedJoints(Spy):
         return recovered
 
 
-# A recorder of the nodes of ROS 2.
+# Recorder of ROS 2 requests.
 
 
 class RecordedRos2(Spy):
@@ -298,20 +298,20 @@ class RecordedRos2(Spy):
         del number
         return self.goal_progress
 
-    def call(self, *given: str) -> int:
+    def call(self, *arguments: str) -> int:
         """Record a call."""
-        return self._record_request("call", given)
+        return self._record_request("call", arguments)
 
-    def begin(self, *given: str) -> int:
+    def begin(self, *arguments: str) -> int:
         """Record a goal."""
-        return self._record_request("begin", given)
+        return self._record_request("begin", arguments)
 
-    def navigate(self, *given: object) -> int:
+    def navigate(self, *arguments: object) -> int:
         """Record the places."""
-        return self._record_request("navigate", given)
+        return self._record_request("navigate", arguments)
 
-    def _record_request(self, word: str, given: tuple[object, ...]) -> int:
-        self.record((word, *given))
+    def _record_request(self, word: str, arguments: tuple[object, ...]) -> int:
+        self.record((word, *arguments))
         return len(self.commands)
 
     def cancel(self, number: int) -> None:
@@ -323,7 +323,7 @@ class RecordedRos2(Spy):
         self.record_always(STOP)
 
 
-# A screen that keeps what it was told.
+# Recorder of a screen.
 
 
 class RecordedScreen(Spy):

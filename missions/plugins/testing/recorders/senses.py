@@ -10,7 +10,7 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from perception.api import Box, Face, Marker, Scene, Thing, Words
 
-# The spy behind each recorder, and the words in which a test says what it should have kept.
+# Base class of the recorders, and helpers for expected commands.
 
 T = TypeVar("T")
 C = TypeVar("C")

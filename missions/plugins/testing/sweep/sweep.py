@@ -135,7 +135,7 @@ class SweepRuns:
         values = self._sweep.draw(seed)
         try:
             return self._run(seed)
-        except Exception as error:  # of whatever kind
+        except Exception as error:  # any error of this run
             reason = str(error).partition("\n")[0] or type(error).__name__
             return SweepRow(seed, values, "error", reason, 0.0, 0)
 

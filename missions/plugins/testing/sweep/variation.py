@@ -136,7 +136,7 @@ def display_value(variation: Variation, value: DrawnValue) -> str:
     return value if isinstance(value, str) else f"{value:.3g} {variation.unit}".rstrip()
 
 
-# What is kept of one run of a sweep.
+# Result of one run of a sweep.
 
 Outcome = Literal["success", "failure", "unfinished", "error"]
 """Outcome of a run: ``unfinished`` after its time limit, ``error`` for an error outside the mission."""
