@@ -200,7 +200,7 @@ def test_encoders_are_named_apart_from_motors(rig: BaseRig, motors: str, encoder
     fault(rig, motors=MOTORS[motors], encoders=ENCODERS[encoders])
     _, found = tried(rig)
     verdict, what = found["encoders"]
-    assert (verdict, what.startswith(encoders or "count as")) == ("wrong" if encoders else "ok", True), what
+    assert (verdict, what.startswith(encoders or "agree with")) == ("wrong" if encoders else "ok", True), what
     assert found["motors"][1].startswith(motors or "turn as commanded")
 
 
@@ -217,7 +217,7 @@ def test_the_drift_of_a_gyro_is_measured_at_rest(made: Callable[[], BaseRig], dr
         assert float(what.split()[0]) == pytest.approx(drift, rel=0.05)
 
 
-@pytest.mark.parametrize(("share", "words"), [(0.0, "does not measure"), (-1.0, "sign is swapped"), (0.3, "the gyro")])
+@pytest.mark.parametrize(("share", "words"), [(0.0, "shows no turn"), (-1.0, "sign is reversed"), (0.3, "the gyro")])
 @pytest.mark.parametrize("made", [WireBase, TwinBase])
 def test_where_gyro_and_encoders_differ_it_is_said_which_is_likely_wrong(
     made: Callable[[], BaseRig], share: float, words: str
@@ -262,7 +262,7 @@ def test_a_base_that_does_not_report_ends_the_trial() -> None:
     trial = Trial(rig)
     rig.unplug()
     assert trial.run() is not SUCCESS
-    assert "no report of the base for 2 s" in trial.leaf.feedback_message
+    assert "no report from the base for 2 s" in trial.leaf.feedback_message
     rig.close()
 
 

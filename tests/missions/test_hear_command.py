@@ -90,7 +90,7 @@ def test_without_its_recogniser_it_says_how_to_get_that_one(
 def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:
     error = hear("--for", "schön", "--wav", str(wav)).exception
     assert isinstance(error, BadRequest)
-    assert "nobody knows how these are pronounced: schön" in str(error)
+    assert "unknown pronunciation: schön" in str(error)
     assert "pronunciations: {schön:" in error.hint
 
 

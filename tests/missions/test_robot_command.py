@@ -66,7 +66,7 @@ def test_a_computer_can_have_no_robot_again(mission: Mission) -> None:
         f"humanoid is no longer this computer's robot: {config_folder()}/defaults.yaml\n",
     )
     assert load_defaults().robot == ""
-    assert "no robot is this computer's own" in mission("robot", "show").err
+    assert "this computer has no robot of its own" in mission("robot", "show").err
     assert mission("robot", "use", "--none", "humanoid").code == 2
     assert mission("robot", "use").code == 2
 
@@ -75,7 +75,7 @@ def test_a_default_that_is_gone_can_be_forgotten(mission: Mission) -> None:
     file = config_folder() / "defaults.yaml"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("robot: nobody\nrecord: false\n")
-    assert "`mission robot use --none` forgets it" in mission("robot", "show").err
+    assert "none with `mission robot use --none`" in mission("robot", "show").err
     assert mission("robot", "use", "--none").code == 0
     assert file.read_text() == "record: false\n"
 
@@ -85,11 +85,11 @@ def test_a_default_that_is_written_in_another_way_is_left_to_its_owner(mission: 
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("{robot: humanoid, record: false}\n")
     told = mission("robot", "use", "--none")
-    assert (told.code, "do it yourself" in told.err) == (2, True)
+    assert (told.code, "remove it by hand" in told.err) == (2, True)
     assert load_defaults().robot == "humanoid"
 
 
-NOTE = "the robot is 'so101', this computer's own by {0}/defaults.yaml: --robot NAME takes another"
+NOTE = "the robot is 'so101', this computer's own by {0}/defaults.yaml: --robot NAME selects another"
 
 
 def test_an_error_about_a_robot_that_was_not_named_says_where_its_name_is_from(mission: Mission) -> None:
@@ -100,7 +100,7 @@ def test_an_error_about_a_robot_that_was_not_named_says_where_its_name_is_from(m
         assert told.code != 0
         if "--root" not in line:
             assert note in told.err, line
-            assert "`mission robot use --none` forgets it" in told.err, line
+            assert "`mission robot use --none` removes it" in told.err, line
     assert "the robot is" not in mission("run", "square_3m", "--simulate", "fast", "--robot", "so101").err
 
 
@@ -227,7 +227,7 @@ def test_what_is_ones_own_is_listed_and_completed_also_beside_a_broken_file(miss
     assert mission("robot", "use", "kit").code == 0
     listed = mission("list", "robots").out
     assert re.search(r"kit +A kit\. \(.*/robots/kit\.yaml\)", listed)
-    assert re.search(r"wrong +has \d mistakes", listed)
+    assert re.search(r"wrong +has \d errors", listed)
     names = names_of("robots", click.Context(click.Command("run")))
     assert {"kit", "wrong", "mine", "turtlebot2"} <= set(names)
 
@@ -240,7 +240,7 @@ def test_a_wrong_default_is_told_with_its_file_and_so_are_folders_that_are_gone(
     file.write_text(f"robot: nobody\nfolders: [{tmp_path}, {tmp_path}/gone]\n")
     wrong = mission("robot", "show")
     assert (wrong.code, wrong.err.startswith(f"mission: {file}: 'robot': unknown robot 'nobody'")) == (2, True)
-    assert "`mission robot use NAME` names another" in wrong.err
+    assert "set another with `mission robot use NAME`" in wrong.err
     unknown = mission("robot", "show", "somebody")
     assert f"{file} names missing folders: {tmp_path}/gone\n" in unknown.err
 

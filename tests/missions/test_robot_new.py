@@ -158,7 +158,7 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     assert load_defaults().robot == "rosie"
     text = (config_folder() / "robots/rosie.yaml").read_text()
     assert "port: /dev/serial/by-id/usb-kobuki_7" in text
-    assert "# The highest speed" in text
+    assert "# Maximum speed" in text
     rules = (config_folder() / "robots/rosie.rules").read_text()
     assert 'ATTRS{serial}=="kobuki_7", SYMLINK+="rosie_base"' in rules
     assert 'KERNELS=="1-3", SYMLINK+="rosie_head"' in rules

@@ -43,14 +43,6 @@ ERRORS_BY_NAME: Mapping[str, type[DriverError]] = {
 }
 """Device errors, by class name."""
 
-FORMER_TYPES: Mapping[str, str] = {"Manner": "SpeechStyle", "Place": "MapPose", "Shown": "ScreenContent"}
-"""Present class name of each former one, for older records."""
-
-FORMER_FIELDS: Mapping[str, Mapping[str, str]] = {
-    "Steering": {"wanted": "requested", "given": "allowed", "because": "reason"},
-}
-"""Present names of renamed fields by class, for older records."""
-
 
 def to_json(value: object) -> object:
     """Return a value as JSON; ``from_json`` decodes it with the value's type."""
@@ -122,13 +114,8 @@ def untag_value(data: object) -> Any:
         return _CONTAINER_DECODERS[name](data["of"])
     if name in ERRORS_BY_NAME:
         return ERRORS_BY_NAME[name](data["of"], hint=data["hint"])
-    kind: Any = TYPES_BY_NAME[FORMER_TYPES.get(name, name)]
-    fields = FORMER_FIELDS.get(name, {})
-    members = (
-        data["of"]
-        if issubclass(kind, Enum)
-        else {fields.get(key, key): value for key, value in data.items() if key != TAG}
-    )
+    kind: Any = TYPES_BY_NAME[name]
+    members = data["of"] if issubclass(kind, Enum) else {key: value for key, value in data.items() if key != TAG}
     return coder(kind, RULES).decode(members)
 
 

@@ -16,9 +16,6 @@ from missions.plugins.records.recording.validation import check_time
 TICK_KINDS = frozenset(get_args(TickKind))
 """Kinds of tick records."""
 
-FORMER_QUERIES: Mapping[tuple[str, str], str] = {("screen", "shown"): "content"}
-"""Present names of renamed queries by part, for older records."""
-
 QUESTION_LENGTH = 3
 """Length of an encoded reply of which only the query is written."""
 
@@ -94,5 +91,4 @@ class TickDecoder:
         question = dumps(data[:QUESTION_LENGTH])
         if len(data) > QUESTION_LENGTH:
             self._last_answers[question] = untag_value(data[QUESTION_LENGTH])
-        part, query = data[0], FORMER_QUERIES.get((data[0], data[1]), data[1])
-        return part, query, tuple(untag_value(each) for each in data[2]), self._last_answers[question]
+        return data[0], data[1], tuple(untag_value(each) for each in data[2]), self._last_answers[question]

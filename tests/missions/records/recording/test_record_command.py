@@ -163,7 +163,7 @@ def test_nothing_is_written_over_without_force(path: Path, tmp_path: Path) -> No
     for arguments in (("export", path, "--jsonl", there), ("cut", path, "1s", "2s", "-o", there)):
         result = run(*arguments)
         assert (result.exit_code, there.read_text()) == (1, "mine")
-        assert "is there already\n  try: another name, or --force to write over it" in result.output
+        assert "already exists\n  try: another name, or --force to overwrite it" in result.output
     assert "is not empty" in run("export", path, "--csv", tmp_path / "full").output
     assert "is not empty" in run("export", path, "--folder", tmp_path / "full").output
     assert run("export", path, "--jsonl", there, "--force").exit_code == 0

@@ -127,7 +127,7 @@ def test_next_and_previous_failure_go_to_where_nodes_failed_and_say_which(tab: T
     tab.find("button", "Next failure").click()
     assert moment(tab) == "6.00 s, tick 119"
     tab.find("button", "Next failure").click()
-    assert "No failure after this." in tab.text()
+    assert "No later failure." in tab.text()
     tab.find("button", "Previous failure").click()
     assert moment(tab) == "5.00 s, tick 99"
     tab.find("button", "drive failed").click()
