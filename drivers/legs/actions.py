@@ -51,7 +51,7 @@ DEFAULT_SIT_SHARE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Timed path through ``poses`` (K, 12) that are reached at shares ``at_shares`` (K,) of the path; times in seconds."""
+    """Timed path through ``poses`` (K, 12) reached at shares ``at_shares`` (K,) of the path; times in seconds."""
 
     poses: Floats
     at_shares: Floats
@@ -93,7 +93,7 @@ class StandSitPoses:
             reached &= (rows[:, column] >= limits[name].lower) & (rows[:, column] <= limits[name].upper)
         if stride.sit is not None and not reached[-1]:
             told = f"base: its legs cannot bend so far that the trunk is {stride.sit:g} m above the soles"
-            raise BadRequest(told, hint="give stride.sit more")
+            raise BadRequest(told, hint="increase stride.sit")
         first = last = len(above)
         while first > 0 and reached[first - 1]:
             first -= 1
@@ -210,13 +210,13 @@ class LegActions:
         action.
         """
         if act not in LEG_ACTS or (act == GAIT) != (gait is not None):
-            raise BadRequest(f"base: it does not know how to '{act}'", hint=f"one of {', '.join(LEG_ACTS)}")
+            raise BadRequest(f"base: unknown action '{act}'", hint=f"one of {', '.join(LEG_ACTS)}")
         last = self._request
         if last is None or last.act != act or last.gait != gait or last.until < now:
             self._progress, self._error = 0.0, ""
         self._request = ActionRequest(act, gait, now + COMMAND_TIMEOUT)
         if self._error:
-            raise BadRequest(self._error, hint="look at the robot, and at `mission gait check`")
+            raise BadRequest(self._error, hint="check the robot, and the gait with `mission gait check`")
         return self._progress
 
     def cancel(self) -> None:
@@ -288,7 +288,7 @@ class LegActions:
         engine = self._engine
         gait = gait_from_keys(keys, engine.body, engine.stride)
         for wrong in gait_errors(engine.body, gait, self._limits, self._torques):
-            raise BadRequest(f"{gait.name}: {wrong}", hint="mission gait check tells more")
+            raise BadRequest(f"{gait.name}: {wrong}", hint="see `mission gait check`")
         return GaitCycle(engine.body, engine.stride.lean, engine.ready_angles, gait)
 
     def _follow_approach(self, approach: Approach, act: str, now: float) -> LegPosture:
@@ -321,7 +321,7 @@ class LegActions:
 
 
 def make_posture(body: LeggedBody, angles: Floats, on_floor: tuple[bool, bool]) -> LegPosture:
-    """Return the posture of the legs at angles (12,), as the setpoint compensation needs it: pressure below the mass."""
+    """Return the posture of the legs at angles (12,), for the setpoint compensation: pressure below the mass."""
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     feet = {}
     for side in SIDES:

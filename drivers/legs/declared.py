@@ -20,9 +20,9 @@ ORIGIN = (0.0, 0.0, 0.0)
 class TrunkKeys:
     """The trunk, which carries the legs, the arms and the head."""
 
-    mass: float = key("mass", low=0.001, help="Its mass, with computer and batteries.")
-    centre: Vector = key("length", help="Its centre of mass: [x, y, z].")
-    box: Vector = key("length", help="Its length, width and height, as a box.")
+    mass: float = key("mass", low=0.001, help="Mass, with computer and batteries.")
+    centre: Vector = key("length", help="Centre of mass: [x, y, z].")
+    box: Vector = key("length", help="Length, width and height of its box.")
     middle: Vector = key("length", default=ORIGIN, help="The middle of that box.")
 
 
@@ -30,14 +30,14 @@ class TrunkKeys:
 class LinkKeys:
     """A link, with the name of the joint that turns it."""
 
-    parent: str = key(default="trunk", word="from", help="The link that carries it: `trunk`, or one before it.")
-    offset: Vector = key("length", help="From the origin of that one to a point of the joint's axis: its own origin.")
-    axis: Literal["x", "-x", "y", "-y", "z", "-z"] = key(help="About what it turns anticlockwise at a rising angle.")
-    mass: float = key("mass", default=0.0, low=0.0, help="Its mass, with the servos that it carries.")
-    centre: Vector = key("length", default=ORIGIN, help="Its centre of mass, from its origin.")
-    end: Vector = key("length", default=ORIGIN, help="Where it ends, from its origin: a capsule from there to here.")
-    radius: float = key("length", default=0.0, low=0.0, help="The radius of that capsule; 0: it touches nothing.")
-    tucked: float | None = key("angle", default=None, help="Where its joint goes in a fall, such as arms drawn in.")
+    parent: str = key(default="trunk", word="from", help="Parent link: `trunk`, or an earlier link.")
+    offset: Vector = key("length", help="Its origin, on the joint's axis, from the parent's origin.")
+    axis: Literal["x", "-x", "y", "-y", "z", "-z"] = key(help="Axis of positive rotation (anticlockwise).")
+    mass: float = key("mass", default=0.0, low=0.0, help="Mass, with its servos.")
+    centre: Vector = key("length", default=ORIGIN, help="Centre of mass, from its origin.")
+    end: Vector = key("length", default=ORIGIN, help="Far end of its capsule, from its origin.")
+    radius: float = key("length", default=0.0, low=0.0, help="Radius of the capsule; 0: no collisions.")
+    tucked: float | None = key("angle", default=None, help="Angle of its joint in a fall, to draw in an arm.")
 
 
 @keys
@@ -55,13 +55,13 @@ class BodyKeys:
     """The body of a humanoid: its links from joint to joint, with lengths and masses."""
 
     mirrored: Literal["same", "opposite"] = key(
-        default="same", help="At the same angles right and left are mirror images; or at opposite ones."
+        default="same", help="Right and left are mirror images at the same, or at opposite angles."
     )
-    left: str = key(default="left_", help="What the joints of the left side begin with.")
-    right: str = key(default="right_", help="What those of the right side begin with instead.")
+    left: str = key(default="left_", help="Prefix of the joints of the left side.")
+    right: str = key(default="right_", help="Prefix of the joints of the right side.")
     trunk: TrunkKeys = key(help="The trunk.")
     links: Mapping[str, Annotated[LinkKeys, inside(each="link")]] = key(
-        help="The links of the left side and of the middle, each under the name of the joint that turns it.",
+        help="The links of the left side and of the middle, by the names of their joints.",
     )
     leg: tuple[str, ...] = key(help="The joints of the left leg: hip turn, roll and pitch, knee, ankle pitch and roll.")
     foot: FootKeys = key(help="The left sole.")
@@ -90,13 +90,13 @@ class BodyKeys:
         for name, link in self.links.items():
             at = ("links", name, "from")
             if link.parent not in before:
-                message = f"link '{name}' hangs from '{link.parent}', which is none of those before it"
+                message = f"link '{name}' has the parent '{link.parent}', which is no link before it"
                 yield KeyDiagnostic(
                     message, at, ("links", name), unknown_word=link.parent, known_words=before, about=(at,)
                 )
             before.append(name)
             if (image := self.mirror(name)) != name and image in self.links:
-                message = f"link '{image}' is the mirror image of '{name}': write that one alone"
+                message = f"link '{image}' is the mirror image of '{name}': write only that one"
                 yield KeyDiagnostic(message, ("links", image), about=(("links", image),))
         yield from self._leg_chain_mistakes()
         if len(self.leg) == 6 and {*self.leg} <= {*self.links}:
@@ -121,7 +121,7 @@ class BodyKeys:
                     f"'leg': '{name}' does not begin with '{self.left}'", at, about=(("leg",), ("left",))
                 )
             elif place and self.leg[place - 1] in self.links and self.links[name].parent != self.leg[place - 1]:
-                message = f"'leg': '{name}' does not hang from '{self.leg[place - 1]}'"
+                message = f"'leg': '{name}' is not carried by '{self.leg[place - 1]}'"
                 yield KeyDiagnostic(message, at, about=(("leg",), ("links", name, "from")))
 
     def _leg_axis_mistakes(self) -> Iterator[KeyDiagnostic]:
@@ -147,19 +147,23 @@ class StrideKeys:
     """Parameters of the walk."""
 
     period: float = key("duration", default=0.8, low=0.3, high=5.0, help="The time of two steps.")
-    double_support: float = key("share", default=0.25, low=0.05, high=0.8, help="The share on both feet.")
+    double_support: float = key("share", default=0.25, low=0.05, high=0.8, help="Share of a step on both feet.")
     rise: float = key("length", default=0.03, low=0.0, high=0.3, help="How high a foot is lifted.")
-    height: float = key("length", low=0.05, high=2.0, help="From the soles to the trunk's origin.")
-    feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other; else as at 0.")
-    inset: float = key("length", default=0.0, help="How far inside of a sole's middle it stands on it.")
-    sway: float | None = key(
-        "length", default=None, low=0.0, high=0.2, help="How far the body sways to either side; else as `inset` has it."
+    height: float = key("length", low=0.05, high=2.0, help="Height of the trunk's origin above the soles.")
+    feet: float | None = key(
+        "length", default=None, low=0.01, help="Distance between the soles; by default that at angle 0."
     )
-    lean: float = key("angle", default=0.0, low=-0.6, high=0.6, help="How far the trunk leans ahead.")
-    sit: float | None = key("length", default=None, low=0.05, help="The same when it sits; else 70 % of `height`.")
+    inset: float = key("length", default=0.0, help="Distance of the pressure inwards from a sole's middle.")
+    sway: float | None = key(
+        "length", default=None, low=0.0, high=0.2, help="Sway of the body to either side; by default from `inset`."
+    )
+    lean: float = key("angle", default=0.0, low=-0.6, high=0.6, help="Forward lean of the trunk.")
+    sit: float | None = key(
+        "length", default=None, low=0.05, help="The height when it sits; by default 70 % of `height`."
+    )
     longest: float = key("length", default=0.08, low=0.001, help="The longest step: from one foot to the other.")
     widest: float = key("length", default=0.04, low=0.0, help="The widest step to the side.")
-    most_turn: float = key("angle", default=0.35, low=0.0, high=1.0, help="The most that a step turns.")
+    most_turn: float = key("angle", default=0.35, low=0.0, high=1.0, help="Maximum turn of a step.")
 
 
 @keys
@@ -167,13 +171,15 @@ class LegsKeys(BaseKeys):
     """The ``base`` section of a robot that walks on two legs, whose joints are those of its arm section."""
 
     body: BodyKeys = key(help="Its body.")
-    stride: StrideKeys = key(help="How it walks.")
+    stride: StrideKeys = key(help="Parameters of the walk.")
     max_speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="The highest speed.")
     max_turn: float = key("turn rate", default=0.6, low=0.01, high=12.0, help="The highest turn rate.")
     model: str = key(
-        default="", help="A model of MuJoCo's for `--physics`, from this file's folder; else it is made of the body."
+        default="", help="MuJoCo model for `--physics`, relative to this file; by default it is made from the body."
     )
-    at_fall: Literal["relax", "hold"] = key(default="relax", help="When it has fallen it goes limp, or stays stiff.")
+    at_fall: Literal["relax", "hold"] = key(
+        default="relax", help="After a fall it switches its torque off, or keeps it."
+    )
 
     @property
     def capabilities(self) -> frozenset[str]:

@@ -101,7 +101,7 @@ class LegsBase(ArbitratedBase):
         Also raises DeviceFault after a fall, or if a leg is far from a stand.
         """
         if velocity != ZERO_VELOCITY and self._is_fallen:
-            raise DeviceFault(f"{self.name}: {FALLEN_REASON}", hint="put it up by hand")
+            raise DeviceFault(f"{self.name}: {FALLEN_REASON}", hint="set it upright by hand")
         if velocity != ZERO_VELOCITY and self._joints_online and not self.is_walking:
             self._refuse_unreachable_stand()
         return super().drive(velocity, source=source)
@@ -112,7 +112,7 @@ class LegsBase(ArbitratedBase):
         with self._lock:
             require(self.name, self._mux.latched)
             if self._is_fallen:
-                raise DeviceFault(f"{self.name}: {FALLEN_REASON}", hint="put it up by hand, or by `get_up`")
+                raise DeviceFault(f"{self.name}: {FALLEN_REASON}", hint="set it upright by hand, or by `get_up`")
             return self._actions.request(act, gait, self._clock.now())
 
     def stop(self, *, source: Source | None = None) -> None:
@@ -136,10 +136,10 @@ class LegsBase(ArbitratedBase):
             return Health(True, counters=self._mux.command_delays.counters("command"), reconnected_at=returned)
         silent = [name for name in self._leg_joints if not self._joints.states()[name].good]
         said = self._joints.health()
-        what = f"nothing heard of {', '.join(silent)}" if silent else "its joints are gone"
+        what = f"no readings of {', '.join(silent)}" if silent else "its joints are gone"
         detail = f"{self.name}: {what}" + (f": {said.detail}" if said.detail else "")
         return Health(
-            False, detail, said.hint or "look at the power and the cable of its servos", reconnected_at=returned
+            False, detail, said.hint or "check the power and the cable of its servos", reconnected_at=returned
         )
 
     # --- life ---------------------------------------------------------------------------------------------------------
@@ -243,7 +243,7 @@ class LegsBase(ArbitratedBase):
                     self._joints.relax(self._leg_joints)
                 if self._tucked and limp and led:
                     self._joints.move(self._tucked)
-            self._report(DeviceStatus(self.name, "fault", f"{self.name}: {FALLEN_REASON}", "put it up by hand"))
+            self._report(DeviceStatus(self.name, "fault", f"{self.name}: {FALLEN_REASON}", "set it upright by hand"))
         self._is_fallen = fallen
 
     def _move_legs(

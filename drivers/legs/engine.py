@@ -99,14 +99,12 @@ def walk_parameters(body: LeggedBody, stride: StrideKeys) -> WalkParameters:
     feet = float(left[1] - right[1]) if stride.feet is None else stride.feet
     leg = body.legs["left"]
     if feet < leg.width:
-        raise BadRequest(
-            f"base: soles {leg.width:g} m wide cannot stand {feet:g} m apart", hint="give stride.feet more"
-        )
+        raise BadRequest(f"base: soles {leg.width:g} m wide cannot stand {feet:g} m apart", hint="increase stride.feet")
     ready = standing_angles(body, stride, feet)
     centre = centre_over_legs(body, ready.reshape(2, 6))
     height = stride.height + float((rotation_about(Y, np.array(stride.lean)) @ centre)[2])
     if not height > MIN_COM_HEIGHT:
-        hint = "z is up: look at `centre` of trunk and links, and at stride.height"
+        hint = "z is up: check `centre` of trunk and links, and stride.height"
         raise BadRequest(f"base: the body's centre of mass would be {length_text(height)} above its soles", hint=hint)
     return WalkParameters(
         step_time=stride.period / 2,
@@ -138,7 +136,7 @@ def standing_angles(body: LeggedBody, stride: StrideKeys, feet: float) -> Floats
 def solve_stands(
     body: LeggedBody, stride: StrideKeys, feet: float, heights: Floats
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Return the angles (K, 12) of stands with the trunk at ``heights`` (K,), and the reason if a leg has none (K, 2)."""
+    """Return angles (K, 12) of stands with the trunk at ``heights`` (K,), and why a leg has none (K, 2)."""
     places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
     lean, trunk = rotation_about(Y, np.array(stride.lean)), np.zeros((len(heights), 3))
     trunk[:, 2] = heights

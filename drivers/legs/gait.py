@@ -72,7 +72,7 @@ def generate_gait(name: str, body: LeggedBody, stride: StrideKeys, step: float, 
     for what, unit, one, other in zip(("step", "side", "turn"), ("m", "m", "rad"), wanted, given, strict=True):
         if abs(one - other) > 1e-9:
             far = other * manner.step_time * (1 if what == "step" else 2)
-            raise BadRequest(f"{name}: {what}: a step can be {abs(far):.3g} {unit} at most", hint="look at the stride")
+            raise BadRequest(f"{name}: {what}: a step can be {abs(far):.3g} {unit} at most", hint="check the stride")
     if not any(wanted):
         walker.velocity_command = (1e-9, 0.0, 0.0)  # on the spot
     dt = stride.period / SAMPLES_PER_CYCLE

@@ -168,7 +168,7 @@ def gait_errors(
 
 
 def static_leg_torques(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
-    """Return the torques (M, 12) in Nm that hold the poses: a standing leg carries all above it, a lifted one itself."""
+    """Return the torques (M, 12), Nm, that hold the poses: a standing leg carries all above it, a lifted leg itself."""
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     axis, masses = joint_axes(body, placed), link_centres(body, placed)
     everything = centre_of_mass(body, placed) * body.total_mass

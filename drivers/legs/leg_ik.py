@@ -18,9 +18,9 @@ UNREACHABLE_REASONS = (
     "",
     "the foot is too far from the hip",
     "the foot is too near to the hip",
-    "the foot is too near to the line across which hip and foot are apart",
-    "hip turn and hip roll cannot be told apart: the leg points out to the side",
-    "not a finite place",
+    "the foot is too near to the axis of the lateral offset between hip and foot",
+    "the hip turn is undetermined: the leg points out to the side",
+    "not a finite pose",
 )
 """Reasons why a pose of a foot is unreachable or not determined."""
 
@@ -72,7 +72,7 @@ def solve_leg(body: LeggedBody, side: Side, position: Floats, rotation: Floats) 
 
 
 def solve_both_legs(body: LeggedBody, position: Floats, rotation: Floats) -> LegSolution:
-    """Solve both legs, the left one first: ``position`` (..., 2, 3), ``rotation`` (..., 2, 3, 3); angles (..., 2, 6)."""
+    """Solve both legs, left first: ``position`` (..., 2, 3), ``rotation`` (..., 2, 3, 3); angles (..., 2, 6)."""
     shape = leg_shape(body)
     sign = np.stack((shape.sign, shape.sign * shape.right))
     return _solve(shape, position * BOTH_SIGNS, rotation * BOTH_MIRRORS, sign)

@@ -143,7 +143,7 @@ class FloorPose:
 
 @dataclass(frozen=True, slots=True)
 class WalkParameters:
-    """Parameters of a walk: StrideKeys with values derived from the body. Lengths in metres, ``step_time`` in seconds."""
+    """Parameters of a walk: StrideKeys with values derived from the body. Metres; ``step_time`` in seconds."""
 
     step_time: float
     double_support: float

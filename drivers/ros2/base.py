@@ -270,8 +270,8 @@ class Ros2BaseProtocol(DiffDriveProtocol):
             if why := self._faults.fault(number):
                 return f"{self._name}: {why}", topic_hint(self._channels[number].topic)
         if self._last_odometry is not None and now - self._last_odometry[1] <= self.timing.offline_after:
-            return f"{self._name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
-        return f"{self._name}: {odometry}: no odometry comes", "is the robot on, and the network there?"
+            return f"{self._name}: no reports of its bumpers", "is its node still running? `mission ros2 graph`"
+        return f"{self._name}: {odometry}: no odometry received", "is the robot on, and the network there?"
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 

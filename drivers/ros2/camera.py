@@ -124,7 +124,7 @@ class TopicFeed:
 
 
 def decode_image(kind: str, payload: bytes) -> Image:
-    """Return the picture of a message: (height, width, 3), BGR. Raises MalformedMessage, ValueError for an invalid one."""
+    """Return the picture of a message: (height, width, 3), BGR. Raises MalformedMessage, ValueError if invalid."""
     told = types().decode(kind, payload)
     if kind == IMAGES[1]:
         found = decode_picture(told.data.tobytes())
@@ -146,7 +146,7 @@ def _decode_raw(message: Any) -> Image:
         raise ValueError(f"{width} x {height} pixels in rows of {step} bytes are no picture")
     lines = height * 3 // 2 if encoding == "nv21" else height
     if len(message.data) < step * lines:
-        raise ValueError(f"{len(message.data)} bytes are too few")
+        raise ValueError(f"{len(message.data)} bytes are not enough")
     upper = 1 if of == 2 and not message.is_bigendian else 0
     rows = message.data[: step * lines].reshape(lines, step)[:, upper : of * size * width : of]
     image = np.ascontiguousarray(rows).reshape(lines, width, size)

@@ -29,7 +29,7 @@ def checkup(keys: ZenohKeys, site: DriverContext) -> Iterator[Finding]:
         node = Ros2Node(session, site.clock, domain=domain, name="mission_checkup")
         Event().wait(DISCOVERY_TIME)
         if not (session.info.routers_zid() or session.info.peers_zid()):
-            yield failure("router", f"{where}: no router of Zenoh answers", NO_ROUTER_HINT)
+            yield failure("router", f"{where}: no Zenoh router answers", NO_ROUTER_HINT)
             return
         yield Finding("router", f"{where}: answers")
         yield _check_nodes(node, session, domain)
@@ -42,12 +42,12 @@ def _check_nodes(node: Ros2Node, session: Any, domain: int) -> Finding:
     everybody = node.entities()
     nodes = sum(each.role == wire.NODE and not each.is_bridged for each in everybody)
     behind = {each.name for each in everybody if each.is_bridged and each.role != wire.NODE}
-    found = [f"{nodes} node{'s' * (nodes != 1)} by rmw_zenoh in domain {domain}"] * bool(nodes)
+    found = [f"{nodes} node{'s' * (nodes != 1)} with rmw_zenoh in domain {domain}"] * bool(nodes)
     if node.has_bridge:
-        found.append(f"{wire.BRIDGE} with {len(behind)} topics and services, whose domain is its own")
+        found.append(f"{wire.BRIDGE} with {len(behind)} topics and services, which has its own domain")
     if found:
         return Finding("nodes", "; ".join(found))
-    what = f"neither a node by rmw_zenoh in domain {domain} nor a {wire.BRIDGE} is there"
+    what = f"no rmw_zenoh node in domain {domain} and no {wire.BRIDGE} found"
     domains = sorted({other for other in _find_domains(session) if other != domain})
     if domains:
         which = ", ".join(map(str, domains))

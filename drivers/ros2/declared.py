@@ -21,7 +21,7 @@ def _topic_mistakes(section: object, *words: str) -> Iterator[KeyDiagnostic]:
     for word in words:
         name: str = getattr(section, word)
         if name and not wire.is_name(name.replace(JOINT_PLACEHOLDER, "joint") if word == "command" else name):
-            yield KeyDiagnostic(f"'{word}': {name!r:.80} is no name of a topic", (word,), hint=wire.NAME_HINT)
+            yield KeyDiagnostic(f"'{word}': {name!r:.80} is not a valid topic name", (word,), hint=wire.NAME_HINT)
 
 
 @keys
@@ -30,15 +30,16 @@ class ZenohKeys(Ros2Keys):
 
     router: str = key(
         default="tcp/127.0.0.1:7447",
-        help="Where its Zenoh router is: `tcp/HOST:7447`, or `tls/HOST:PORT` with `ca`; several with commas.",
+        help="Address of the Zenoh router: `tcp/HOST:7447`, or `tls/HOST:PORT` with `ca`; several with commas.",
     )
     mode: Literal["client", "peer"] = key(
-        default="client", help="`client` sends all over the router; `peer` goes directly to the nodes that it tells of."
+        default="client",
+        help="`client` sends everything over the router; `peer` connects directly to the nodes that it announces.",
     )
-    user: str = key(default="", help="The user, where the router asks for one.")
+    user: str = key(default="", help="User name, if the router requires one.")
     password_file: str = key(default="", help="A file with the user's password in its first line.")
-    ca: str = key(default="", help="A file with the certificate that has signed the router's, for `tls/`.")
-    certificate: str = key(default="", help="A file with our own certificate, where the router asks for one.")
+    ca: str = key(default="", help="A file with the CA certificate of the router, for `tls/`.")
+    certificate: str = key(default="", help="A file with our own certificate, if the router requires one.")
     private_key: str = key(default="", help="A file with the key of our own certificate.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
@@ -52,7 +53,7 @@ class ZenohKeys(Ros2Keys):
         for each in self.router.split(","):
             if each.strip().split("/")[0] not in {"tcp", "tls", "quic", "ws", "unixsock-stream"} or "/" not in each:
                 yield KeyDiagnostic(
-                    f"'router': '{each.strip()}' is no address such as tcp/192.168.1.20:7447", ("router",)
+                    f"'router': '{each.strip()}' is not an address such as tcp/192.168.1.20:7447", ("router",)
                 )
         yield from _topic_mistakes(self, "namespace", "navigation", "through")
 
@@ -75,14 +76,14 @@ class Ros2BaseKeys(BaseKeys):
     """The ``base`` section of a robot with ROS 2."""
 
     max_speed: float = key("speed", default=0.3, low=0.01, high=5.0, help="The highest speed.")
-    cmd_vel: str = key(default="cmd_vel", help="The topic of its velocity: a Twist or a TwistStamped.")
+    cmd_vel: str = key(default="cmd_vel", help="The topic of its velocity commands: a Twist or a TwistStamped.")
     odom: str = key(default="odom", help="The topic of its odometry.")
-    battery: str = key(default="", help="The topic of its battery (sensor_msgs/BatteryState); none without.")
-    hazards: str = key(default="", help="The topic of a Create 3's hazards (HazardDetectionVector); none without.")
-    dock: str = key(default="", help="The topic of a Create 3's dock (DockStatus); none without.")
-    lights: str = key(default="", help="The topic of a Create 3's ring of lights; none without.")
-    sounds: str = key(default="", help="The topic of a Create 3's sounds; none without.")
-    sensors: str = key(default="", help="The topic of a TurtleBot 3's bumper and cliff (SensorState); none without.")
+    battery: str = key(default="", help="The topic of its battery (sensor_msgs/BatteryState); by default none.")
+    hazards: str = key(default="", help="The topic of a Create 3's hazards (HazardDetectionVector); by default none.")
+    dock: str = key(default="", help="The topic of a Create 3's dock (DockStatus); by default none.")
+    lights: str = key(default="", help="The topic of a Create 3's ring of lights; by default none.")
+    sounds: str = key(default="", help="The topic of a Create 3's sounds; by default none.")
+    sensors: str = key(default="", help="The topic of a TurtleBot 3's bumper and cliff (SensorState); by default none.")
 
     @property
     def capabilities(self) -> frozenset[str]:
@@ -123,7 +124,7 @@ class Ros2RangeKeys(RangeKeys):
 RANGE = Driver(
     "ros2",
     "range",
-    "A range finder whose scans come by ROS 2.",
+    "A range finder on a topic of ROS 2.",
     Ros2RangeKeys,
     make="drivers.ros2.make:ranger",
     twin="drivers.ros2.twin:ranger",
@@ -148,7 +149,7 @@ class Ros2CameraKeys(CameraKeys):
 CAMERA = Driver(
     "ros2",
     "camera",
-    "A camera whose pictures come by ROS 2.",
+    "A camera on a topic of ROS 2.",
     Ros2CameraKeys,
     make="drivers.ros2.make:camera",
     virtual="drivers.ros2.virtual:camera",
@@ -158,7 +159,7 @@ CAMERA = Driver(
 
 
 COMMAND_HELP = (
-    "The topic of their controller: a JointTrajectory, or a Float64MultiArray with a position for each joint, in the "
+    "Topic of their controller: a JointTrajectory, or a Float64MultiArray with a position for each joint, in the "
     "order of this file; with `{joint}` in it one for each joint (Float64)."
 )
 
@@ -173,9 +174,9 @@ def _limit_mistakes(limits: tuple[float, float]) -> Iterator[KeyDiagnostic]:
 class Ros2JointKeys:
     """A joint of a robot with ROS 2."""
 
-    joint: str = key(default="", help="The joint, as JointState calls it; else as it is called here.")
-    limits: tuple[float, float] = key("angle", default=(-pi, pi), help="How far it turns: [lowest, highest].")
-    speed: float = key("turn rate", default=0.5, low=0.02, help="Its highest turn rate.")
+    joint: str = key(default="", help="Name of the joint in JointState; by default the name here.")
+    limits: tuple[float, float] = key("angle", default=(-pi, pi), help="Range: [lowest, highest].")
+    speed: float = key("turn rate", default=0.5, low=0.02, help="Maximum turn rate.")
     reverse: bool = key(default=False, help="Whether it turns the other way in ROS 2.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
@@ -187,12 +188,10 @@ class Ros2JointKeys:
 class Ros2ArmKeys(ArmKeys):
     """The ``arm`` section of a robot whose joints are moved by ROS 2."""
 
-    states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
+    states: str = key(default="joint_states", help="The topic of its joint states (sensor_msgs/JointState).")
     command: str = key(default="joint_trajectory_controller/joint_trajectory", help=COMMAND_HELP)
     joints: Mapping[str, Ros2JointKeys] = key(help="The joints, by their names here.", each="joint")
-    away: ReconnectPolicy = key(
-        default=ReconnectPolicy(), help="What it does when it is back after it was away, or silent."
-    )
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was disconnected or silent.")
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
@@ -220,11 +219,9 @@ class Ros2ArmKeys(ArmKeys):
 class Ros2AxisKeys(AxisKeys):
     """An axis of a head that is a joint of ROS 2."""
 
-    joint: str = key(help="The joint, as JointState calls it.")
-    limits: tuple[float, float] = key(
-        "angle", default=(-pi, pi), help="How far the head turns by it: [lowest, highest]."
-    )
-    reverse: bool = key(default=False, help="Whether it turns right, or up, for what is more in ROS 2.")
+    joint: str = key(help="Name of the joint in JointState.")
+    limits: tuple[float, float] = key("angle", default=(-pi, pi), help="Range of the head: [lowest, highest].")
+    reverse: bool = key(default=False, help="Whether a rising angle in ROS 2 turns the head right, or up.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield invalid limits."""
@@ -235,13 +232,11 @@ class Ros2AxisKeys(AxisKeys):
 class Ros2HeadKeys(HeadKeys):
     """The ``head`` section of a robot whose head is moved by ROS 2."""
 
-    states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
+    states: str = key(default="joint_states", help="The topic of its joint states (sensor_msgs/JointState).")
     command: str = key(default="head_controller/joint_trajectory", help=COMMAND_HELP)
     pan: Ros2AxisKeys = key(help="The joint that turns the head left and right.")
     tilt: Ros2AxisKeys = key(help="The joint that turns the head up and down.")
-    away: ReconnectPolicy = key(
-        default=ReconnectPolicy(), help="What it does when it is back after it was away, or silent."
-    )
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was disconnected or silent.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield a diagnostic if both axes are the same joint, and invalid topic names."""
@@ -255,7 +250,7 @@ class Ros2HeadKeys(HeadKeys):
 class Ros2VoiceKeys(VoiceKeys):
     """The ``voice`` section of a robot that speaks by a ROS 2 topic."""
 
-    topic: str = key(default="say", help="The topic of who speaks: each text is a std_msgs/String.")
+    topic: str = key(default="say", help="The topic of the speech node: each text is a std_msgs/String.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield invalid topic names."""
@@ -287,7 +282,7 @@ ARM = Driver(
 VOICE = Driver(
     "ros2",
     "voice",
-    "Whoever speaks the texts of a topic of ROS 2.",
+    "A speech node on a topic of ROS 2.",
     Ros2VoiceKeys,
     make="drivers.ros2.make:voice",
     needs=("ros2",),

@@ -109,7 +109,7 @@ class Ros2Graph:
         node, trouble = self._node, self._error
         counters = {"sessions": self._session_count, "malformed": self._malformed_count}
         if node is None:
-            told = trouble or NotConnected("ros2: the router has gone")
+            told = trouble or NotConnected("ros2: the router is gone")
             return Health(False, str(told), told.hint, counters)
         return Health(True, counters={**counters, "nodes": self.nodes()})
 
@@ -171,7 +171,7 @@ class Ros2Graph:
         listening = [each for each in node.entities(wire.SUBSCRIBER, name) if kind in {"", each.kind}]
         kind = kind or (listening[0].kind if listening else "")
         if not kind:
-            raise NotConnected(f"ros2: nobody listens to {name}, so its type is not known", hint="give 'type'")
+            raise NotConnected(f"ros2: no subscriber of {name}, so its type is unknown", hint="give 'type'")
         payload = types().encode(kind, json.loads(values or "{}"))
         for digest in {each.digest for each in listening if each.kind == kind} or {""}:
             node.publisher(name, kind, digest).send(payload)
@@ -208,7 +208,7 @@ class Ros2Graph:
     def _run_once(self) -> float:
         if self._session is not None and self._disconnected.is_set():
             self._close_session()
-            self._report_status("offline", "the router has gone", "is it still running, and the network there?")
+            self._report_status("offline", "the router is gone", "is it still running, and is the network up?")
         if self._session is None:
             return self._connect()
         self._requests.check_servers(self._node)
@@ -247,7 +247,7 @@ class Ros2Graph:
 
     def _close_session(self) -> None:
         session, node = self._session, self._node
-        self._error = NotConnected("ros2: the router has gone", hint="is it still running, and the network there?")
+        self._error = NotConnected("ros2: the router is gone", hint="is it still running, and is the network up?")
         self._session = self._node = self._transports = None
         if node is not None:
             node.is_lost = True

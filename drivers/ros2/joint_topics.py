@@ -42,13 +42,13 @@ MAX_PLAUSIBLE_VALUE = 1e6
 """Limit of plausible readings, in radians and rad/s."""
 
 NO_TORQUE_OFF, NO_TORQUE_OFF_HINT = (
-    "stays stiff: ROS 2 has no word for limp joints",
-    "let its controller do it: `call_service`",
+    "stays stiff: ROS 2 cannot switch its torque off",
+    "use a service of its controller: `call_service`",
 )
 """Notice and hint if joints are to be relaxed."""
 
-RUNAWAY_NOTICE = "ROS 2 has no word for torque off, so its motor goes on"
-RUNAWAY_HINT = "switch the power of its motor off; then look at the signs of its motor, its sensor and its controller"
+RUNAWAY_NOTICE = "ROS 2 cannot switch its torque off, so its motor goes on"
+RUNAWAY_HINT = "switch the power of its motor off; then check the signs of its motor, its sensor and its controller"
 """Notice and hint for a joint that runs away."""
 
 CLAMP_REPORT_INTERVAL = 10.0
@@ -81,7 +81,7 @@ def joint_channels(
 
 @dataclass(frozen=True, slots=True)
 class LinearTrajectory:
-    """Constant-speed trajectory of a joint from ``start`` (radians) at ``start_time`` to ``goal`` at ``speed`` (rad/s)."""
+    """Trajectory of a joint from ``start`` (radians) at ``start_time`` to ``goal`` at ``speed`` (rad/s)."""
 
     start: float
     start_time: float
@@ -151,7 +151,7 @@ class JointFeedback:
         return name in self._latest
 
     def update(self, message: Any, now: float) -> bool:
-        """Handle a message; return True if it contained a joint. Raises ValueError, IndexError for implausible values."""
+        """Handle a message; return True if it contained a joint. Raises ValueError, IndexError if implausible."""
         at, found = {there: place for place, there in enumerate(message.name)}, {}
         for name, joint in self._joints.items():
             if (place := at.get(joint.ros_name)) is None:
@@ -231,6 +231,6 @@ class TopicJointLimits:
             if now - before >= CLAMP_REPORT_INTERVAL:
                 what = f"the goal of {name} was clamped to {degrees(accepted[name]):.1f} deg"
                 what += f": {degrees(goals[name]):.1f} deg is beyond its limits"
-                hint = "change what is asked of it, or its limits in the robot file"
+                hint = "change the goal, or its limits in the robot file"
                 self._report(DeviceStatus(self._part, "fault", what, hint))
         return accepted

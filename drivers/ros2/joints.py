@@ -157,7 +157,7 @@ class TopicJoints(LatchingPart):
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Couple followers to leaders; () ends all couplings. Raises BadRequest, and NotConnected, but not to end them."""
+        """Couple followers to leaders; () ends all couplings. Raises BadRequest, NotConnected, but never for ()."""
         check_couplings(self.name, couplings, self._joints)
         with self._lock:
             if couplings:
@@ -203,7 +203,7 @@ class TopicJoints(LatchingPart):
         detail, hint = self._offline_reason(self._clock.now())
         return Health(False, detail, hint, counters, returned)
 
-    # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.LinkHandler ----------------------------------------------------
 
     def on_connected(self) -> None:
         """Reset the connection state: earlier trajectories are dropped."""
@@ -271,7 +271,7 @@ class TopicJoints(LatchingPart):
             self._trajectories |= {name: self._hold_trajectory(name, now) for name in self._unheld_joints}
             self._unheld_joints.clear()
             self._send(now)
-        self._report(DeviceStatus(self.name, "online", f"{self._channels[0].topic}: all its joints are there"))
+        self._report(DeviceStatus(self.name, "online", f"{self._channels[0].topic}: all joints are online"))
 
     def _on_offline(self, now: float) -> None:
         """Stop sending: each joint ends its last trajectory."""
@@ -290,8 +290,8 @@ class TopicJoints(LatchingPart):
         unread = (
             f"; not a number: {', '.join(sorted(self._feedback.unread_joints))}" if self._feedback.unread_joints else ""
         )
-        what = f"{self.name}: {self._channels[0].topic}: nothing comes of {silent}{unread}"
-        return what, f"`mission ros2 echo {self._channels[0].topic}` shows what comes"
+        what = f"{self.name}: {self._channels[0].topic}: no states of {silent}{unread}"
+        return what, f"`mission ros2 echo {self._channels[0].topic}` shows its messages"
 
     def _require_online(self) -> None:
         if not self._is_online or not self._link.online:

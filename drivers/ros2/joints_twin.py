@@ -20,7 +20,7 @@ MAX_ANGLE = 3.14
 
 
 class StiffJoints(JointsTwin):
-    """A ``JointsTwin`` of ``joints`` that hold their position from the start, and whose torque cannot be switched off."""
+    """A ``JointsTwin`` of ``joints`` that hold their position from the start; their torque stays on."""
 
     def __init__(
         self,

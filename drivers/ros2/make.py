@@ -108,10 +108,10 @@ class Ros2Voice(PrintedVoice):
         """Raise BadRequest: a text topic cannot play sounds."""
         del priority
         raise BadRequest(
-            f"{self.name}: cannot play {path.name}: {self._channel.topic} takes texts alone", hint="say it"
+            f"{self.name}: cannot play {path.name}: {self._channel.topic} accepts only text", hint="use `say`"
         )
 
-    # --- the link's thread: see drivers.transport.link.LinkHandler --------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.LinkHandler ----------------------------------------------------
 
     def on_connected(self) -> None:
         """Request the remote nodes."""

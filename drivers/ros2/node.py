@@ -96,13 +96,13 @@ class TopicFaults:
 
 def topic_hint(topic: str) -> str:
     """Return the command that shows the messages of a topic."""
-    return f"`mission ros2 echo {topic}` shows what comes; is its node built for the ROS 2 of this robot?"
+    return f"`mission ros2 echo {topic}` shows its messages; is its node built for the ROS 2 of this robot?"
 
 
 MessageHandler = Callable[[str, bytes], None]
 """Callback with the type and the bytes of a message. Runs on a thread of Zenoh; must return at once."""
 
-NO_ATTACHMENT = "it comes without what rmw_zenoh attaches, and is not used; is its node started with rmw_zenoh_cpp?"
+NO_ATTACHMENT = "without rmw_zenoh's attachment, ignored; is its node started with rmw_zenoh_cpp?"
 
 
 class Ros2Node:

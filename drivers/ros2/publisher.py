@@ -85,7 +85,7 @@ ReplyHandler = Callable[[bytes | None], None]
 
 
 class Publisher:
-    """Publisher of one topic; messages are numbered and stamped, except to a bridge. ``entity`` is that of its token."""
+    """Publisher of one topic; messages are numbered and stamped, except to a bridge. ``entity``: that of its token."""
 
     def __init__(self, declared: Any, entity: Entity, attach: Callable[[int, bytes], bytes] | None) -> None:
         self._declared, self.entity, self._attach = declared, entity, attach

@@ -95,8 +95,8 @@ class Ros2Ranger:
             return Health(False, str(error), error.hint, counters)
         if why := self._faults.fault(0):
             return Health(False, f"{self.name}: {why}", topic_hint(self._channel.topic), counters)
-        what = f"{self.name}: {self._channel.topic}: no scan comes"
-        return Health(False, what, "does it turn? look at its node: `mission ros2 graph`", counters)
+        what = f"{self.name}: {self._channel.topic}: no scan received"
+        return Health(False, what, "does it turn? check its node: `mission ros2 graph`", counters)
 
     # What follows is drivers.transport.link.LinkHandler, called from the link's thread.
 

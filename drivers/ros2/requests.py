@@ -152,7 +152,7 @@ class RequestTracker:
         """Return the progress of a request. Raises BadRequest for an unknown number, or one that was dropped."""
         request = self._requests.get(number)
         if request is None:
-            raise BadRequest(f"ros2: there is no request {number}")
+            raise BadRequest(f"ros2: unknown request {number}")
         return request.progress
 
     def check_servers(self, node: Ros2Node | None) -> None:
@@ -174,10 +174,8 @@ class RequestTracker:
                 if request.lost_since is None:
                     request.lost_since = now
                 elif now - request.lost_since >= SERVER_TIMEOUT:
-                    what = "its server has gone" if node is not None else "the network has gone"
-                    self._set_progress(
-                        request, GoalState.UNKNOWN, f"{request.name}: {what}; whether it goes on is unknown"
-                    )
+                    what = "its server is gone" if node is not None else "the network is gone"
+                    self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: {what}; it may still be active")
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
@@ -187,7 +185,7 @@ class RequestTracker:
             told = name.removesuffix(f"/{SEND}")
             of = f" of the type {kind.removesuffix('_SendGoal')}" if kind else ""
             raise NotConnected(
-                f"ros2: nobody offers {told}{of}", hint="`mission ros2 topics --all` lists what there is"
+                f"ros2: no server of {told}{of}", hint="`mission ros2 topics --all` lists what is available"
             )
         return found
 
@@ -195,7 +193,7 @@ class RequestTracker:
         """Return the only server of a name: of two, such as those of two robots, both would execute the request."""
         found = self._find_servers(name, kind)
         if len(found) > 1:
-            what = f"ros2: {len(found)} nodes offer {name.removesuffix(f'/{SEND}')}: all of them would do it"
+            what = f"ros2: {len(found)} servers of {name.removesuffix(f'/{SEND}')}: all of them would execute it"
             raise NotConnected(what, hint="`mission ros2 graph` shows them; two robots need a namespace each")
         return found[0]
 
@@ -223,7 +221,7 @@ class RequestTracker:
     def _on_response(self, request: _Request, payload: bytes | None) -> None:
         """Handle the response of a service."""
         if payload is None:
-            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no answer came")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no reply")
             return
         try:
             told = types().decode(f"{request.kind}_Response", payload)
@@ -242,7 +240,7 @@ class RequestTracker:
         if told is None:
             # It may have been accepted, and its answer lost: so it is cancelled, in case.
             self._send_cancel(request)
-            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no answer within {REPLY_TIMEOUT:g} s")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no reply within {REPLY_TIMEOUT:g} s")
             return
         if not told.accepted:
             self._set_progress(request, GoalState.FAILED, f"{request.name}: the goal was rejected")
@@ -260,7 +258,7 @@ class RequestTracker:
     def _on_result(self, request: _Request, payload: bytes | None) -> None:
         """Handle the result of an action."""
         if payload is None:
-            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: its result did not come")
+            self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no result received")
             return
         status, values = decode_result(request.kind, payload)
         state = GOAL_STATES.get(status, GoalState.UNKNOWN)
@@ -293,9 +291,7 @@ class RequestTracker:
                 return
             request.handle(GoalEvent.CONFIRM_CANCEL)
         if code == UNKNOWN_GOAL:
-            self._set_progress(
-                request, GoalState.FAILED, f"{request.name}: its server does not know this goal any more"
-            )
+            self._set_progress(request, GoalState.FAILED, f"{request.name}: its server no longer knows this goal")
 
     def _cancel_again(self, request: _Request, node: Ros2Node | None, now: float) -> None:
         """Repeat the cancel of a goal if it was lost, or if the goal is orphaned and its server is there."""
@@ -341,7 +337,7 @@ def _parse_object(kind: str, values: str) -> Mapping[str, object]:
     try:
         found = json.loads(values or "{}")
     except ValueError as error:
-        raise BadRequest(f"{kind}: {values!r} is no JSON: {error}") from error
+        raise BadRequest(f"{kind}: {values!r} is not valid JSON: {error}") from error
     if not isinstance(found, dict):
         raise BadRequest(f"{kind}: needs an object with its fields, got {values!r}")
     return found

@@ -16,8 +16,8 @@ LEASE_MS = 2000
 """Milliseconds of silence after which the remote end drops this session and its tokens."""
 
 NO_ROUTER_HINT = (
-    "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot, or `zenoh-bridge-ros2dds` for one of DDS; "
-    "then look at 'router' in the robot file"
+    "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot, or `zenoh-bridge-ros2dds` for DDS; "
+    "then check 'router' in the robot file"
 )
 
 
@@ -75,7 +75,7 @@ def open_session(part: str, access: ZenohAccess, *, timeout: float = 0.5) -> "ze
         return zenoh.open(_config(zenoh, access, timeout))
     except zenoh.ZError as error:
         words = str(error).split(" at /")[0]
-        raise NotConnected(f"{part}: {where}: no router of Zenoh answers: {words}", hint=NO_ROUTER_HINT) from error
+        raise NotConnected(f"{part}: {where}: no Zenoh router answers: {words}", hint=NO_ROUTER_HINT) from error
 
 
 def _config(zenoh: Any, access: ZenohAccess, timeout: float) -> Any:

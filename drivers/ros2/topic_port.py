@@ -81,7 +81,7 @@ class TopicPort:
                 self._filters[number] = node.subscribe(each.topic, each.kinds, self._message_handler(number), self)
 
     def read_available(self, timeout: float) -> bytes:
-        """Return received frames; wait up to ``timeout`` seconds for the first. Raises OSError if the session is lost."""
+        """Return received frames; wait up to ``timeout`` seconds for one. Raises OSError if the session is lost."""
         self._update_remotes()
         with self._changed:
             if not (self._control_frames or any(self._messages)):
@@ -172,6 +172,6 @@ def absent_error(part: str, channel: TopicChannel, reason: str = "") -> NotConne
     """Return the error for a channel without a remote node, or with the ``reason`` why its nodes are unusable."""
     if reason:
         return NotConnected(f"{part}: {reason}", hint=topic_hint(channel.topic))
-    verb = "listens to" if channel.is_command else "sends"
-    hint = f"`mission ros2 topics` lists what there is; is {channel.topic} right, and its namespace?"
-    return NotConnected(f"{part}: nobody {verb} {channel.topic} ({' or '.join(channel.kinds)})", hint=hint)
+    role = "subscriber" if channel.is_command else "publisher"
+    hint = f"`mission ros2 topics` lists all topics; check {channel.topic} and its namespace"
+    return NotConnected(f"{part}: no {role} of {channel.topic} ({' or '.join(channel.kinds)})", hint=hint)

@@ -99,7 +99,7 @@ class Ros2Twin:
     def progress(self, number: int) -> Progress:
         """Return the progress of a goal. Raises BadRequest for an unknown number."""
         if number not in self._goals:
-            raise BadRequest(f"ros2: there is no request {number}")
+            raise BadRequest(f"ros2: unknown request {number}")
         return self._goals[number].progress
 
     def publish(self, topic: str, kind: str, values: str) -> None:
@@ -110,15 +110,13 @@ class Ros2Twin:
     def call(self, service: str, kind: str, values: str) -> int:
         """Raise NotConnected: there are no services."""
         del kind, values
-        raise NotConnected(
-            f"ros2: nobody offers {service}: this robot is simulated", hint="run it with --simulate wire"
-        )
+        raise NotConnected(f"ros2: no server of {service}: this robot is simulated", hint="run it with --simulate wire")
 
     def begin(self, action: str, kind: str, goal: str) -> int:
         """Begin Nav2's navigation action; return its number. Raises NotConnected for another action."""
         del kind
         if action != self._keys.navigation:
-            what = f"ros2: nobody offers {action}: this robot is simulated"
+            what = f"ros2: no server of {action}: this robot is simulated"
             raise NotConnected(what, hint="run it with --simulate wire")
         pose = json.loads(goal or "{}").get("pose", {})
         at = pose.get("pose", {}).get("position", {})

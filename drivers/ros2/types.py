@@ -104,9 +104,10 @@ _EMPTY_FIELD = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8",
 """Field of a type without fields on the wire."""
 
 _MAX_DEPTH = 12
-"""Maximum nesting of values in messages that a mission sees, and maximum length of lists."""
+"""Maximum nesting of the values in a plain message."""
 
 _MAX_LENGTH = 1000
+"""Maximum length of the arrays in a plain message."""
 
 
 class MalformedMessage(DriverError):
@@ -148,7 +149,7 @@ class TypeRegistry:
         except BadRequest:
             raise
         except Exception as error:  # a grammar, which raises what it likes
-            raise BadRequest(f"{name}: this definition is not understood: {error}") from error
+            raise BadRequest(f"{name}: invalid definition: {error}") from error
 
     def define_service(self, name: str, request: str, response: str) -> None:
         """Add the types of a service."""
@@ -287,11 +288,11 @@ _ENCAPSULATIONS = {
 def _encapsulation_fault(payload: bytes) -> str:
     """Return the fault in the header of a payload; empty for CDR."""
     if len(payload) < 4:
-        return "too short for the header of CDR"
+        return "too short for a CDR header"
     if payload[0] == 0 and payload[1] in (0, 1):
         return ""
     known = _ENCAPSULATIONS.get(payload[1], "") if payload[0] == 0 else ""
-    return f"its header says {known}, and not CDR" if known else "it does not begin with a header of CDR"
+    return f"its header says {known}, not CDR" if known else "it has no CDR header"
 
 
 def _parent_of(name: str, known: Mapping[str, object]) -> str | None:

@@ -70,7 +70,7 @@ def full_name(name: str, namespace: str = "") -> str:
     """
     full = name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
     if not is_name(full):
-        raise ValueError(f"{full!r:.80} is no name of a topic")
+        raise ValueError(f"{full!r:.80} is not a valid topic name")
     return full
 
 
@@ -79,7 +79,7 @@ def is_name(name: str) -> bool:
     return _NAME.fullmatch(name) is not None
 
 
-NAME_HINT = "names are of letters, digits and _, with / between, such as /robot1/cmd_vel"
+NAME_HINT = "names consist of letters, digits and _, separated by /, such as /robot1/cmd_vel"
 """Hint for a valid name."""
 
 

@@ -13,7 +13,7 @@ class PageKeys(ScreenKeys):
         default=None,
         low=1024,
         high=65535,
-        help="Where the page is served, on this computer only; else any that is free.",
+        help="Port of the page, on this computer only; by default a free one.",
     )
 
 

@@ -32,7 +32,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Send a document or the news."""
         if not _is_numeric_host(self.headers.get("Host", "")):
-            self.send_error(HTTPStatus.FORBIDDEN, "ask for localhost, or for an address in figures")
+            self.send_error(HTTPStatus.FORBIDDEN, "use localhost, or a numeric address")
             return
         path = urlsplit(self.path).path
         if path == self.server.events and self._is_cross_site():
@@ -69,7 +69,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
         """Stream the news as long as the page listens, including the last ones."""
         talks = self.server.connections
         if not talks.listen(self.request, self.client_address[0]):
-            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_LISTENERS} pages listen already")
+            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_LISTENERS} pages are listening already")
             return
         try:
             self._send_headers("text/event-stream")

@@ -83,7 +83,7 @@ class ServoBus(ServoTransport):
         )
 
     def read(self, at: ServoAddress, register: Register) -> int:
-        """Return the value of ``register``. Raises NoReply after ``MAX_READ_ATTEMPTS`` tries, NotConnected, BadRequest."""
+        """Return a register's value. Raises NoReply after ``MAX_READ_ATTEMPTS`` tries, NotConnected, BadRequest."""
         return register.decode(self.read_block(at, register.address, register.size), register.address)
 
     def read_block(self, at: ServoAddress, address: int, count: int, *, tries: int = MAX_READ_ATTEMPTS) -> bytes:
@@ -127,11 +127,14 @@ class ServoBus(ServoTransport):
             return {}
         protocol, *others = {at.protocol for at in targets}
         if others:
-            raise BadRequest(f"{self.name}: one request cannot ask servos of both protocols", hint="ask them apart")
+            raise BadRequest(
+                f"{self.name}: one request cannot address servos of both protocols",
+                hint="send a request for each protocol",
+            )
         blocks = {at.id: block for at, block in targets.items()}
         codec = self._checked_codec(protocol, blocks)
         if mode == "sync" and len(set(blocks.values())) > 1:
-            raise BadRequest(f"{self.name}: a sync read reads the same of all servos", hint="use a bulk read")
+            raise BadRequest(f"{self.name}: a sync read needs the same block of all servos", hint="use a bulk read")
         with self._lock:
             now, question = self._clock.now(), object()
             asked = {servo: ExpectedReply(question, block.size, now) for servo, block in blocks.items()}
@@ -299,7 +302,7 @@ def _parse_table_head(at: ServoAddress, data: bytes) -> ServoIdentity:
 def _refusal_hint(faults: ServoFault) -> str:
     """Return a hint for a refused request."""
     if faults & ServoFault.ACCESS:
-        return "some registers are read-only, and settings (EEPROM) can be written with the torque off alone"
+        return "some registers are read-only, and settings (EEPROM) can only be written with the torque off"
     if faults & (ServoFault.ANGLE_LIMIT | ServoFault.LIMIT):
-        return "compare it with the limits that are set in the servo: mission servo info ID --robot FILE"
+        return "compare it with the servo's own limits: mission servo info ID --robot FILE"
     return ""

@@ -55,9 +55,7 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
 OLD_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
 """Keys of LeRobot's calibration files until June 2025: parallel lists."""
 
-OLD_FORMAT_MESSAGE = (
-    "a calibration of LeRobot's from before June 2025, whose offsets were in no servo: it cannot be used"
-)
+OLD_FORMAT_MESSAGE = "LeRobot's format from before June 2025, whose offsets are not stored in the servos: not supported"
 
 MAX_FILE_BYTES = 1_000_000
 """Largest calibration file that is read."""
@@ -69,7 +67,7 @@ def load_calibration(path: str) -> Mapping[str, MotorCalibration]:
     try:
         found = file.stat()
         if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # a pipe would be waited for
-            raise OSError(f"no file of at most {MAX_FILE_BYTES} bytes")
+            raise OSError(f"not a regular file of at most {MAX_FILE_BYTES} bytes")
         return _load_cached(str(file), found.st_mtime_ns, found.st_size)
     except OSError as error:
         hint = "name the file as `ls` shows it; LeRobot's are in ~/.cache/huggingface/lerobot/calibration"
@@ -81,19 +79,19 @@ def _load_cached(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     try:
         told = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_reject_duplicates)
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, brackets in brackets
-        raise BadRequest(f"calibration {path}: it is no JSON: {error}") from error
+        raise BadRequest(f"calibration {path}: invalid JSON: {error}") from error
     if not isinstance(told, dict) or not told:
-        raise BadRequest(f"calibration {path}: it names no motors", hint='{"elbow_flex": {"id": 3, ...}}')
+        raise BadRequest(f"calibration {path}: no motors", hint='{"elbow_flex": {"id": 3, ...}}')
     if told.keys() >= OLD_KEYS:
         raise BadRequest(
             f"calibration {path}: {OLD_FORMAT_MESSAGE}",
-            hint="calibrate the arm with today's lerobot-calibrate, and name its file",
+            hint="calibrate the arm with a current lerobot-calibrate, and name its file",
         )
     faults = [fault for motor, each in told.items() for fault in _entry_errors(motor, each)]
     if faults:
         raise BadRequest(
             f"calibration {path}: {'; '.join(faults)}",
-            hint="take the file anew from where the arm was calibrated, or leave `calibration` out",
+            hint="copy the file again from where the arm was calibrated, or remove `calibration`",
         )
     return MappingProxyType({motor: MotorCalibration(**{f: each[f] for f in _BOUNDS}) for motor, each in told.items()})
 
@@ -102,7 +100,7 @@ def _reject_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """Return the entries of a JSON object. Raises ValueError for duplicate keys."""
     twice = [name for name, count in Counter(name for name, _ in pairs).items() if count > 1]
     if twice:
-        raise ValueError(f"it has {' and '.join(repr(name) for name in twice)} twice")
+        raise ValueError(f"duplicate key {' and '.join(repr(name) for name in twice)}")
     return dict(pairs)
 
 

@@ -79,13 +79,15 @@ def _check_voltage(joint: Joint, volts: float) -> Iterator[Finding]:
         joint.value("highest_voltage") / 10,
         joint.nominal_voltage,
     )
-    supply = f"charge the battery, or take a supply of {usual:g} V that gives enough current"
+    supply = f"charge the battery, or take a supply of {usual:g} V with enough current"
     if volts < lowest:
         yield failure(joint.title, f"{volts:.1f} V: below {lowest:.1f} V it shuts down", supply)
     elif volts < LOW_VOLTAGE_SHARE * usual:
-        yield warning(joint.title, f"{volts:.1f} V is little for a servo of {usual:g} V", supply)
+        yield warning(joint.title, f"{volts:.1f} V is low for a servo made for {usual:g} V", supply)
     elif highest < volts <= OVERVOLTAGE_FACTOR * highest:  # beyond that it is not driven: see ``difference``
-        yield failure(joint.title, f"{volts:.1f} V: above {highest:.1f} V it suffers", f"take a supply of {usual:g} V")
+        yield failure(
+            joint.title, f"{volts:.1f} V: above {highest:.1f} V it may be damaged", f"take a supply of {usual:g} V"
+        )
 
 
 def _check_temperature(joint: Joint, heat: int) -> Iterator[Finding]:
@@ -106,4 +108,4 @@ def _check_faults(joint: Joint) -> Iterator[Finding]:
         words = joint.active_faults.description
         yield failure(joint.title, "it has shut down" + (f": {words}" if words else ", and is limp"), cure)
     elif joint.active_faults:
-        yield failure(joint.title, f"it complains: {joint.active_faults.description}", cure)
+        yield failure(joint.title, f"it reports {joint.active_faults.description}", cure)

@@ -212,7 +212,7 @@ class LateReplies:
             self._late[servo] = [o for o in owed if o.since > expected.requested_at - MAX_REPLY_LATENESS]
 
     def blocked_until(self, servo: int, expected: ExpectedReply, seconds: float = MAX_REPLY_LATENESS) -> float:
-        """Return the time at which no late reply can be mistaken for ``expected``, ``seconds`` after each was recorded."""
+        """Return when no late reply can be mistaken for ``expected``: ``seconds`` after each was recorded."""
         if not self._late.get(servo):
             return 0.0
         return max(

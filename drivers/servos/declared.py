@@ -57,9 +57,9 @@ DEFAULT_REACH = 2.6
 class Ticks:
     """Servo positions (steps) of a joint at 0 and at both ends; ``min`` above ``max`` reverses the joint."""
 
-    init: int = key(low=0, high=4095, help="Where the servo stands with the joint at 0.")
-    min: int = key(low=0, high=4095, help="Where it stands with the joint at its lowest angle.")
-    max: int = key(low=0, high=4095, help="Where it stands with the joint at its highest angle.")
+    init: int = key(low=0, high=4095, help="Servo position (steps) with the joint at 0.")
+    min: int = key(low=0, high=4095, help="Servo position (steps) at the joint's lowest angle.")
+    max: int = key(low=0, high=4095, help="Servo position (steps) at the joint's highest angle.")
 
 
 @keys
@@ -75,7 +75,7 @@ class JointKeys:
         help="The model of the servo.",
     )
     written_zero: float | None = key(
-        "angle", default=None, word="zero", help="Where the joint's 0 lies, from the middle of the servo."
+        "angle", default=None, word="zero", help="Servo angle at the joint's 0, from the middle of the servo."
     )
     written_reverse: bool | None = key(
         default=None, word="reverse", help="Whether the servo is mounted the other way round."
@@ -83,11 +83,13 @@ class JointKeys:
     limits: tuple[float, float] | None = key(
         "angle",
         default=None,
-        help="How far the joint turns: [lowest, highest]; else what its servo can, up to 149 deg.",
+        help="Range of the joint: [lowest, highest]; by default that of its servo, up to 149 deg.",
     )
-    speed: float = key("turn rate", default=2.0, low=0.02, help="Its highest turn rate.")
-    torque: float = key("share", default=1.0, low=0.01, high=1.0, help="The share of its stall torque that it may use.")
-    ticks: Ticks | None = key(default=None, help="The same as `zero`, `limits` and `reverse`, in steps of the servo.")
+    speed: float = key("turn rate", default=2.0, low=0.02, help="Maximum turn rate.")
+    torque: float = key(
+        "share", default=1.0, low=0.01, high=1.0, help="Maximum torque, as a share of the stall torque."
+    )
+    ticks: Ticks | None = key(default=None, help="`zero`, `limits` and `reverse`, in steps of the servo.")
 
     @property
     def model(self) -> str:
@@ -158,7 +160,7 @@ class JointKeys:
     def _ticks_mistakes(self, ticks: Ticks) -> Iterator[KeyDiagnostic]:
         for word, said in (("zero", self.written_zero), ("limits", self.limits), ("reverse", self.written_reverse)):
             if said is not None:
-                message = f"'{word}' is what 'ticks' says already"
+                message = f"'{word}' is already defined by 'ticks'"
                 yield KeyDiagnostic(message, (word,), hint="give 'ticks', or zero, limits and reverse")
         beyond = {
             word: step for word in ("init", "min", "max") if (step := getattr(ticks, word)) > self.servo_model.last_tick
@@ -178,22 +180,20 @@ def max_id(model: ServoModel) -> int:
 class DynamixelKeys(ArmKeys, SerialKeys):
     """The ``arm`` section of a robot with Dynamixel servos on one bus."""
 
-    baud: int = key(default=1_000_000, low=1, help="The rate of the bus, in bits per second.")
-    framing: Framing = key(
-        default="own", help="Who makes packets of bytes: this project, or `sdk`, the vendor's own code, to compare."
+    baud: int = key(default=1_000_000, low=1, help="Baud rate of the bus.")
+    framing: Framing = key(default="own", help="Packet code: our own, or `sdk`, that of ROBOTIS, for comparison.")
+    at_end: Literal["hold", "relax"] = key(
+        default="hold", help="At the end of a run it keeps its torque, or switches it off."
     )
-    at_end: Literal["hold", "relax"] = key(default="hold", help="At its end it stays stiff, or goes limp.")
-    joints: Mapping[str, JointKeys] = key(help="The servos, each under the name of its joint.", each="joint")
+    joints: Mapping[str, JointKeys] = key(help="The servos, by the names of their joints.", each="joint")
     rate: float = key(
         "frequency",
         default=100.0,
         low=5.0,
         high=500.0,
-        help="How often those servos are read that lead or follow, and others at most.",
+        help="Poll rate of servos that lead or follow; the maximum for others.",
     )
-    away: ReconnectPolicy = key(
-        default=ReconnectPolicy(), help="What it does when it is back after it was unplugged, or silent."
-    )
+    away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was unplugged or silent.")
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
@@ -237,9 +237,7 @@ class NeckJointKeys(AxisKeys):
     """An axis of the head that is a joint of the arm; the joint describes its mounting."""
 
     joint: str = key(help="The joint of the arm.")
-    limits: tuple[float, float] = key(
-        "angle", default=(-pi, pi), help="How far the head turns by it: [lowest, highest]."
-    )
+    limits: tuple[float, float] = key("angle", default=(-pi, pi), help="Range of the head: [lowest, highest].")
 
 
 @keys
@@ -267,7 +265,7 @@ def check_neck_joints(neck: NeckKeys, others: Mapping[str, object]) -> Iterator[
     limits = arm.limits if isinstance(arm, ArmKeys) else {}
     for axis, its in (("pan", neck.pan), ("tilt", neck.tilt)):
         if not isinstance(arm, ArmKeys):
-            message = "a head of Dynamixel servos is two joints of the arm: this robot has no arm"
+            message = "a head of Dynamixel servos needs two joints of an arm: this robot has no arm"
             yield KeyDiagnostic(message, (axis,), about=((axis, "joint"),))
         elif its.joint not in limits:
             message, at = f"'joint' cannot be '{its.joint}'", (axis, "joint")

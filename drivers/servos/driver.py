@@ -56,7 +56,7 @@ def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: Joi
     if shut := [f"{j.title} has shut down" for j in joints.values() if j.is_driven and j.is_shut_down]:
         wrong, hint = wrong + shut, hint or SHUTDOWN_HINT
     if not wrong and bus.latency > SLOW_ADAPTER_LATENCY:
-        wrong = [f"the adapter holds every reply back for {bus.latency * 1000:.0f} ms"]
+        wrong = [f"the adapter delays every reply by {bus.latency * 1000:.0f} ms"]
         hint = f"echo 1 | sudo tee {latency_timer_path(bus.port)}"
     return Health(watch.online and runs, f"{name}: {'; '.join(wrong)}" if wrong else "", hint)
 
@@ -122,7 +122,7 @@ class DynamixelJoints(ServoJoints):
     ) -> None:
         check_joints(name, dict(joints))
         if not 0 < rate <= 1000:
-            raise BadRequest(f"{name}: joints are read 1 to 1000 times a second, not {rate}")
+            raise BadRequest(f"{name}: the poll rate must be above 0 and at most 1000 Hz, not {rate}")
         described = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
         super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
         self._bus = bus

@@ -23,7 +23,7 @@ class FeetechJointKeys(JointKeys):
         default="STS3215", among=STS_MODELS, word="model", hint=UNSUPPORTED_HINT, help="The model of the servo."
     )
     zero_at: Literal["middle", "lowest", "highest"] = key(
-        default="middle", help="Where in the range of the calibration file the joint's 0 lies, unless `zero` says it."
+        default="middle", help="Position of the joint's 0 in its calibrated range, unless `zero` is set."
     )
 
     def with_calibration(self, calibration: MotorCalibration) -> "FeetechJointKeys":
@@ -46,10 +46,10 @@ class FeetechJointKeys(JointKeys):
 class FeetechKeys(DynamixelKeys):
     """The ``arm`` section of a robot with Feetech servos on one bus."""
 
-    joints: Mapping[str, FeetechJointKeys] = key(help="The servos, each under the name of its joint.", each="joint")
+    joints: Mapping[str, FeetechJointKeys] = key(help="The servos, by the names of their joints.", each="joint")
     calibration: str = key(
         default="",
-        help="A calibration file of LeRobot's, by the names of the joints: where their 0 lies and how far they go.",
+        help="Calibration file of LeRobot: zero and range of each joint, by name.",
     )
 
     @property
@@ -71,7 +71,7 @@ class FeetechKeys(DynamixelKeys):
         return {name: each.homing_offset for name, each in self.calibrations.items() if name in self.joints}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield diagnostics of the calibration file, those of DynamixelKeys, and joints beyond their calibrated range."""
+        """Yield diagnostics of DynamixelKeys, of the calibration file, and of joints beyond their calibrated range."""
         at = ("calibration",)
         try:
             found = self.calibrations

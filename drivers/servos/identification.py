@@ -64,9 +64,7 @@ def require_unique_id(
     identity = proof.identify()
     known = find_model(identity.number)
     if known is None:
-        raise DeviceFault(
-            f"{bus.name}: servo {at.id}: model number {identity.number} is not known here", hint=SCAN_HINT
-        )
+        raise DeviceFault(f"{bus.name}: servo {at.id}: model number {identity.number} is unknown", hint=SCAN_HINT)
     if known.protocol != at.protocol or number not in (None, identity.number):
         wanted = "" if number is None else f", not {number}"
         raise DeviceFault(
@@ -116,13 +114,13 @@ UNPLUG_HINT = (
 )
 """Hint against two servos with one ID."""
 
-SCAN_HINT = "mission servo scan  (with the same --robot FILE or --port PORT) shows what answers"
+SCAN_HINT = "mission servo scan  (with the same --robot FILE or --port PORT) lists the servos"
 
 
 def ping_only_error(at: ServoAddress, options: str = " --port PORT") -> DeviceFault:
     """Return the error for a servo that answers only pings; ``options`` select its bus in a command."""
     return DeviceFault(
-        f"servo {at.id} answers a ping, and no read: its status return level is 0",
+        f"servo {at.id} answers a ping, but no read: its status return level is 0",
         hint=f"mission servo set {at.id} status_return_level 2{options}",
     )
 
@@ -271,7 +269,7 @@ class _UniqueIdTest:
         if self._refused_count >= MIN_JUMPS and self._refused_count < self._read_count:
             found.append(f"refuses {self._refused_count} of {self._read_count} equal reads")
         if self._duplicate_count >= MIN_DUPLICATE_REPLIES or (self._duplicate_count and not self._read_count):
-            found.append(f"{self._duplicate_count} replies more than requested")
+            found.append(f"{self._duplicate_count} surplus replies")
         if self._damaged_count >= max(MIN_DAMAGED_REPLIES if self._read_count else 1, damaged_share * self._read_count):
             found.append(f"{self._damaged_count} damaged replies")
         return found
@@ -286,7 +284,7 @@ class _UniqueIdTest:
             )
         if self._missed_count > self._read_count / 3:
             raise NoReply(
-                f"{bus.name}: servo {at.id} answers {self._read_count - self._missed_count} of {self._read_count} reads alone on "
-                f"{bus.port} at {bus.baud} baud: too few to write to it",
-                hint="look at its cable and its power",
+                f"{bus.name}: servo {at.id} answers {self._read_count - self._missed_count} of {self._read_count} reads on "
+                f"{bus.port} at {bus.baud} baud: not enough to write to it",
+                hint="check its cable and its power",
             )

@@ -86,7 +86,7 @@ class Joint:
     name: str
     spec: JointSpec
     model: ServoModel
-    undriven_reason: str = "not looked for yet"
+    undriven_reason: str = "not checked yet"
     hint: str = ""
     shares_id: bool = False  # another servo with its ID was noticed
     is_answering: bool = False

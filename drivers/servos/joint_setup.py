@@ -16,15 +16,15 @@ from drivers.servos.units import protocol_name
 
 REQUIRED_SETTINGS = (
     ("drive_mode", 0b111, 0, "is reversed, timed or driven by another"),
-    ("operating_mode", 0xFF, 3, "does not go to positions"),
-    ("homing_offset", -1, 0, "counts from elsewhere"),
-    ("multi_turn_offset", -1, 0, "counts from elsewhere"),
-    ("resolution_divider", 0xFF, 1, "counts in other steps"),
-    ("status_return_level", 0xFF, 2, "acknowledges no writes"),
-    ("response_level", 0xFF, 1, "acknowledges no writes"),
-    ("mode", 0xFF, 0, "does not go to positions"),
-    ("phase", 0b1_0100, 0b100, "counts speeds or turns in another way"),
-    ("angular_resolution", 0xFF, 1, "counts in other steps"),
+    ("operating_mode", 0xFF, 3, "is not in position mode"),
+    ("homing_offset", -1, 0, "has another zero"),
+    ("multi_turn_offset", -1, 0, "has another zero"),
+    ("resolution_divider", 0xFF, 1, "has another resolution"),
+    ("status_return_level", 0xFF, 2, "does not acknowledge writes"),
+    ("response_level", 0xFF, 1, "does not acknowledge writes"),
+    ("mode", 0xFF, 0, "is not in position mode"),
+    ("phase", 0b1_0100, 0b100, "has other units of speed or turns"),
+    ("angular_resolution", 0xFF, 1, "has another resolution"),
 )
 """Register, mask of its relevant bits, their required value, and the fault otherwise. No model has all of them."""
 
@@ -72,7 +72,7 @@ def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
         return "sends damaged replies: it shares its ID with another servo, or has a bad cable"
     if pinged:
         joint.hint = f"mission servo set {joint.spec.id} status_return_level 2 --robot FILE"
-        return "answers a ping, and no read: its status return level is 0"
+        return "answers a ping, but no read: its status return level is 0"
     other = ServoAddress(joint.spec.id, 1 if joint.address.protocol == 2 else 2)
     if other.id <= wire2.LAST_ID:
         with suppress(NoReply, BadRequest):
@@ -81,7 +81,7 @@ def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
             right = known is not None and known.protocol == told.address.protocol
             joint.hint = known.robot_file_hint if known and right else f"mission servo info {joint.spec.id}"
             meant = f": {known.robot_file_hint}" if known and right else ""
-            return f"answers in {how} alone, as model {told.number}, not as {joint.model.name}{meant}"
+            return f"answers only in {how}, as model {told.number}, not as {joint.model.name}{meant}"
     return "does not answer"
 
 
@@ -143,7 +143,7 @@ def _power_faults(bus: ServoBus, joint: Joint) -> list[Mismatch]:
         ", and others with its model number for 12 V" if joint.address.protocol == "STS" else ""
     )
     cure = f"switch its supply off now; give servos of {joint.nominal_voltage:g} V a supply of their own"
-    return [(f"gets {volts:.1f} V, and bears {highest:.1f} V at most ({kind})", cure)]
+    return [(f"gets {volts:.1f} V, but allows {highest:.1f} V at most ({kind})", cure)]
 
 
 def _range_faults(joint: Joint) -> list[Mismatch]:
@@ -158,7 +158,7 @@ def _range_faults(joint: Joint) -> list[Mismatch]:
         told = f"is in multi-turn mode (both its angle limits are {high})"
         return [(told, _set_command(joint, names[0], 0))]
     if lowest < low or highest > high:
-        told = f"has angle limits of {low}..{high} ticks, and the joint needs {lowest}..{highest}"
+        told = f"has angle limits of {low}..{high} ticks, but the joint needs {lowest}..{highest}"
         return [(told, _range_hint(joint, low, high))]
     return []
 
@@ -189,8 +189,8 @@ def _calibrated_hint(joint: Joint) -> str:
     path = _lerobot_file(joint, "homing_offset")
     who = f"LeRobot has calibrated it ({path})" if path else "another program has calibrated it, LeRobot perhaps,"
     return (
-        f"{who} and needs its calibration: leave the arm to that program; Dynamixels are driven here that count from "
-        "their own zero"
+        f"{who} and needs its calibration: leave the arm to that program; only Dynamixels "
+        "without an offset are driven here"
     )
 
 
@@ -204,13 +204,13 @@ def _lerobot_file(joint: Joint, offset: str = "position_offset") -> str:
 def _offset_hint(joint: Joint) -> str:
     """Return the hint for a servo whose offset differs from its calibration file."""
     if path := _lerobot_file(joint):
-        return f"LeRobot has calibrated it anew: write calibration: {path} in the robot file"
+        return f"LeRobot has recalibrated it: write calibration: {path} in the robot file"
     last = joint.model.last_tick
     if (joint.value("position_offset"), joint.value("min_position"), joint.value("max_position")) == (0, 0, last):
         return "mission servo home --restore --robot FILE"  # as delivered: there is nothing to lose
     return (
-        f"it was calibrated anew, or is another servo: name the file of that calibration (mission servo info "
-        f"{joint.spec.id} --robot FILE shows what it holds)"
+        f"it was recalibrated or replaced: name the file of that calibration (mission servo info "
+        f"{joint.spec.id} --robot FILE shows its settings)"
     )
 
 
@@ -226,7 +226,7 @@ def _mode_faults(joint: Joint) -> list[Mismatch]:
                 cure = _calibrated_hint(joint)
             found.append((f"{words} ({register.replace('_', ' ')} {value}, not {right})", cure))
     if "shadow_id" in table and (leader := joint.value("shadow_id")) <= wire2.LAST_ID:
-        told = f"obeys what servo {leader} is sent (shadow id {leader}): they are two servos on one joint"
+        told = f"obeys the commands of servo {leader} (shadow id {leader}): they are two servos on one joint"
         found.append((told, f"leave joint {joint.name} out of the robot file: it turns with servo {leader}"))
     if joint.value(table.torque_ceiling) == 0:
         told = f"has no force ({table.torque_ceiling.replace('_', ' ')} 0)"

@@ -72,7 +72,7 @@ class JointMonitor:
         if any(not joint.hint for joint in wrong) or not wrong:
             cures.append(
                 f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named: "
-                "`mission servo scan --robot FILE` shows what answers"
+                "`mission servo scan --robot FILE` lists the servos"
             )
         return "; ".join(cures)
 

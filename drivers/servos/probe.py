@@ -43,7 +43,7 @@ MODEL_AND_ID_OFFSETS: Mapping[Protocol, tuple[int, int]] = {1: (0, 3), 2: (0, 7)
 """Offsets of model number and ID in these blocks."""
 
 DUPLICATE_ID = "damaged replies: there may be two with this ID"
-PING_ONLY = "answers a ping, and no read: its status return level is 0"
+PING_ONLY = "answers a ping, but no read: its status return level is 0"
 
 UnitProbe = Generator[ProbeRequest, bytes, list[BusDevice]]
 

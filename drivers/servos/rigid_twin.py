@@ -40,7 +40,7 @@ class RigidServo(ServoTwin):
         self.joint.torque, self.joint.goal = True, 0.0
 
     def move_to(self, goal: float, speed: float, now: float) -> None:
-        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's own, from ``now`` on."""
+        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's, from ``now`` on."""
         super().move_to(goal, speed, now)
         self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 

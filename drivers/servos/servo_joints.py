@@ -56,7 +56,7 @@ class GoalLimiter:
         limits = joint.limits
         what = f"the goal of {joint.name} was clamped to {degrees(joint.clamp(goal)):.1f} deg: {degrees(goal):.1f} deg"
         span = f"{degrees(limits.lower):.1f}..{degrees(limits.upper):.1f} deg"
-        hint = f"{joint.name} may go {span}: change what is asked of it, or its limits in the robot file"
+        hint = f"{joint.name} may go {span}: change the goal, or its limits in the robot file"
         self._report(DeviceStatus(self._name, "fault", f"{what} is beyond its limits", hint))
 
 

@@ -72,7 +72,7 @@ def _servo_speed(joint: Joint, speed: float) -> float:
 
 
 def _limited_step(joint: Joint, end: int, here: int, far: float) -> int:
-    """Return the position at most ``far`` (radians) from ``here`` towards ``end`` (ticks), within the servo's limits."""
+    """Return the position at most ``far`` (radians) from ``here`` towards ``end`` (ticks), within the limits."""
     most = int(far / joint.model.tick)
     place = here + min(max(end - here, -most), most)
     low, high = (joint.value(register) for register in joint.model.table.limit_registers)

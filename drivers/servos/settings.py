@@ -23,7 +23,7 @@ MIN_REGISTER_VALUES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {
         "protocol": (2, "its control table would no longer be the one of its protocol"),
         "status_return_level": (1, "a servo that answers no reads can be neither verified nor set back"),
-        "response_level": (1, "a servo that acknowledges no writes is not driven"),
+        "response_level": (1, "a servo that does not acknowledge writes is not driven"),
     }
 )
 """Registers with a minimum value, and the reason: below it, the servo could no longer be read or verified."""
@@ -77,7 +77,7 @@ def plan_changes(
     _require_unique_servo(bus, at, table)
     if values.get(table.speed) == 0 and not _is_in_wheel_mode(bus, at, table):
         hint = f"1 is the slowest, {table[table.speed].upper} the fastest"
-        raise BadRequest(f"{who}: {table.speed} 0 is no speed, but as fast as it can", hint=hint)
+        raise BadRequest(f"{who}: {table.speed} 0 means full speed", hint=hint)
     held = [RegisterChange(register, bus.read(at, register), values[register.name]) for register in registers]
     changes = sorted((change for change in held if change.before != change.after), key=_write_order)
     _require_free_id(bus, at, changes)
@@ -158,11 +158,11 @@ def _check_registers(subject: str, table: ControlTable, values: Mapping[str, int
         elif value < least:
             faults.append(f"{name} must stay at {least} or above, not {value}: {why}")
         elif name == "torque_enable" and value:
-            faults.append(f"{name} {value} could make it leap: a servo takes up its old goal at once")
+            faults.append(f"{name} {value} could make it leap to its old goal")
             hints.append("mission servo torque on --robot FILE  (makes joints stiff where they stand)")
         elif name == table.goal:
-            faults.append(f"{name} {value} would send it all the way, and nobody could stop it")
-            hints.append("mission servo move JOINT ANGLE --robot FILE  (sends it a short way at a time)")
+            faults.append(f"{name} {value} would move it all the way, and could not be stopped")
+            hints.append("mission servo move JOINT ANGLE --robot FILE  (moves it in short steps)")
     if faults:
         raise BadRequest(f"{subject}: {'; '.join(faults)}", hint="; ".join(hints))
     return registers
@@ -190,7 +190,7 @@ def _require_free_id(bus: ServoBus, at: ServoAddress, changes: Sequence[Register
     for change in changes:
         if change.register.name == "id" and _is_id_taken(bus, change.after):
             raise BadRequest(
-                f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
+                f"{bus.name}: servo {at.id} cannot become {change.after}: that ID is already taken",
                 hint="mission servo scan  (with the same --robot FILE or --port PORT) lists the IDs that are taken",
             )
 

@@ -14,16 +14,16 @@ FAULT_HINTS = {
     ServoFault.OVERHEATING: "relax the arm and let it cool",
     ServoFault.OVERLOAD: "free the joint, or take the load off it",
     ServoFault.ENCODER: "switch its power off and on; if it comes back, the servo is broken",
-    ServoFault.SHOCK: "look at its cable and its supply",
+    ServoFault.SHOCK: "check its cable and its supply",
     ServoFault.CURRENT: "free the joint, or take the load off it",
 }
 SHUTDOWN_SIGNS: Mapping[Protocol, str] = {
     1: "its torque limit is 0",
-    2: "its torque is off until it starts again",
+    2: "its torque is off until it reboots",
     "STS": "its torque was switched off",
 }
 COULD_NOT_BE = "could not be"
-UNCONFIRMED_HINT = "a joint that nobody sends on comes to rest by itself; if one moves on, switch its power off by hand"
+UNCONFIRMED_HINT = "a joint without new setpoints stops by itself; if one moves on, switch its power off by hand"
 SHUTDOWN_HINT = "free the joint, then `mission servo torque recover --robot FILE`, or switch the arm's power off and on"
 
 
@@ -73,7 +73,7 @@ class ServoReporter:
 
     def report_lost(self, joint: Joint, hint: str) -> None:
         """Report that a servo no longer answers."""
-        self._send_status("fault", f"{joint.title} does not answer any more", hint)
+        self._send_status("fault", f"{joint.title} no longer answers", hint)
 
     def report_shutdown(self, joint: Joint) -> None:
         """Report that a servo has shut itself down."""
@@ -90,23 +90,19 @@ class ServoReporter:
 
     def report_voltage_dip(self, joint: Joint) -> None:
         """Report a servo that had lost its settings."""
-        how = "made stiff again where it stood" if joint.torque else "given them again"
+        how = "held again at its position" if joint.torque else "given them back"
         what = f"{joint.title} had lost its settings and was {how}"
         self._send_status("fault", what, "its supply dips: measure it at the last servo while the arm moves")
 
     def report_displacement(self, joint: Joint, expected: float, actual: float) -> None:
         """Report a joint that returned at position ``actual`` instead of ``expected`` (radians)."""
-        what = f"{joint.title} stands at {degrees(actual):.1f} deg, not at {degrees(expected):.1f} deg, where it stood before"
-        hint = (
-            "it goes on from there, slowly; if its servo is another, or its horn has slipped, its zero may have changed"
-        )
+        what = f"{joint.title} stands at {degrees(actual):.1f} deg, not at {degrees(expected):.1f} deg as before"
+        hint = "it continues slowly from there; with a new servo or a slipped horn, its zero may have changed"
         self._send_status("fault", what, f"{hint}: mission servo calibrate --zero --robot FILE")
 
     def report_silent_leader(self, follower: Joint, leader: Joint) -> None:
         """Report a follower that stands still because its leader sends no readings."""
-        self._send_status(
-            "fault", f"{follower.title} stays where it is: nothing is heard of {leader.title}, which leads it"
-        )
+        self._send_status("fault", f"{follower.title} holds its position: no readings of its leader {leader.title}")
 
     def report_slow_bus(self, rate: float, baud: int) -> None:
         """Report, with the cause, if the bus cannot carry ``rate`` rounds per second."""
@@ -128,7 +124,7 @@ class ServoReporter:
         left_out = frozenset(joint.name for joint in self._joints.values() if joint.excluded_from_move)
         for name in sorted(left_out - self._reported_excluded):
             joint = self._joints[name]
-            why = joint.undriven_reason or ("has shut down" if joint.is_shut_down else "did not say where it stands")
+            why = joint.undriven_reason or ("has shut down" if joint.is_shut_down else "did not report its position")
             self._send_status("fault", f"a move left {joint.title} out: it {why}")
         self._reported_excluded = left_out
 
@@ -137,7 +133,7 @@ class ServoReporter:
         open_ = [joint for joint in self._joints.values() if joint.is_unconfirmed and joint.unconfirmed_since <= since]
         new = [joint for joint in open_ if joint.name not in self._reported_unconfirmed]
         for stiff in (True, False):
-            hint = "they are told again as soon as they answer; if one moves on, switch its power off by hand"
+            hint = "the command is repeated as soon as they answer; if one moves on, switch its power off by hand"
             for what in _describe_not_at_rest(
                 [joint for joint in new if bool(joint.torque_request) is stiff], stiff=stiff
             ):
@@ -176,4 +172,4 @@ def _describe_not_at_rest(joints: Iterable[Joint], *, stiff: bool) -> list[str]:
     silent = [joint.title for joint in joints if stiff and joint.lacks_confirmation]
     others = [joint.title for joint in joints if not (stiff and joint.lacks_confirmation)]
     found = [f"{COULD_NOT_BE} {'held' if stiff else 'relaxed'}: {', '.join(others)}"] if others else []
-    return found + ([f"did not say whether they are held: {', '.join(silent)}"] if silent else [])
+    return found + ([f"did not confirm that they are held: {', '.join(silent)}"] if silent else [])

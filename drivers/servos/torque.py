@@ -59,7 +59,7 @@ def switch_torque(bus: ServoBus, joints: Iterable[Joint], *, on: bool) -> None:
 
 
 def stiffen(bus: ServoBus, joint: Joint, *, now: float) -> None:
-    """Switch the torque of a joint on at its current position, acknowledged. Raises NoReply, NotConnected, BadRequest."""
+    """Switch the torque of a joint on at its position, acknowledged. Raises NoReply, NotConnected, BadRequest."""
     here = bus.read(joint.address, joint.model.table["present_position"])
     _stiffen_at(bus, joint, hold_position(joint, here), now=now)
 
@@ -259,7 +259,7 @@ def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> lis
                 _rearm(bus, joint, now=now)
             else:
                 bus.reboot(joint.address)
-                joint.undriven_reason, joint.next_read_at, joint.torque = "is starting again", now + REBOOT_TIME, False
+                joint.undriven_reason, joint.next_read_at, joint.torque = "is rebooting", now + REBOOT_TIME, False
         except NotConnected:
             raise
         except DriverError:

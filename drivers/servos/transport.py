@@ -138,7 +138,7 @@ class ServoTransport:
         return sum(parser.skipped_bytes for parser in self._parsers.values())
 
     def faults(self, servo: int) -> ServoFault:
-        """Return the faults in the newest reply of ``servo``, without request errors; no faults before the first reply."""
+        """Return the faults in the newest reply of ``servo``, without request errors; none before the first reply."""
         return self._faults.get(servo, ServoFault(0))
 
     def statistics(self, servo: int) -> ServoStatistics:

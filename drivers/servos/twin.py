@@ -63,7 +63,7 @@ class ServoTwin:
         self._frozen_position: float | None = None  # where a frozen sensor says that it is
 
     def move_to(self, goal: float, speed: float, now: float) -> None:
-        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's own, from ``now`` on."""
+        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
         if joint.torque and goal == joint.goal and speed == joint.speed:
             return  # it is on its way already
@@ -316,7 +316,7 @@ class JointsTwin(ServoJoints):
         self._read_at = -inf
 
     def push(self, joint: str, angle: float) -> None:
-        """Hold ``joint`` at ``angle`` (radians) by an external force, with or without torque, until ``fail`` ends it."""
+        """Hold ``joint`` at ``angle`` (radians) by an external force, with or without torque, until ``fail``."""
         check_move(self.name, {joint: angle}, {}, self._servos)
         self._servos[joint].push(angle, self._clock.now())
         self._read_at = -inf
@@ -469,7 +469,7 @@ class NeckTwin(JointsHead[JointsTwin]):
             self._joints.fail(axis.joint, fault)
 
     def true_pose(self, now: float) -> HeadPose:
-        """Return the true pose at time ``now``; the trim from construction counts, so a later trim turns it in truth."""
+        """Return the true pose at time ``now``. The trim from construction counts: a later trim turns it."""
         pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._untrimmed_axes)
         return HeadPose(pan, tilt)
 

@@ -50,9 +50,7 @@ def protocol_name(protocol: Protocol) -> str:
 def baud_of(code: int, protocol: Protocol) -> int:
     """Return the baud rate of a code in register ``baud``. Raises BadRequest for an unknown code."""
     if code not in _RATES[protocol]:
-        raise BadRequest(
-            f"baud code {code} stands for no rate in {protocol_name(protocol)}", hint=_rates_hint(protocol)
-        )
+        raise BadRequest(f"baud code {code} is unknown in {protocol_name(protocol)}", hint=_rates_hint(protocol))
     return _RATES[protocol][code]
 
 

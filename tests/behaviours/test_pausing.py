@@ -159,7 +159,7 @@ def test_an_action_that_reaches_its_end_before_the_cancel_does_not_begin_again(
 @pytest.mark.parametrize(
     ("comes", "said"),
     [
-        (Progress(GoalState.UNKNOWN, "its server has gone"), "its server has gone"),
+        (Progress(GoalState.UNKNOWN, "its server is gone"), "its server is gone"),
         (Progress(GoalState.CANCELLING), "has not ended"),
     ],
 )
@@ -191,7 +191,7 @@ def test_a_node_that_has_gone_meanwhile_is_waited_for(
 ) -> None:
     it = begun(bench, leaf, arguments)
     stands_still(bench, it, 1.0)
-    bench.ros2.goal_progress, bench.ros2.trouble = CANCELLED, NotConnected("ros2: nobody offers it")
+    bench.ros2.goal_progress, bench.ros2.trouble = CANCELLED, NotConnected("ros2: no server of it")
     assert bench.tick(it) is RUNNING
     bench.ros2.trouble = None
     assert bench.tick(it) is RUNNING

@@ -41,9 +41,9 @@ def test_a_goal_that_does_not_succeed_fails_with_its_reason_and_the_base_is_stop
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
-    bench.ros2.goal_progress = Progress(state, "/navigate_to_pose: there is no way to the goal (error 208)")
+    bench.ros2.goal_progress = Progress(state, "/navigate_to_pose: no path to the goal (error 208)")
     assert bench.tick(leaf) is FAILURE
-    assert leaf.feedback_message == "/navigate_to_pose: there is no way to the goal (error 208)"
+    assert leaf.feedback_message == "/navigate_to_pose: no path to the goal (error 208)"
     assert STOP in bench.base.commands
 
 
@@ -78,7 +78,7 @@ def test_a_place_that_is_not_known_fails_with_those_that_are() -> None:
 
 def test_without_nav2_it_waits_for_it() -> None:
     bench = LeafTestBench()
-    bench.ros2.trouble = NotConnected("ros2: nobody offers /navigate_to_pose")
+    bench.ros2.trouble = NotConnected("ros2: no server of /navigate_to_pose")
     leaf = put(bench, Navigate("navigate"), x=1.0, y=1.0)
     assert bench.tick(leaf) is RUNNING
     bench.ros2.trouble = None
@@ -103,9 +103,9 @@ def test_go_to_drives_by_nav2_where_there_is_one() -> None:
     leaf = put(bench, GoTo("go_to"), x=1.0, y=1.0)
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("navigate", ((1.0, 1.0, pytest.approx(0.785, abs=1e-3)),), "start")]
-    bench.ros2.goal_progress = Progress(GoalState.FAILED, "/navigate_to_pose: it made no progress (error 105)")
+    bench.ros2.goal_progress = Progress(GoalState.FAILED, "/navigate_to_pose: no progress (error 105)")
     assert bench.tick(leaf) is FAILURE
-    assert leaf.feedback_message == "/navigate_to_pose: it made no progress (error 105)"
+    assert leaf.feedback_message == "/navigate_to_pose: no progress (error 105)"
 
 
 LEAVES: tuple[tuple[type[Leaf], dict[str, object]], ...] = (

@@ -14,7 +14,7 @@ from behaviours.sweep_joints import SweepLeaf
 from missions.plugins.testing.recorders import LeafTestBench
 from tests.behaviours.servo_arm import ServoArm, tick, with_servos
 
-DETAIL = "arm: elbow (servo 2) does not go to positions (operating mode 1, not 3)"
+DETAIL = "arm: elbow (servo 2) is not in position mode (operating mode 1, not 3)"
 FIX = "mission servo set 2 operating_mode 3 --robot FILE"
 
 Make = Callable[[LeafTestBench], Leaf]

@@ -142,9 +142,9 @@ def test_ticks_that_mean_nothing_are_faults(ticks: str, line: int, message: str)
 def test_a_joint_is_told_in_angles_or_in_ticks_and_not_in_both() -> None:
     line = "    elbow: {id: 6, zero: 9 deg, limits: [0 deg, 1 deg], reverse: true, ticks: {init: 5, min: 0, max: 9}}\n"
     assert [fault.message for fault in mistakes(line)] == [
-        "'zero' is what 'ticks' says already",
-        "'limits' is what 'ticks' says already",
-        "'reverse' is what 'ticks' says already",
+        "'zero' is already defined by 'ticks'",
+        "'limits' is already defined by 'ticks'",
+        "'reverse' is already defined by 'ticks'",
     ]
 
 

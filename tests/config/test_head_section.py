@@ -99,8 +99,8 @@ def test_mistakes_in_a_neck_stand_at_their_places() -> None:
         "  driver: dynamixel\n  pan: {joint: neck_pan, limits: [70 deg, 80 deg]}\n  tilt: {joint: neck_tilt}", ARM
     ) == ["4: 'limits': joint 'neck_pan' reaches only -60 deg to 60 deg, outside of these limits"]
     assert faults_of("  driver: dynamixel\n  pan: {joint: a}\n  tilt: {joint: b}") == [
-        "4: a head of Dynamixel servos is two joints of the arm: this robot has no arm",
-        "5: a head of Dynamixel servos is two joints of the arm: this robot has no arm",
+        "4: a head of Dynamixel servos needs two joints of an arm: this robot has no arm",
+        "5: a head of Dynamixel servos needs two joints of an arm: this robot has no arm",
     ]
 
 

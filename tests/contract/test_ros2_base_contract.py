@@ -218,7 +218,7 @@ def test_a_base_that_nobody_listens_for_says_which_topic_that_is() -> None:
     rig.wait(1.0)
     health = rig.device.health()
     assert not health.online
-    assert "nobody listens to /cmd_vel (geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped)" in health.detail
+    assert "no subscriber of /cmd_vel (geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped)" in health.detail
     assert "mission ros2 topics" in health.hint
     rig.close()
 

@@ -228,7 +228,7 @@ def test_asked_to_be_limp_it_stands_where_it_is_and_says_that_it_cannot(arm: Arm
     assert 0.25 < arm.truth("shoulder") < 0.5
     assert arm.state("shoulder").torque
     (notice,) = [notice for notice in arm.notices if notice.kind == "fault"]
-    assert "ROS 2 has no word for limp joints" in notice.message
+    assert "ROS 2 cannot switch its torque off" in notice.message
     assert notice.hint
 
 
@@ -333,7 +333,7 @@ def test_whose_states_stall_it_is_sent_no_farther(topics: TopicArm) -> None:
     topics.until(lambda: topics.told("offline"))
     topics.wait(1.0)
     assert topics.truth("shoulder") - before <= OFFLINE_TIMEOUT + TRAJECTORY_HORIZON + 0.05
-    assert "nothing comes of arm_3, elbow_joint, shoulder" in topics.device.health().detail
+    assert "no states of arm_3, elbow_joint, shoulder" in topics.device.health().detail
     topics.robot.is_silent = False
     topics.until(lambda: topics.device.health().online)
     here = topics.truth("shoulder")
@@ -359,7 +359,7 @@ def test_an_arm_whose_controller_nobody_runs_says_which_topic_that_is() -> None:
     rig.device.open()
     rig.wait(1.0)
     detail = rig.device.health().detail
-    assert "arm: nobody listens to /controller/joint_trajectory (trajectory_msgs/msg/JointTrajectory or" in detail
+    assert "arm: no subscriber of /controller/joint_trajectory (trajectory_msgs/msg/JointTrajectory or" in detail
     rig.close()
 
 
@@ -419,7 +419,7 @@ def test_a_joint_that_runs_away_stops_the_arm_and_nobody_is_told_that_its_torque
     arm.until(lambda: arm.told("fault", "runs away"))
     (notice,) = [each for each in arm.notices if "runs away" in each.message]
     assert "torque is switched off" not in notice.message
-    assert "ROS 2 has no word for torque off" in notice.message
+    assert "ROS 2 cannot switch its torque off" in notice.message
     assert notice.hint.startswith("switch the power of its motor off")
     assert "joint elbow: runs away" in arm.device.latched
     with pytest.raises(DeviceFault, match="runs away"):

@@ -76,10 +76,10 @@ def test_nobody_listening_is_said_and_so_is_a_line_that_has_gone(voice: TopicVoi
     assert caught.value.hint
     voice.ear._kind = lambda channel: ""  # type: ignore[method-assign]  # noqa: ARG005
     voice.wire.plug_in()
-    voice.until(lambda: "nobody listens to /say (std_msgs/msg/String)" in voice.device.health().detail)
+    voice.until(lambda: "no subscriber of /say (std_msgs/msg/String)" in voice.device.health().detail)
 
 
 def test_a_sound_is_refused(voice: TopicVoice) -> None:
-    with pytest.raises(BadRequest, match="takes texts alone") as caught:
+    with pytest.raises(BadRequest, match="accepts only text") as caught:
         voice.device.play(Path("bell.wav"))
     assert caught.value.hint

@@ -147,7 +147,7 @@ def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
 def test_too_little_voltage_is_told_with_what_it_should_be(bus: DriverContext, servos: list[VirtualServo]) -> None:
     servos[0].voltage, servos[1].voltage = 9.4, 5.5
     low, empty = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
-    assert (low[0].verdict, low[0].message) == ("warning", "9.4 V is little for a servo of 12 V")
+    assert (low[0].verdict, low[0].message) == ("warning", "9.4 V is low for a servo made for 12 V")
     assert (empty[0].verdict, empty[0].message) == ("wrong", "5.5 V: below 6.0 V it shuts down")
 
 
@@ -176,7 +176,7 @@ def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
     model, missing, limits = found
     assert (model.message, model.fix) == ("it is model AX-12A, the robot file says AX-18A", "write model: AX-12A")
     assert missing.message == "does not answer"
-    assert limits.message.startswith("has angle limits of 400..1023 ticks, and the joint needs")
+    assert limits.message.startswith("has angle limits of 400..1023 ticks, but the joint needs")
 
 
 # The base, the camera, the microphone

@@ -118,7 +118,7 @@ def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make:
     specs = {name: spec(servo, "XM430-W350") for servo, name in enumerate("abcd", 1)}
     arm = make(specs, servos=chain(4, "XM430-W350")).start()
     arm.chain.servo(2).present = False
-    arm.until(lambda: arm.told("b (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("b (servo 2) no longer answers"))
     tries = {servo: arm.bus.statistics(servo).tries for servo in (1, 2, 4)}
     arm.until(lambda: arm.bus.statistics(4).tries >= tries[4] + 60)
     assert arm.bus.statistics(1).tries - tries[1] == pytest.approx(60, abs=10)
@@ -204,12 +204,12 @@ def test_all_that_differs_of_a_servo_is_told_in_one_message(make: Make) -> None:
     arm.until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
     for words in (
-        "4 of 4 servos: a (servo 1) has angle limits of 0..3000 ticks, and the joint needs 744..3352",
-        " and does not go to positions (operating mode 4, not 3)",
-        " and counts from elsewhere (homing offset -100, not 0)",
+        "4 of 4 servos: a (servo 1) has angle limits of 0..3000 ticks, but the joint needs 744..3352",
+        " and is not in position mode (operating mode 4, not 3)",
+        " and has another zero (homing offset -100, not 0)",
         " and is reversed, timed or driven by another (drive mode 5, not 0)",
         "b (servo 2) is in multi-turn mode (both its angle limits are 4095)",
-        " and counts in other steps (resolution divider 2, not 1)",
+        " and has another resolution (resolution divider 2, not 1)",
         "c (servo 3) is reversed, timed or driven by another (drive mode 1, not 0)",
         "d (servo 4) does not answer",
     ):
@@ -262,7 +262,7 @@ def test_a_baud_rate_that_is_too_low_is_told_as_such(make: Make) -> None:
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, nan, inf])
 def test_a_rate_that_makes_no_sense_is_refused(rate: float) -> None:
-    with pytest.raises(BadRequest, match="times a second"):
+    with pytest.raises(BadRequest, match="poll rate must be above 0"):
         DynamixelJoints(ServoBus("nowhere", SystemClock()), {"a": spec(1)}, SystemClock(), rate=rate)
 
 
@@ -287,7 +287,7 @@ def test_a_servo_of_protocol_2_that_shut_down_is_told_at_once_and_recovers_by_st
     arm.until(lambda: there(arm, "elbow", 0.5))
     servo = arm.chain.servo(3)
     servo.overload()
-    arm.until(lambda: arm.told("elbow (servo 3) has shut down: its torque is off until it starts again"))
+    arm.until(lambda: arm.told("elbow (servo 3) has shut down: its torque is off until it reboots"))
     assert arm.told("elbow (servo 3) reports overload (12.0 V, 35 °C")
     assert all(notice.hint for notice in arm.notices if notice.kind == "fault")
     assert arm.limp(3)
@@ -343,7 +343,7 @@ def test_a_dip_that_nobody_saw_gives_a_limp_servo_its_torque_limit_back(make: Ma
     assert wanted == round(0.3 * servo.model.full_torque)
     servo.power_cycle()
     assert servo.get(limit) != wanted
-    arm.until(lambda: arm.told("elbow (servo 1) had lost its settings and was given them again"))
+    arm.until(lambda: arm.told("elbow (servo 1) had lost its settings and was given them back"))
     assert servo.get(limit) == wanted
     assert servo.limp
 
@@ -408,7 +408,7 @@ def test_a_leader_that_falls_silent_leaves_its_follower_where_it_is_and_that_is_
     arm.chain.servo(3).turn_by_hand(0.5)
     arm.until(lambda: there(arm, "finger", -0.5) and there(arm, "knee", 0.5))
     arm.chain.servo(3).present = False
-    words = "stays where it is: nothing is heard of elbow (servo 3), which leads it"
+    words = "holds its position: no readings of its leader elbow (servo 3)"
     arm.until(lambda: arm.told(f"finger (servo 5) {words}") and arm.told(f"knee (servo 2) {words}"))
     arm.until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
     for _ in range(5):

@@ -356,7 +356,7 @@ def test_what_cannot_be_asked_of_many_is_refused() -> None:
     bus, line, _ = direct_bus(chain(2))
     with pytest.raises(BadRequest, match=r"protocol 1\.0 has no sync read"):
         bus.read_many({ONE: RegisterBlock(36, 2)}, mode="sync")
-    with pytest.raises(BadRequest, match="the same of all servos"):
+    with pytest.raises(BadRequest, match="the same block of all servos"):
         bus.read_many({ONE2: RegisterBlock(36, 2), ServoAddress(2, 2): RegisterBlock(40, 2)}, mode="sync")
     with pytest.raises(BadRequest, match="both protocols"):
         bus.read_many({ServoAddress(1): RegisterBlock(36, 2), ServoAddress(2, 2): RegisterBlock(36, 2)}, mode="bulk")

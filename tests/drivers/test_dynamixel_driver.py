@@ -127,8 +127,8 @@ def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) 
 @pytest.mark.parametrize(
     ("register", "value", "complaint"),
     [
-        (m.CCW_ANGLE_LIMIT, 600, "has angle limits of 0..600 ticks, and the joint needs 4..1020"),
-        (m.STATUS_RETURN_LEVEL, 1, "acknowledges no writes"),
+        (m.CCW_ANGLE_LIMIT, 600, "has angle limits of 0..600 ticks, but the joint needs 4..1020"),
+        (m.STATUS_RETURN_LEVEL, 1, "does not acknowledge writes"),
     ],
 )
 def test_a_servo_that_is_set_up_otherwise_is_not_driven_until_it_is_put_right(
@@ -162,7 +162,7 @@ def test_offline_when_no_servo_answers(make: Make) -> None:
 def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(2).present = False
-    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
     arm.until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
     before = {servo: arm.bus.statistics(servo).tries for servo in (1, 2)}
     arm.until(lambda: arm.bus.statistics(1).tries >= before[1] + 25)
@@ -266,7 +266,7 @@ def test_a_move_that_cannot_be_names_every_fault_and_moves_nothing(make: Make) -
 def test_a_missing_servo_is_left_out_of_a_move_once_told_and_the_others_go(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(2).present = False
-    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
     for goal in (0.2, 0.3):
         assert arm.joints.move({"elbow": goal, "wrist": goal}) == {"elbow": goal, "wrist": goal}
         arm.until(partial(arm.at, "wrist", goal))
@@ -455,7 +455,7 @@ def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
     arm.joints.move({"elbow": 0.1})
     arm.until(lambda: arm.at("elbow", 0.1))
     arm.chain.servo(2).present = False
-    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
     arm.joints.relax()
     assert not arm.limp(2)  # it could not hear
     arm.chain.servo(2).present = True
@@ -472,7 +472,7 @@ def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_d
     arm.joints.move({"shoulder": 1.5, "elbow": 1.5}, speeds={"shoulder": 0.1, "elbow": 0.1})
     for number in gone:
         arm.chain.servo(number).present = False
-    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
     seen = arm.joints.states()["elbow"].stamp
     arm.until(lambda: arm.clock.now() - seen > 0.6)
     for number in gone:
@@ -492,7 +492,7 @@ def test_a_servo_that_begins_to_refuse_is_given_up_and_the_reading_goes_on(make:
     arm = make().start()
     refusal = status(2, ServoFault.RANGE)
     arm.line.distort = lambda data: refusal if data[2:3] == b"\x02" else data
-    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
     arm.fresh_of("wrist")
     arm.line.distort = bytes
     arm.until(lambda: arm.told("elbow (servo 2) is back"))
@@ -503,7 +503,7 @@ def test_a_dip_of_the_supply_is_noticed_and_made_good(make: Make) -> None:
     arm.joints.move({"elbow": 0.3})
     arm.until(lambda: arm.at("elbow", 0.3))
     arm.chain.servo(2).power_cycle()
-    arm.until(lambda: arm.told("elbow (servo 2) had lost its settings and was made stiff again where it stood"))
+    arm.until(lambda: arm.told("elbow (servo 2) had lost its settings and was held again at its position"))
     assert not arm.limp(2)
     assert arm.chain.servo(2).get(m.MOVING_SPEED) > 0
 

@@ -191,7 +191,7 @@ def fed(model: str, volts: float, *, highest: int | None = None) -> tuple[str, s
 )
 def test_more_volts_than_a_servo_bears_are_refused_before_it_has_torque(model: str, volts: float, made: str) -> None:
     told, cure = fed(model, volts)
-    assert f"gets {volts:.1f} V, and bears" in told
+    assert f"gets {volts:.1f} V, but allows" in told
     assert f"made for {made}" in told
     assert "switch its supply off" in cure
 

@@ -157,7 +157,7 @@ def test_an_unknown_model_and_another_model_are_refused() -> None:
     stranger, other = VirtualServo(1, model="XL430-W250"), VirtualServo(2, model="XL430-W250")
     stranger.set("model_number", 351)
     bus, _, _ = direct_bus(VirtualServoBus([stranger, other]))
-    with pytest.raises(DeviceFault, match="model number 351 is not known"):
+    with pytest.raises(DeviceFault, match="model number 351 is unknown"):
         require_unique_id(bus, ServoAddress(1, 2))
     with pytest.raises(DeviceFault, match="not 1020"):
         require_unique_id(bus, ServoAddress(2, 2), 1020)
@@ -174,7 +174,7 @@ def test_an_id_is_taken_by_a_servo_that_answers_pings_alone() -> None:
     servo, mute = VirtualServo(1), VirtualServo(4)
     mute.set("status_return_level", 0)
     bus, _, _ = direct_bus(VirtualServoBus([servo, mute]))
-    with pytest.raises(BadRequest, match="a servo with that ID already"):
+    with pytest.raises(BadRequest, match="that ID is already taken"):
         plan_changes(bus, ServoAddress(1), MODELS["AX-12A"].table, {"id": 4})
 
 

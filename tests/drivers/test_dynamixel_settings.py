@@ -111,7 +111,7 @@ def test_torque_is_not_switched_on_over_an_old_goal(name: str) -> None:
     assert "mission servo torque on" in refusal.value.hint
     bench.servo.set("torque_enable", 1)
     assert named(bench.plan(torque_enable=0)) == [("torque_enable", 1, 0)]
-    with pytest.raises(BadRequest, match="goal_position 700 would send it all the way") as refusal:
+    with pytest.raises(BadRequest, match="goal_position 700 would move it all the way") as refusal:
         bench.plan(goal_position=700)
     assert "mission servo move" in refusal.value.hint
 
@@ -121,7 +121,7 @@ def test_no_servo_is_told_to_go_as_fast_as_it_can(name: str) -> None:
     bench = Bench(name)
     speed = bench.model.table.speed
     bench.servo.set(speed, 100)
-    with pytest.raises(BadRequest, match=f"{speed} 0 is no speed, but as fast as it can"):
+    with pytest.raises(BadRequest, match=f"{speed} 0 means full speed"):
         bench.plan(**{speed: 0})
 
 

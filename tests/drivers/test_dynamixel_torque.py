@@ -249,8 +249,8 @@ def test_at_rest_one_that_stays_silent_is_not_said_to_move_on_for_it_rests_by_it
     arm.run(0.3)
     arm.servo(2).present = False
     arm.joints.rest()
-    assert arm.faults() == ["did not say whether they are held: b (servo 2)"]
-    assert "comes to rest by itself" in arm.notices[-1].hint
+    assert arm.faults() == ["did not confirm that they are held: b (servo 2)"]
+    assert "stops by itself" in arm.notices[-1].hint
     arm.joints.rest()
     assert len(arm.faults()) == 1
 

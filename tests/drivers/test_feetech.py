@@ -293,10 +293,10 @@ def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> 
 @each(
     ("register", "value", "words"),
     [
-        ("mode", 1, "does not go to positions"),
-        ("phase", 8, "counts speeds or turns in another way (phase 8, not 12)"),
-        ("phase", 28, "counts speeds or turns in another way (phase 28, not 12)"),
-        ("response_level", 0, "acknowledges no writes"),
+        ("mode", 1, "is not in position mode"),
+        ("phase", 8, "has other units of speed or turns (phase 8, not 12)"),
+        ("phase", 28, "has other units of speed or turns (phase 28, not 12)"),
+        ("response_level", 0, "does not acknowledge writes"),
         ("position_offset", 5, "has position offset 5, its calibration says 7: it was calibrated anew"),
     ],
 )

@@ -67,9 +67,9 @@ SIDEWAYS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     [
         ("humanoid", (0.0, 0.055, -0.5), np.eye(3), "too far"),
         ("op3", (0.0001, 0.035, -0.02855), np.eye(3), "too near to the hip"),
-        ("humanoid", (0.0, 0.055, 0.0), np.eye(3), "too near to the line"),
+        ("humanoid", (0.0, 0.055, 0.0), np.eye(3), "too near to the axis"),
         ("humanoid", (np.nan, 0.055, -0.4), np.eye(3), "not a finite"),
-        ("humanoid", (0.0, 0.3, 0.0), SIDEWAYS, "told apart"),
+        ("humanoid", (0.0, 0.3, 0.0), SIDEWAYS, "undetermined"),
     ],
 )
 def test_a_foot_that_no_leg_can_have_is_refused_with_the_reason(

@@ -135,7 +135,7 @@ def test_what_ails_servos_is_told_with_cures_for_this_robot_and_ends_with_1(
     servos[1].overload()
     told = mission("--robot", "kit.yaml", "--root", str(desk.root))
     assert told.code == 1
-    assert "  warning shoulder (servo 1): 9.0 V is little for a servo of 12 V\n            try: charge" in told.out
+    assert "  warning shoulder (servo 1): 9.0 V is low for a servo made for 12 V\n            try: charge" in told.out
     wanted = (
         "  wrong   elbow (servo 2): it has shut down: overload\n"
         "            try: remove the cause, then: mission servo torque recover --robot kit.yaml\n"

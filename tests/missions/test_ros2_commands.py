@@ -69,13 +69,13 @@ def test_topics_nodes_messages_and_places_of_a_robot_are_shown_without_ros(missi
     at = ("--router", router)
     told = mission("ros2", "topics", *at)
     assert told.code == 0
-    assert "/cmd_vel  geometry_msgs/msg/Twist  (1 listens)\n" in told.out
+    assert "/cmd_vel  geometry_msgs/msg/Twist  (1 subscribes)\n" in told.out
     assert "send_goal" not in told.out
-    assert "  offers  /navigate_to_pose/_action/send_goal" in mission("ros2", "graph", *at).out
+    assert "  serves     /navigate_to_pose/_action/send_goal" in mission("ros2", "graph", *at).out
     first = mission("ros2", "echo", "/odom", "--seconds", "0.3", *at).out.splitlines()[0]
     assert json.loads(first)["child_frame_id"] == "base_link"
     unknown = mission("ros2", "echo", "/nobody", *at)
-    assert (unknown.code, "nobody sends /nobody" in unknown.err) == (3, True)
+    assert (unknown.code, "no publisher of /nobody" in unknown.err) == (3, True)
     assert mission("ros2", "place", "add", "kitchen", *at).out.startswith("kitchen: 0.00 m, 0.00 m, 0 deg")
 
 
@@ -125,7 +125,7 @@ def test_places_are_kept_by_name_and_driven_to(mission: Mission) -> None:
     assert mission("ros2", "place", "add", "kitchen", "--at", "0.5 m, 0.4 m, 90 deg").code == 0
     assert mission("ros2", "place", "list").out == 'places:\n  "kitchen": {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n'
     assert mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast").code == 0
-    assert mission("ros2", "place", "remove", "kitchen").out.startswith("kitchen: forgotten  (")
+    assert mission("ros2", "place", "remove", "kitchen").out.startswith("kitchen: removed  (")
     assert "no places yet" in mission("ros2", "place", "list").out
     wrong = mission("ros2", "place", "add", "cellar", "--at", "here")
     assert (wrong.code, "give x, y and heading" in wrong.err) == (2, True)
@@ -135,12 +135,12 @@ def test_a_place_behind_a_wall_is_given_up_with_nav2s_reason(mission: Mission) -
     mission("ros2", "place", "add", "kitchen", "--at", "50 m, 0 m, 0 deg")
     told = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast", "--world", "square_arena")
     assert told.code == 1
-    assert "navigate_to_pose: it made no progress (error 105)" in told.out
+    assert "navigate_to_pose: no progress (error 105)" in told.out
 
 
 def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
     told = mission("ros2", "topics", "--robot", "turtlebot2")
-    assert (told.code, "is no robot of ROS 2" in told.err) == (2, True)
+    assert (told.code, "has no ros2 section" in told.err) == (2, True)
     told = mission("simulate", "--ros2", "tcp/127.0.0.1:1", "--robot", "turtlebot2")
     assert (told.code, "is no robot of ROS 2" in told.err) == (2, True)
 

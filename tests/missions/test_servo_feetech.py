@@ -43,7 +43,7 @@ def test_what_a_servo_holds_is_shown_in_the_units_of_people(mission: Mission) ->
 def test_what_could_make_one_leap_or_deaf_is_refused_and_a_rate_that_it_has_is_set(mission: Mission) -> None:
     for told, words in (
         ("torque_enable 128", "torque_enable takes 0..1, not 128"),
-        ("goal_speed 0", "goal_speed 0 is no speed"),
+        ("goal_speed 0", "goal_speed 0 means full speed"),
         ("response_level 0", "is not driven"),
     ):
         outcome = mission(f"servo set elbow_flex {told} --robot so101 --simulate --yes")

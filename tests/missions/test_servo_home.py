@@ -260,7 +260,7 @@ def test_an_older_file_in_the_robot_file_gives_way_to_the_one_that_fits(
     for servo in servos.servos:
         as_lerobot_sets(servo)
     told = mission("servo torque on --robot two.yaml").err
-    assert f"LeRobot has calibrated it anew: write calibration: {lerobot}" in told
+    assert f"LeRobot has recalibrated it: write calibration: {lerobot}" in told
     assert "restore" not in told
     before = [bytes(servo.table[:40]) for servo in servos.servos]
     outcome = mission("servo home --restore --robot two.yaml --yes")

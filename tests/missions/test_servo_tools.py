@@ -171,7 +171,7 @@ def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(ser
         (("253", "led", "1"), 3, "no reply from servo 253"),
         (("254", "led", "1"), 3, "a servo's ID is 0..253"),
         (("all", "torque_enable", "1"), 3, "mission servo torque on --robot FILE"),
-        (("wrist", "profile_velocity", "0"), 3, "as fast as it can"),
+        (("wrist", "profile_velocity", "0"), 3, "means full speed"),
         (("elbwo", "led", "1"), 2, "did you mean 'elbow'?"),
     ],
 )
@@ -186,7 +186,7 @@ def test_what_cannot_be_set_is_said_with_what_may_be_meant(
 def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three) -> None:
     outcome = servo("set", "2", "id", "1", "--yes")
     assert (outcome.code, robot.elbow.get("id")) == (3, 2)
-    assert "there is a servo with that ID already" in outcome.err
+    assert "that ID is already taken" in outcome.err
     assert servo("set", "2", "id", "7", "--yes").code == 0
     assert robot.elbow.get("id") == 7
 

@@ -111,7 +111,7 @@ def test_of_one_lost_servo_only_that_is_named_and_the_others_are_relaxed(robot: 
     lifting = Lifting(robot, MISSION)
     lifting.wait_for(10)
     robot.terminal.call_paused(lambda: setattr(robot.waist, "present", False))
-    wait_until(lambda: any("waist (servo 1) does not answer any more" in words for _, words in lifting.faults()))
+    wait_until(lambda: any("waist (servo 1) no longer answers" in words for _, words in lifting.faults()))
     code, _ = lifting.result(signal.SIGINT)
     assert code == 130
     assert lifting.left() == "waist (servo 1)"

@@ -71,7 +71,7 @@ class VirtualMotor:
             self._spin(self._endless_speed(mode) if able else 0.0, now)
 
     def effort(self, load: float) -> float:
-        """Return its effort with torque on, as a share of the stall torque, positive in the direction of rising ticks."""
+        """Return its effort with torque on, as a share of the stall torque; positive: towards higher ticks."""
         way = self.shaft.goal - self.shaft.position if self._blocked else self.velocity
         push = load + (BLOCKED_LOAD if self._blocked else FRICTION_TORQUE) * ((way > 0) - (way < 0))
         if not push:

@@ -62,7 +62,7 @@ class LeggedRobot:
         return [f"{gait.name}: {each}" for each in gait_errors(self.body, gait, self.limits, self.torques)]
 
     def load(self, path: Path) -> Gait:
-        """Load a gait. Raises InvalidFileError for an invalid file, BadRequest for a gait that does not fit the robot."""
+        """Load a gait. Raises InvalidFileError for an invalid file, BadRequest for one that does not fit the robot."""
         if path.suffix.lower() in SHEET_SUFFIXES:
             return self._load_sheet(path)
         return gait_from_keys(load_gait(path), self.body, self.stride)
@@ -72,7 +72,7 @@ class LeggedRobot:
         move = load_move(path)
         known = set(self.arm.limits)
         if strange := sorted({joint for frame in move.keyframes for joint in frame.positions} - known):
-            raise BadRequest(f"{path}: there is no joint '{strange[0]}'", hint="a column is headed by its joint")
+            raise BadRequest(f"{path}: unknown joint '{strange[0]}'", hint="the heading of a column is its joint")
         times = np.array([frame.time for frame in move.keyframes])
         if len(times) < 4:
             raise BadRequest(f"{path}: a cycle needs more than three rows")
@@ -129,7 +129,7 @@ SHEET_SUFFIX = ".csv"
 MAX_CYCLES = 1000
 """Maximum cycles in one spreadsheet: a quarter of an hour."""
 
-robot_option = shared_option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Whose gait it is: a robot "
+robot_option = shared_option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Robot: one "
                             "with legs (a name or a file).")  # fmt: skip
 output_option = click.option(
     "-o",
@@ -185,7 +185,7 @@ def show_gait(file: str, output: Path | None, robot: str | None) -> None:
     type=WholeNumber(min=1, max=MAX_CYCLES),
     default=1,
     show_default=True,
-    help="Of a spreadsheet: how many.",
+    help="Cycles of a spreadsheet.",
 )
 @output_option
 @robot_option
@@ -198,7 +198,7 @@ def make(file: str, cycles: int, output: Path, robot: str) -> None:
 @command.command(epilog="Example: mission gait blend stroll curve --share 0.3 -o between.yaml")
 @click.argument("one", type=GAIT)
 @click.argument("other", type=GAIT)
-@click.option("--share", type=RealNumber(0.0, 1.0), default=0.5, show_default=True, help="Of the second one.")
+@click.option("--share", type=RealNumber(0.0, 1.0), default=0.5, show_default=True, help="Share of the second gait.")
 @output_option
 @robot_option
 def blend(one: str, other: str, share: float, output: Path, robot: str) -> None:
@@ -219,9 +219,9 @@ def mirror(file: str, output: Path, robot: str) -> None:
 
 @command.command(epilog="Example: mission gait scale stroll --length 1.2 -o longer.yaml")
 @click.argument("file", type=GAIT, metavar="GAIT")
-@click.option("--length", type=RealNumber(0.0, 10.0), default=1.0, show_default=True, help="Times its steps.")
-@click.option("--rise", type=RealNumber(0.0, 10.0), default=1.0, show_default=True, help="Times its rise of the feet.")
-@click.option("--time", type=RealNumber(0.1, 10.0), default=1.0, show_default=True, help="Times its period.")
+@click.option("--length", type=RealNumber(0.0, 10.0), default=1.0, show_default=True, help="Factor of the step length.")
+@click.option("--rise", type=RealNumber(0.0, 10.0), default=1.0, show_default=True, help="Factor of the foot rise.")
+@click.option("--time", type=RealNumber(0.1, 10.0), default=1.0, show_default=True, help="Factor of the period.")
 @output_option
 @robot_option
 def scale(file: str, length: float, rise: float, time: float, output: Path, robot: str) -> None:
@@ -233,7 +233,7 @@ def scale(file: str, length: float, rise: float, time: float, output: Path, robo
 @command.command(name="sequence", epilog="Example: mission gait sequence stroll curve --cycles 3 -o way.csv")
 @click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
 @click.option(
-    "--cycles", type=WholeNumber(min=1, max=MAX_CYCLES), default=2, show_default=True, help="How many of each."
+    "--cycles", type=WholeNumber(min=1, max=MAX_CYCLES), default=2, show_default=True, help="Cycles of each gait."
 )
 @output_option
 @robot_option
@@ -303,7 +303,7 @@ def _film(walker: LeggedRobot, gait: Gait, output: Path) -> None:
 
 def _require_reachable(walker: LeggedRobot, gait: Gait) -> None:
     if gait.angles(walker.body)[1].any():
-        raise click.ClickException(f"{gait.name}: it cannot be drawn, a foot is out of reach")
+        raise click.ClickException(f"{gait.name}: cannot be drawn: a foot is out of reach")
 
 
 def _save(output: Path, text: str) -> None:
@@ -324,5 +324,5 @@ def _describe(walker: LeggedRobot, gait: Gait) -> Iterator[str]:
             limits = f"{np.degrees(its.lower):.0f} to {np.degrees(its.upper):.0f}"
             fast = f"{np.degrees(speeds[:, column].max()):7.0f} {np.degrees(its.speed):5.0f}"
             yield f"{joint:<20} {row.min():7.1f} {row.max():7.1f} {limits:>15} {fast}"
-        yield f"it presses {1000 * support_margins(walker.body, gait, angles).min():.0f} mm within its soles at least"
+        yield f"support margin: {1000 * support_margins(walker.body, gait, angles).min():.0f} mm at least"
     yield from walker.gait_errors(gait) or ["good"]

@@ -40,9 +40,9 @@ def command() -> None:
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of robot, router and domain to a command."""
     for option in (
-        shared_option("--domain", type=WholeNumber(0, 232), help="The domain; else as the robot file says."),
-        shared_option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's."),
-        shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file."),
+        shared_option("--domain", type=WholeNumber(0, 232), help="Domain; by default that of the robot file."),
+        shared_option("--router", metavar="ADDRESS", help="Address of the router, instead of the robot's."),
+        shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="Robot: a name or a file."),
     ):
         function = option(function)
     return function
@@ -57,7 +57,7 @@ def open_node(robot: str, router: str | None, domain: int | None) -> Iterator[An
 
     config = load_robot(find_file("robots", robot))
     if "ros2" not in config.sections:
-        raise click.UsageError(f"{config.name} is no robot of ROS 2: mission ros2 topics --robot turtlebot4")
+        raise click.UsageError(f"{config.name} has no ros2 section: mission ros2 topics --robot turtlebot4")
     keys = config.sections["ros2"].keys
     session = open_session("ros2", zenoh_access(keys, router or ""), timeout=2.0)
     try:
@@ -82,7 +82,7 @@ def _wait(seconds: float) -> None:
 
 @command.command(epilog="Example: mission ros2 topics --all")
 @options
-@click.option("--all", "every", is_flag=True, help="Also services and actions.")
+@click.option("--all", "every", is_flag=True, help="Include services and actions.")
 def topics(robot: str, router: str | None, domain: int | None, every: bool) -> int:
     """List the topics with their types, and the numbers of publishers and subscribers."""
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
@@ -93,7 +93,12 @@ def topics(robot: str, router: str | None, domain: int | None, every: bool) -> i
             if each.role != wire.NODE and (every or each.role in {wire.PUBLISHER, wire.SUBSCRIBER}):
                 found.setdefault((each.name, each.kind), []).append(each.role)
         for (name, kind), roles in sorted(found.items()):
-            words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "listens", wire.SERVER: "serves", wire.CLIENT: "asks"}
+            words = {
+                wire.PUBLISHER: "publishes",
+                wire.SUBSCRIBER: "subscribes",
+                wire.SERVER: "serves",
+                wire.CLIENT: "calls",
+            }
             told = ", ".join(f"{roles.count(role)} {words[role]}" for role in words if role in roles)
             _print_line(f"{name}  {kind}  ({told})")
         if not found:
@@ -111,19 +116,24 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
         nodes: dict[tuple[str, str, str], list[Any]] = {}
         for each in node.entities():
             nodes.setdefault((each.namespace, each.node, each.zid), []).append(each)
-        words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "hears", wire.SERVER: "offers", wire.CLIENT: "asks"}
+        words = {
+            wire.PUBLISHER: "publishes",
+            wire.SUBSCRIBER: "subscribes",
+            wire.SERVER: "serves",
+            wire.CLIENT: "calls",
+        }
         for (namespace, name, _), entities in sorted(nodes.items()):
             _print_line("/".join((namespace.rstrip("/"), name)))
             for each in sorted(entities, key=lambda it: (it.role, it.name)):
                 if each.role != wire.NODE:
-                    _print_line(f"  {words.get(each.role, each.role):7} {each.name}  {each.kind}")
+                    _print_line(f"  {words.get(each.role, each.role):10} {each.name}  {each.kind}")
     return SUCCESS if nodes else FAILURE
 
 
 @command.command(epilog="Example: mission ros2 echo /odom --seconds 2")
 @click.argument("topic")
 @options
-@click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="Duration.")
 def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Print the messages of a topic, one line of JSON each."""
     from drivers.ros2.types import MalformedMessage, types  # noqa: PLC0415 - an extra
@@ -134,8 +144,8 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
         kinds = {each.kind for each in node.entities("MP", name)}
         known = {kind for kind in kinds if types().is_known(kind)}
         if not known:
-            what = f"{name}: its type {', '.join(kinds)} is not known" if kinds else f"nobody sends {name}"
-            raise NotConnected(what, hint="`mission ros2 topics` lists what there is")
+            what = f"{name}: its type {', '.join(kinds)} is not known" if kinds else f"no publisher of {name}"
+            raise NotConnected(what, hint="`mission ros2 topics` lists what is available")
         node.subscribe(name, known, lambda kind, payload: heard.append((kind, payload)))
         end, clock = seconds, SystemClock()
         while clock.now() < end:
@@ -152,7 +162,7 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
 @command.command(epilog="Example: mission ros2 capture robot.jsonl --seconds 10")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @options
-@click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="Duration.")
 def capture(file: Path, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Capture the tokens and messages of a robot to a file, without pictures and session names.
 
@@ -189,8 +199,8 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
 
 @command.command(epilog="Example: mission ros2 serve --robot turtlebot4 --simulate wire")
 @options
-@click.option("--simulate", type=click.Choice(["fast", "wire"]), help="Run its missions on a simulated robot.")
-@click.option("--world", type=WORLD, help="The world around that.")
+@click.option("--simulate", type=click.Choice(["fast", "wire"]), help="Run the missions on a simulated robot.")
+@click.option("--world", type=WORLD, help="World of the simulated robot.")
 def serve(robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None) -> int:
     """Serve the action /run_mission, by which ROS 2 nodes start missions, until Ctrl-C.
 
@@ -204,7 +214,7 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
         signal.signal(number, lambda *_: ending.set())
     with open_node(robot, router, domain) as node:
         server = MissionServer(node, run_arguments(robot, router, domain, simulate, world))
-        click.echo("offers /run_mission")
+        click.echo("serves /run_mission")
         try:
             while not ending.wait(0.2):
                 continue

@@ -36,24 +36,28 @@ def _load_robot(name: str) -> RobotConfig:
     return load_robot(find_file("robots", name))
 
 
-robot_option = shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file.")
+robot_option = shared_option(
+    "--robot", type=ROBOT, default="turtlebot4", show_default=True, help="Robot: a name or a file."
+)
 
 
 @place.command(epilog="Example: mission ros2 place add kitchen --at '1.2 m, 0.4 m, 90 deg'")
 @click.argument("name")
 @robot_option
-@click.option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's.")
-@click.option("--at", metavar="'X, Y, HEADING'", help="There, instead of where the robot stands now.")
+@click.option("--router", metavar="ADDRESS", help="Address of the router, instead of the robot's.")
+@click.option("--at", metavar="'X, Y, HEADING'", help="Position, instead of the robot's current one.")
 def add(name: str, robot: str, router: str | None, at: str | None) -> int:
     """Name the current position of the robot on its map (from /tf)."""
     config = _load_robot(robot)
     if "ros2" not in config.sections:
-        raise click.UsageError(f"{config.name} is no robot of ROS 2, and knows no map: --robot turtlebot4")
+        raise click.UsageError(f"{config.name} has no ros2 section, and so no map: --robot turtlebot4")
     if not PLACE_NAME.fullmatch(name):
         raise click.UsageError(f"{name!a}: give letters, digits, '-', '_' and spaces between them, 40 at most")
     x, y, heading = _parse_pose(at) if at is not None else _current_pose(config, robot, router)
     if not all(map(isfinite, (x, y, heading))):
-        raise click.UsageError(f"{name}: {x:g}, {y:g}, {heading:g} is nowhere: give --at '1.2 m, 0.4 m, 90 deg'")
+        raise click.UsageError(
+            f"{name}: {x:g}, {y:g}, {heading:g} is not a finite position: give --at '1.2 m, 0.4 m, 90 deg'"
+        )
     places = {**places_of(config), name: PlaceKeys(x=x, y=y, heading=heading)}
     _write(config, places)
     click.echo(f"{name}: {x:.2f} m, {y:.2f} m, {degrees(heading):.0f} deg  ({places_file(config)})")
@@ -80,10 +84,10 @@ def remove(name: str, robot: str) -> int:
     config = _load_robot(robot)
     places = dict(places_of(config))
     if name not in places:
-        raise click.UsageError(f"there is no place '{name}': there are {', '.join(sorted(places)) or 'none'}")
+        raise click.UsageError(f"unknown place '{name}': known are {', '.join(sorted(places)) or 'none'}")
     del places[name]
     _write(config, places)
-    click.echo(f"{name}: forgotten  ({places_file(config)})")
+    click.echo(f"{name}: removed  ({places_file(config)})")
     return SUCCESS
 
 
@@ -130,7 +134,7 @@ def _current_pose(config: RobotConfig, robot: str, router: str | None) -> FrameP
             if (found := frames.body_pose()) is not None:
                 return found
             Event().wait(0.1)  # of a command that only looks
-    what = f"{config.name} does not say on /tf where it is: {frames.missing_frame} is missing"
+    what = f"{config.name} has no pose on /tf: {frames.missing_frame} is missing"
     what += f"; malformed: {frames.fault}" if frames.fault else ""
     raise NotConnected(what, hint="give --at")
 

@@ -328,8 +328,8 @@ def test_the_command_lists_topics_and_messages_behind_a_bridge(
 ) -> None:
     robot.terminal.open()
     told = command(capsys, "ros2", "topics", "--router", robot.terminal.path, "--all")
-    assert "/tb4/cmd_vel  geometry_msgs/msg/TwistStamped  (1 listens)" in told.out
-    assert "/tb4/odom  nav_msgs/msg/Odometry  (1 sends)" in told.out
+    assert "/tb4/cmd_vel  geometry_msgs/msg/TwistStamped  (1 subscribes)" in told.out
+    assert "/tb4/odom  nav_msgs/msg/Odometry  (1 publishes)" in told.out
     assert "/tb4/navigate_to_pose/_action/send_goal" in told.out
     told = command(capsys, "ros2", "echo", "/tb4/odom", "--router", robot.terminal.path, "--seconds", "0.5")
     assert json.loads(told.out.splitlines()[0])["header"]["frame_id"] == "odom"
@@ -353,15 +353,15 @@ def test_ports_and_doctor_say_how_a_robot_speaks_or_why_it_does_not(
         assert text in " ".join(each["message"] for each in json.loads(data.out)["ros2"])
         return found.code == 0
 
-    assert not told("no router of Zenoh answers")
+    assert not told("no Zenoh router answers")
     bridged.open()
-    assert told("zenoh-bridge-ros2dds with 0 topics and services, whose domain is its own")
+    assert told("zenoh-bridge-ros2dds with 0 topics and services, which has its own domain")
     bridged.close()
     terminal = Ros2Terminal(RouterSettings(5, "", free_address()), SystemClock())
     terminal.open()
-    assert told("1 node by rmw_zenoh in domain 5", router=terminal.path, domain=5)
-    assert not told("nor a zenoh-bridge-ros2dds is there, but nodes in domain 5", router=terminal.path)
+    assert told("1 node with rmw_zenoh in domain 5", router=terminal.path, domain=5)
+    assert not told("no zenoh-bridge-ros2dds found, but nodes in domain 5", router=terminal.path)
     terminal.close()
     router: Any = open_session("router", ZenohAccess((), mode="router", listen=(path := free_address(),)))
-    assert not told("neither a node by rmw_zenoh in domain 0 nor a zenoh-bridge-ros2dds is there", router=path)
+    assert not told("no rmw_zenoh node in domain 0 and no zenoh-bridge-ros2dds found", router=path)
     router.close()

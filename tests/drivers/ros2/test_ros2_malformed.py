@@ -39,12 +39,12 @@ def lengthened(good: bytes, at: bytes) -> bytes:
 
 
 SPOILT: dict[str, tuple[Callable[[str], bytes], str]] = {
-    "nothing": (lambda _: b"", "got 0 bytes: too short for the header of CDR"),
+    "nothing": (lambda _: b"", "got 0 bytes: too short for a CDR header"),
     "a header alone": (lambda _: b"\0\1\0\0", "got 4 bytes that begin 00 01 00 00: "),
     "cut off": (lambda kind: GOOD[kind][:-3], "bytes that begin 00 01 00 00"),
-    "without its header": (lambda kind: b"\x41\x42" + GOOD[kind][4:], "it does not begin with a header of CDR"),
-    "XCDR2": (lambda kind: b"\0\7" + GOOD[kind][2:], "its header says XCDR2, and not CDR"),
-    "a delimited XCDR2": (lambda kind: b"\0\x09" + GOOD[kind][2:], "its header says XCDR2 (delimited), and not CDR"),
+    "without its header": (lambda kind: b"\x41\x42" + GOOD[kind][4:], "it has no CDR header"),
+    "XCDR2": (lambda kind: b"\0\7" + GOOD[kind][2:], "its header says XCDR2, not CDR"),
+    "a delimited XCDR2": (lambda kind: b"\0\x09" + GOOD[kind][2:], "its header says XCDR2 (delimited), not CDR"),
     "a parameter list": (lambda kind: b"\0\3" + GOOD[kind][2:], "its header says a parameter list (PL_CDR)"),
     "another type": (lambda _: TEXT, f"got {len(TEXT)} bytes"),
     "too long": (lambda kind: GOOD[kind] + bytes(400), "CDR message size mismatch"),
@@ -164,14 +164,14 @@ def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     assert what.startswith(f"base: /odom: malformed message: expected {ODOMETRY}, got")
     assert "mission ros2 echo /odom" in hint
     part.clock.advance(MALFORMED_LIFETIME + 0.1)
-    assert part.topics.offline_reason(part.clock.now(), "", 0, silent=False)[0] == "base: /odom: no odometry comes"
+    assert part.topics.offline_reason(part.clock.now(), "", 0, silent=False)[0] == "base: /odom: no odometry received"
 
 
 def test_a_joint_whose_position_is_not_a_number_is_named() -> None:
     part = Part("arm")
     part.device._remote_types |= {0: JOINT_STATE, 1: "std_msgs/msg/Float64MultiArray"}
     part.hear(types().encode(JOINT_STATE, {"name": ["elbow"], "position": [nan]}))
-    assert part.device._offline_reason(part.clock.now())[0].endswith("nothing comes of elbow; not a number: elbow")
+    assert part.device._offline_reason(part.clock.now())[0].endswith("no states of elbow; not a number: elbow")
 
 
 def test_no_number_of_topics_fills_the_memory() -> None:

@@ -206,13 +206,13 @@ def test_a_wildcard_for_a_topic_is_a_mistake_of_the_robot_file() -> None:
         parse_robot(SourceText("wild.yaml", f"robot: wild\nros2: {{driver: zenoh, namespace: /*}}\n{base}\n"))
     found = [str(fault) for fault in caught.value.diagnostics]
     assert len(found) == 3
-    assert "wild.yaml:3:31: 'cmd_vel': '/cmd*/**' is no name of a topic" in "\n".join(found)
+    assert "wild.yaml:3:31: 'cmd_vel': '/cmd*/**' is not a valid topic name" in "\n".join(found)
 
 
 @pytest.mark.parametrize(("command", "there"), [("{joint}/command", "left arm"), ("arm/*", "left_arm")])
 def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
     arm = f"arm: {{driver: ros2, command: '{command}', joints: {{wrist: {{joint: {there}}}}}}}"
-    with pytest.raises(InvalidFileError, match=r"cannot stand in a topic|is no name of a topic"):
+    with pytest.raises(InvalidFileError, match=r"cannot stand in a topic|is not a valid topic name"):
         parse_robot(SourceText("wild.yaml", f"robot: wild\nros2: {{driver: zenoh}}\n{arm}\n"))
 
 
@@ -227,5 +227,5 @@ def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
 )
 def test_nor_does_a_mission_reach_others_by_it(asked: Callable[[Ros2Graph], object]) -> None:
     nodes = make_graph(ZenohKeys(), DriverContext(ManualClock()))
-    with pytest.raises(BadRequest, match="is no name of a topic"):
+    with pytest.raises(BadRequest, match="is not a valid topic name"):
         asked(nodes)

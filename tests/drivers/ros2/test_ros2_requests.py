@@ -118,7 +118,7 @@ def test_a_goal_that_its_server_does_not_know_any_more_is_over_and_one_that_has_
     network.cancels[1](NOT_KNOWN)
     told = requests.progress(number)
     assert (told.state, told.reason) == (
-        GoalState.FAILED, "/navigate_to_pose: its server does not know this goal any more"
+        GoalState.FAILED, "/navigate_to_pose: its server no longer knows this goal"
     )  # fmt: skip
     look(network, requests, 5.0)
     assert len(network.cancels) == 2
@@ -130,7 +130,7 @@ def test_a_server_that_is_back_at_once_is_another_one_and_what_it_was_asked_is_u
     look(network, requests, 0.1)
     look(network, requests, 1.1)
     told = requests.progress(number)
-    assert (told.state, "its server has gone" in told.reason) == (GoalState.UNKNOWN, True)
+    assert (told.state, "its server is gone" in told.reason) == (GoalState.UNKNOWN, True)
     look(network, requests, 1.1)
     assert len(network.cancels) == 1
     network.cancels[0](NOT_KNOWN)
@@ -141,7 +141,7 @@ def test_a_server_that_is_back_at_once_is_another_one_and_what_it_was_asked_is_u
 def test_what_two_servers_would_do_is_not_begun_and_what_was_begun_is_cancelled_though_there_are_two() -> None:
     network, requests, number = begun()
     network.servers = ["a", "b"]
-    with pytest.raises(NotConnected, match="2 nodes offer /navigate_to_pose"):
+    with pytest.raises(NotConnected, match="2 servers of /navigate_to_pose"):
         requests.begin("/navigate_to_pose", NAVIGATE, {})
     requests.cancel(number)
     assert len(network.cancels) == 1

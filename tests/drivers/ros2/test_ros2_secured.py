@@ -114,7 +114,7 @@ def test_with_the_password_of_its_user_it_gets_in_and_with_another_it_does_not(f
 def _stays_out(text: str) -> None:
     """Be told why."""
     with nodes(text) as graph:
-        wait_until(lambda: "no router of Zenoh answers" in graph.health().detail)
+        wait_until(lambda: "no Zenoh router answers" in graph.health().detail)
         assert not graph.health().online
         assert graph.health().hint
         assert graph.health().counters["sessions"] == 0

@@ -128,8 +128,7 @@ def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) ->
         session.put("0/tb4/bare/std_msgs::msg::dds_::String_/RIHS01_0", payload)
         session.put("0/tb4/bare/std_msgs::msg::dds_::String_/RIHS01_0", payload, attachment=b"12345")
         return any(
-            "/tb4/bare: malformed message: it comes without what rmw_zenoh attaches" in each.message
-            for each in robot.told
+            "/tb4/bare: malformed message: without rmw_zenoh's attachment" in each.message for each in robot.told
         )
 
     wait_until(told)
@@ -137,10 +136,10 @@ def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) ->
 
 def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot) -> None:
     robot.graph.open()
-    wait_until(lambda: "no router of Zenoh answers" in robot.graph.health().detail)
+    wait_until(lambda: "no Zenoh router answers" in robot.graph.health().detail)
     assert robot.terminal.path in robot.graph.health().detail
     assert "rmw_zenohd" in robot.graph.health().hint
-    with pytest.raises(NotConnected, match="no router"):
+    with pytest.raises(NotConnected, match="no Zenoh router answers"):
         robot.graph.publish("say", "std_msgs/msg/String", '{"data": "hello"}')
 
 
