@@ -25,7 +25,7 @@ from drivers.legs.gait_check import gait_errors
 from drivers.legs.kinematics import FootOdometry, centre_of_mass, forward_kinematics, rotation_about, sole_pose
 from drivers.legs.pattern_generator import FloorPose, WalkPattern
 
-# The way of legs from where they are found to a stand or a sit: slow, smooth, and over the soles where it can be.
+# The way of the legs from their pose to a stand or a sit: slow, smooth, and over the soles if possible.
 
 START_TOLERANCE = radians(6)
 """Radians by which a joint may differ from the start of a walk to begin at once."""
@@ -143,7 +143,7 @@ class GaitCycle:
         upright = rotation_about(Y, np.array(lean))
         self._stand = np.array([upright @ sole_pose(body, placed, side)[0] for side in SIDES])
         off = np.abs(gait.feet[..., 1].mean(axis=1)) + 10.0 * ~gait.on_floor.all(axis=1)
-        self._start_share = float(off.argmin()) / len(off)  # on both feet, if it ever is, and between them
+        self._start_share = float(off.argmin()) / len(off)  # on both feet if possible, and in their middle
         self.cycles = self.amplitude = 0.0
         self.is_ending = False
 
@@ -167,7 +167,7 @@ class GaitCycle:
         turned = rotation_about(Y, np.array((1 - grown) * self._lean))
         soles = self._stand + grown * (feet - self._stand)
         angles, reason = solve_legs(self._body, np.zeros(3), turned, soles, grown * headings)
-        if reason.any():  # between two poses that it reaches: no gait that was checked has that
+        if reason.any():  # between two reachable poses; never in a checked gait
             raise DeviceFault(f"{self._gait.name}: a foot is out of reach", hint="mission gait check")
         on = self._gait.on_floor[low]
         return angles, (bool(on[0]), bool(on[1]))
@@ -256,7 +256,7 @@ class LegActions:
         except BadRequest as error:
             self._error = str(error)
             return None
-        return None if way is None else self._follow_approach(way, act, now)  # at once: limp legs are stiff from now on
+        return None if way is None else self._follow_approach(way, act, now)  # at once, for limp legs are stiff now
 
     def _poses(self) -> StandSitPoses:
         if self._stand_sit_poses is None:
@@ -331,7 +331,7 @@ def make_posture(body: LeggedBody, angles: Floats, on_floor: tuple[bool, bool]) 
     support: Literal["left", "right", "both"] = (
         "both" if on_floor[0] == on_floor[1] else "left" if on_floor[0] else "right"
     )
-    if support != "both":  # no farther out than the sole reaches
+    if support != "both":  # within the sole
         foot, leg = feet["left" if on_floor[0] else "right"], body.legs["left"]
         x = min(max(x, foot[0] - leg.length / 2), foot[0] + leg.length / 2)
         y = min(max(y, foot[1] - leg.width / 2), foot[1] + leg.width / 2)

@@ -12,11 +12,11 @@ from drivers.legs.gait import Gait
 from drivers.legs.kinematics import forward_kinematics, link_centres, rotation_about
 from drivers.legs.pattern_generator import GRAVITY, FloorPose, hull_edges, pendulum_rate, polygon_margin
 
-# Balance of a walk by what is felt of the trunk: ankles first, then the hips, then a step to where it can be caught.
+# Balance of a walk by the lean of the trunk: first the ankles, then the hips, then a step to the capture point.
 #
-# The trunk is taken for the top of an inverted pendulum: leaning by an angle from where the walk has it, the centre
-# of mass is that far off, and its capture point farther by how fast the lean grows. A small error the ankles push
-# back, as far as the soles reach; of a larger one the hips take a share; the next foot lands as far off as the
+# The trunk is treated as the top of an inverted pendulum: if it leans from its planned angle, the centre
+# of mass is off by as much, and its capture point by more if the lean grows. The ankles correct a small error,
+# within the soles; the hips take a share of a larger one; the next foot lands as far off as the
 # capture point will be by then.
 
 CAPTURE_DEADBAND = 0.012
@@ -53,7 +53,7 @@ class BalanceController:
         pushed = [gains.ankle * angle + gains.damping * speed for angle, speed in zip(lean, rates, strict=True)]
         ankle = [_clamp(angle, gains.max_ankle) for angle in pushed]
         hip = [_clamp(-gains.hip * angle, gains.max_hip) for angle in lean]
-        # A lean ahead carries the body ahead; a lean to the right, which is above 0, to the right.
+        # A lean forwards moves the body forwards; a lean to the right (positive) to the right.
         ahead = self._capture_error(lean[1], rates[1])
         left = -self._capture_error(lean[0], rates[0])
         step = (_clamp(gains.step * ahead, self._longest), _clamp(gains.step * left, self._widest))

@@ -60,7 +60,7 @@ def static_torques(body: LeggedBody, posture: LegPosture) -> Floats:
         x, y, _, heading = feet[side]
         c, s = np.cos(heading), np.sin(heading)
         dx, dy = posture.pattern.pressure[0] - x, posture.pattern.pressure[1] - y
-        # One foot alone stands on the point of pressure; both stand on their middles.
+        # A single foot stands on the centre of pressure; two stand on their middles.
         at = np.array([c * dx + s * dy, c * dy - s * dx, 0.0]) if share == 1.0 else np.zeros(3)
         standing.append((share, place + turned @ at, turned[:, 2]))
     up = sum(share * normal for share, _, normal in standing)

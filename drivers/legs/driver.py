@@ -61,7 +61,7 @@ class LegsBase(ArbitratedBase):
     """
 
     STEP_INTERVAL = CONTROL_INTERVAL
-    has_witnesses = False  # steps slip, and the trunk sways: joints, falls and the clock of a walk remain
+    has_witnesses = False  # no witnesses: steps slip, and the trunk sways
 
     def __init__(
         self,
@@ -79,15 +79,15 @@ class LegsBase(ArbitratedBase):
         super().__init__(clock, **settings)
         self.legs = self
         if isinstance(joints, ServoJoints):
-            joints.monitors_progress = False  # the floor keeps joints from their goals that carry a body
+            joints.monitors_progress = False  # loaded joints do not reach their goals
         self._joints, self._engine, self._read_attitude = joints, engine, read_attitude
         self._at_fall, self._tucked, self._compensation = at_fall, tucked, compensation
         self._leg_joints = engine.body.leg_joints
-        self._is_open = self._joints_online = self._is_ready = False  # ready: the legs are where the engine has them
+        self._is_open = self._joints_online = self._is_ready = False  # ready: the legs are at the engine's angles
         self._actions = LegActions(engine, joints.limits, torques)
         self._stepped_at = 0.0
         self._stiff = False
-        self._limp_since: float | None = None  # while the legs are led
+        self._limp_since: float | None = None  # while the legs are moved by hand
         self._fall_detector, self._is_fallen = FallDetector(engine), False
         self._last_reading: Reading[BaseState] = Reading(None, 0.0, Quality.NONE)
         self.standing = Event()
@@ -154,7 +154,7 @@ class LegsBase(ArbitratedBase):
         self.stop()
         self._is_open = self._joints_online = False
 
-    # --- whoever steps it ---------------------------------------------------------------------------------------------
+    # --- steps ---------------------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Read the joints, and send their goals. An error ends the walk, latches the base and is raised."""
@@ -182,7 +182,7 @@ class LegsBase(ArbitratedBase):
                 self._move_legs(ZERO_VELOCITY if self._is_fallen else wanted, states, felt, now)
             except NotConnected:
                 self._on_joints_lost()
-            except DeviceFault as fault:  # latched: somebody has to enable the arm
+            except DeviceFault as fault:  # latched: a person must enable the arm
                 self._reset_walk()
                 self._mux.latch(str(fault))
             steering = self._mux.steering
@@ -239,7 +239,7 @@ class LegsBase(ArbitratedBase):
             self._reset_walk()
             self._mux.latch(FALLEN_REASON)
             with suppress(DriverError):
-                if limp and self._at_fall == "relax":  # what bears nothing may be held up by hand, and stays as it is
+                if limp and self._at_fall == "relax":  # only the legs: other joints may be held by hand
                     self._joints.relax(self._leg_joints)
                 if self._tucked and limp and led:
                     self._joints.move(self._tucked)
@@ -254,9 +254,8 @@ class LegsBase(ArbitratedBase):
         if self._mux.latched:
             self._actions.cancel()
         if self._engine.is_standing:
-            self._is_ready = self._is_ready and is_near_start(
-                self._engine.ready_angles, self._leg_joints, states
-            )  # others move them too
+            # Other drivers move the legs, too.
+            self._is_ready = self._is_ready and is_near_start(self._engine.ready_angles, self._leg_joints, states)
             posture = self._actions.step(self._leg_angles(states), now, dt, walk=moving and not self._is_ready)
             if posture is not None:
                 self._is_ready = self._actions.posture is Poised.STANDING
@@ -276,7 +275,7 @@ class LegsBase(ArbitratedBase):
     def _send(self, posture: LegPosture, dt: float) -> None:
         if posture.refused and not self._mux.latched:
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {posture.refused}", "take shorter steps"))
-            self._mux.latch(posture.refused)  # it ends in a stand, whoever goes on commanding
+            self._mux.latch(posture.refused)  # it ends in a stand, despite further commands
         sent = posture.angles if self._compensation is None else self._compensation.goals(posture, dt)
         self._joints.move(dict(zip(self._leg_joints, sent.tolist(), strict=True)))
 

@@ -140,7 +140,7 @@ def solve_stands(
     places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
     lean, trunk = rotation_about(Y, np.array(stride.lean)), np.zeros((len(heights), 3))
     trunk[:, 2] = heights
-    for _ in range(STAND_ITERATIONS):  # over the middle of the soles with all its mass
+    for _ in range(STAND_ITERATIONS):  # its centre of mass over the middle of the soles
         angles = solve_legs(body, trunk, lean, places, np.zeros(2))[0]
         centre = centre_over_legs(body, np.nan_to_num(angles).reshape(-1, 2, 6))
         trunk[:, :2] = -(centre @ lean.T)[:, :2]
@@ -234,7 +234,7 @@ class WalkingEngine:
         posture = LegPosture(self._apply_ankle_correction(angles, added), pattern, refused)
         if attitude is not None and self.balance is not None:
             self._correction = self.balance(attitude, posture)
-        else:  # nothing measures it any more: what was added fades, for a leap in both ankles would throw it
+        else:  # without measurement the correction fades: a jump in both ankles would throw it over
             self._correction = self._correction.fade(dt)
         self.walker.landing_offset = self._correction.step
         return posture

@@ -163,5 +163,5 @@ def join_gaits(body: LeggedBody, parts: Sequence[tuple[Gait, int]], pause: float
             rows.append(angles)
             now += gait.period
         times.append(np.array([now]))
-        rows.append(angles[:1])  # where the cycle begins anew
+        rows.append(angles[:1])  # the start of the next cycle
     return np.concatenate(times), np.concatenate(rows)

@@ -17,7 +17,7 @@ from drivers.legs.kinematics import LinkPoses, centre_of_mass, forward_kinematic
 from drivers.legs.leg_ik import UNREACHABLE_REASONS
 from drivers.legs.pattern_generator import GRAVITY
 
-# Links of a body that would hit each other: capsules; the trunk's box and the soles are such, too.
+# Collisions between the links of a body: capsules, also for the trunk's box and the soles.
 
 TRUNK = "trunk"
 

@@ -167,7 +167,7 @@ def _rotate_along(columns: Sequence[Floats], way: Floats) -> Floats:
     return found
 
 
-# Where a body has gone by the angles of its legs: the lower foot stands still on the floor, and carries the trunk.
+# Odometry from the angles of the legs: the lower foot stands still on the floor, and carries the trunk.
 
 SUPPORT_SWITCH_HEIGHT = 0.001
 """Metres by which the other foot must be lower to become the supporting foot."""

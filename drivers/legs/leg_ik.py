@@ -49,13 +49,13 @@ class _LegShape:
     """Geometry of the left leg: signs of its six axes, the meeting points, and the plane of the pitches."""
 
     sign: Floats
-    right: Floats  # signs of the right leg's angles beside it
-    hip: Floats  # where turn and roll meet, from the trunk
+    right: Floats  # signs of the right leg's angles relative to the left
+    hip: Floats  # intersection of the turn and roll axes, from the trunk
     hang: Floats  # from there to the axis of the hip's pitch, in the plane: (x, z)
     thigh: Floats  # (x, z)
     shank: Floats  # (x, z)
-    across: float  # how far the ankle lies to the left of the hip
-    ankle: Floats  # where pitch and roll meet, from the sole's middle, in the frame of the foot
+    across: float  # offset of the ankle to the left of the hip
+    ankle: Floats  # intersection of the pitch and roll axes, from the sole's middle, in the foot's frame
 
 
 def solve_leg(body: LeggedBody, side: Side, position: Floats, rotation: Floats) -> LegSolution:

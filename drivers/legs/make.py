@@ -16,7 +16,7 @@ from drivers.servos.models import motor_physics
 from drivers.servos.servo_joints import ServoJoints
 from drivers.transport.loop import Loop, LoopFactory, ThreadLoop
 
-# A base that walks by itself: on a thread of its own, 100 times a second.
+# A walking base with its own thread, 100 steps of control a second.
 
 STANDING_INTERVAL = 0.02
 """Seconds between two reads of the joints while it stands."""
@@ -68,7 +68,7 @@ def make(keys: LegsKeys, site: DriverContext) -> WalkingBase:
         site.clock,
         walks,
         read_attitude=attitude_reader(site.needed_parts.get("imu")),
-        # Virtual servos are where they are told to be.
+        # Virtual servos are exactly at their goals.
         compensation=None if site.is_virtual else make_compensation(walks, joints),
         torques=stall_torques(walks, joints),
         at_fall=keys.at_fall,

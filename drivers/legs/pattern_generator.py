@@ -14,12 +14,11 @@ from drivers.errors import BadRequest
 from drivers.legs.body import SIDES, Side
 from drivers.legs.declared import StrideKeys
 
-# The linear inverted pendulum in closed form: how a body sways over the point that it stands on.
+# The linear inverted pendulum in closed form: the sway of a body over its point of support.
 #
 # At a constant height z the centre of mass c is pushed away from the point of pressure p: ``c'' = (g / z) (c - p)``.
 # Its divergent part, the capture point ``xi = c + c' / w`` with ``w = sqrt(g / z)``, runs from p: ``xi' = w (xi -
-# p)``; c follows xi by itself. So a walk is planned backwards: from where xi is to be in the end to where it has to
-# be now.
+# p)``; c follows xi by itself. So a walk is planned backwards, from the final xi to the present one.
 
 GRAVITY = 9.81
 
@@ -113,7 +112,7 @@ def _turn(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-# The words of a walk: spots on the floor, a manner of walking, and a moment of its pattern.
+# Types of a walk: footholds, parameters, and a moment of its pattern.
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +247,7 @@ class WalkPatternGenerator:
         self.w = pendulum_rate(manner.com_height)
         self.time = 0.0
         self.velocity_command = (0.0, 0.0, 0.0)
-        self.landing_offset: Point = (0.0, 0.0)  # of the next landing, from whoever keeps the balance
+        self.landing_offset: Point = (0.0, 0.0)  # of the next landing, from the balance controller
         self._stand_at(FloorPose(0.0, 0.0, 0.0))
 
     def _stand_at(self, middle: FloorPose) -> None:
@@ -269,7 +268,7 @@ class WalkPatternGenerator:
     def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:
         """Set the velocity (m/s, m/s, rad/s) from the next step on; return the velocity that steps can reach."""
         manner = self.manner
-        limits = manner.max_step, manner.max_side_step / 2, manner.max_turn / 2  # sideways every other step counts
+        limits = manner.max_step, manner.max_side_step / 2, manner.max_turn / 2  # sideways only every other step counts
         x, y, t = (
             min(max(each, -limit / manner.step_time), limit / manner.step_time)
             for each, limit in zip((ahead, left, turn), limits, strict=True)
@@ -422,7 +421,7 @@ class WalkPatternGenerator:
         step = self._step
         if step is not None and step.swing is not None and self._time_in_step > step.double_support_time:
             share = (self._time_in_step - step.double_support_time) / step.single_support_time
-            # What servos can follow: no leap in how a motion gathers speed, but at its ends.
+            # Servos can follow motions whose acceleration jumps only at the ends.
             way, up = (1.0 - cos(pi * share)) / 2, sin(pi * share) ** 2
             a, b = step.origin, step.target
             found[step.swing] = (

@@ -8,7 +8,7 @@ from drivers.ros2.node import Ros2Node
 from drivers.ros2.types import MalformedMessage, types
 from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND, STATUS
 
-# How an action ended, and why one of Nav2 failed, in words: its error codes, which its nodes give in ranges.
+# Results of actions in words; Nav2's nodes use ranges of error codes.
 
 NAV2_ERRORS = {
     9000: "unknown error",
@@ -68,7 +68,7 @@ def decode_result(kind: str, payload: bytes) -> tuple[int, Any]:
         told = types().decode(f"{kind}_GetResult_Response", payload)
         return int(told.status), types().to_plain(told.result)
     except MalformedMessage:
-        # The status stands first, whatever follows; of Nav2's result of Jazzy, an error code.
+        # The status comes first in any result; in Nav2's of Jazzy an error code follows.
         status = payload[4] if len(payload) > 4 else 0
         code = int.from_bytes(payload[6:8], "little") if len(payload) == 8 else None
         return status, {} if code is None else {"error_code": code}

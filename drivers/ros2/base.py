@@ -17,7 +17,7 @@ from drivers.ros2.node import TopicFaults, topic_hint
 from drivers.ros2.topic_port import TopicChannel, absent_error
 from drivers.ros2.types import MalformedMessage, types
 
-# What a Create 3 (TurtleBot 4) and a TurtleBot 3 say and take besides velocities: contacts, docks, lights, sounds.
+# Further topics of a Create 3 (TurtleBot 4) and a TurtleBot 3: contacts, docks, lights, sounds.
 
 BACKUP_LIMIT, BUMP, CLIFF, STALL, WHEEL_DROP, OBJECT_PROXIMITY = range(6)
 """Types of hazards, as irobot_create_msgs numbers them."""
@@ -68,7 +68,7 @@ def parse_hazards(detections: Iterable[Any]) -> HazardReport:
     found: dict[int, set[str]] = {BUMP: set(), CLIFF: set(), WHEEL_DROP: set()}
     others = set()
     for each in detections:
-        frame = each.header.frame_id.rpartition("/")[2]  # before that is the name of the robot
+        frame = each.header.frame_id.rpartition("/")[2]  # before it: the robot's name
         if each.type not in found:
             others.add(_hazard_name(each.type, frame))
             continue
@@ -76,7 +76,7 @@ def parse_hazards(detections: Iterable[Any]) -> HazardReport:
         found[each.type].add("centre" if centre else "left" if "left" in frame else "right")
     bumper, cliff, drop = (Sides("left" in it, "centre" in it, "right" in it) for it in found.values())
     if cliff and not cliff.centre and cliff.left and cliff.right:
-        cliff = Sides(centre=True)  # it has four floor sensors, none in the middle
+        cliff = Sides(centre=True)  # there is no sensor in the middle: left and right mean both
     return HazardReport(bumper, cliff, drop, frozenset(others))
 
 
@@ -191,7 +191,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
     def restart(self) -> None:
         self._finder = wire.TopicFrameFinder()
         self._remote_types: dict[str, tuple[str, ...]] = {}
-        # A pose in the odometry frame, and the same in ours.
+        # The same pose in the odometry frame and in ours.
         self._origin: tuple[Pose2D, Pose2D] | None = None
         self._last_odometry: tuple[Pose2D, float] | None = None
         # The odometry from which the drift is computed next, its arrival, and its stamp by the robot's clock.
@@ -226,12 +226,10 @@ class Ros2BaseProtocol(DiffDriveProtocol):
     def drive(self, velocity: Velocity, now: float) -> bytes:
         self._sent_velocities.add(now, velocity)
         twist = {"linear": {"x": velocity.linear}, "angular": {"z": velocity.angular}}
-        # Its stamp is 0, which controllers take for now: two clocks may differ by more than they tolerate.
+        # Stamp 0 means now to controllers: two clocks may differ by more than they tolerate.
         stamped: dict[str, object] = {"header": {"frame_id": "base_link"}, "twist": twist}
         command = b""
-        for kind in self._remote_types.get(
-            "cmd_vel", ()
-        ):  # all that listen: which of them drives the robot is not known
+        for kind in self._remote_types.get("cmd_vel", ()):  # all subscribers: any of them may drive the robot
             place = self._channels[0].kinds.index(kind)
             command += wire.frame(0, types().encode(kind, twist if kind == TWISTS[0] else stamped), place)
         return command
@@ -298,7 +296,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
             case "hazards":
                 self._on_hazards(parse_hazards(told.detections), now)
             case "sensors":
-                # The cliff of a TurtleBot 3 is a bare figure of a sensor that few have: its bumper alone counts.
+                # A TurtleBot 3's cliff is a raw number of a sensor that few have: use its bumper only.
                 self._on_hazards(HazardReport(Sides(centre=told.bumper != 0)), now)
             case "dock":
                 self._is_docked = bool(told.is_docked)
@@ -331,7 +329,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
             "angular z": moves.angular.z,
         }  # fmt: skip
         for name, figure in figures.items():
-            if not abs(figure) < MAX_PLAUSIBLE_VALUE:  # nor is one that is no number
+            if not abs(figure) < MAX_PLAUSIBLE_VALUE:  # NaN, too
                 raise ValueError(f"its {name} is {figure:g}, in {ODOMETRY}")
         raw = Pose2D(at.x, at.y, yaw(turned))
         pose, rate = self._correct_drift(raw, Velocity(moves.linear.x, moves.angular.z), now, message.header)
@@ -348,7 +346,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
 
     def _correct_drift(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
         """Return the continuous pose and the turn rate, without the gyro drift that was learned at rest."""
-        before, frame = self._drift_reference, header.frame_id.lstrip("/")  # a slash that tf refuses
+        before, frame = self._drift_reference, header.frame_id.lstrip("/")  # tf refuses a leading slash
         stamp = header.stamp.sec + header.stamp.nanosec * 1e-9
         pose = self._to_continuous_pose(raw, now, frame)
         if before is None:

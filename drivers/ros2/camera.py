@@ -37,7 +37,7 @@ _ENCODINGS = {
     "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
     "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
     "nv21": (1, cv2.COLOR_YUV2BGR_NV21),
-    "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),  # which OpenCV calls by its second row
+    "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),  # OpenCV names the pattern by its second row
     "bayer_bggr8": (1, cv2.COLOR_BayerRG2BGR),
     "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR),
     "bayer_grbg8": (1, cv2.COLOR_BayerGB2BGR),

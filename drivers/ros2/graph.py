@@ -216,7 +216,7 @@ class Ros2Graph:
 
     def _connect(self) -> float:
         try:
-            types()  # whose loading takes a while, and is not to be done in a tick
+            types()  # load them now: it is too slow for a tick
             session = open_session(self.name, self._access)
             self._disconnected.clear()
             transports = ConnectionMonitor(session, self._on_router_lost)
@@ -254,7 +254,7 @@ class Ros2Graph:
         if session is not None:
             try:
                 session.close()
-            except Exception as error:  # of the session: it is given up anyhow
+            except Exception as error:  # the session is abandoned in any case
                 self._report_status("fault", f"the session did not close: {error}", "")
 
     def _finish(self) -> None:

@@ -144,8 +144,8 @@ class JointFeedback:
         self._joints = joints
         self.unread_joints: set[str] = set()
         """ROS names of the joints whose newest position is not a number."""
-        # Replaced, never altered: any thread may read it.
-        self._latest: Mapping[str, tuple[float, float, float]] = {}  # position, velocity, when
+        # Replaced, never modified: any thread may read it.
+        self._latest: Mapping[str, tuple[float, float, float]] = {}  # position, velocity, time
 
     def __contains__(self, name: str) -> bool:
         return name in self._latest
@@ -157,7 +157,7 @@ class JointFeedback:
             if (place := at.get(joint.ros_name)) is None:
                 continue
             position, before = joint.direction * float(message.position[place]), self._latest.get(name)
-            if isnan(position):  # it has not been read yet
+            if isnan(position):  # no reading yet
                 self.unread_joints.add(joint.ros_name)
                 continue
             self.unread_joints.discard(joint.ros_name)

@@ -74,7 +74,7 @@ class TopicJoints(LatchingPart):
         self._link, self._clock, self._channels, self._joints = link, clock, list(channels), dict(joints)
         self._report = guard_callback(report)
         self._bounds, self._feedback = TopicJointLimits(name, self._joints, self._report), JointFeedback(self._joints)
-        self._lock = RLock()  # over what is sent, whoever sends it
+        self._lock = RLock()  # guards all sending
         self._progress = {each: JointProgress(f"joint {qualified_joint_name(name, each)}") for each in joints}
         self._reconnect = ReconnectTracker(away)
         self._following = ActiveCouplings()
@@ -83,7 +83,7 @@ class TopicJoints(LatchingPart):
         self._remote_types: dict[int, str] = {}
         self._trajectories: dict[str, LinearTrajectory] = {}
         self._sent_at = -inf
-        self._all_sent = True  # nothing is left to be sent
+        self._all_sent = True  # nothing left to send
         self._is_online = False
         self._unheld_joints: set[str] = set()
         self._counters: Counter[str] = Counter({"reports": 0, "malformed": 0})

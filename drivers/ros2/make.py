@@ -48,7 +48,7 @@ from drivers.ros2.types import types
 from drivers.sound.printed_voice import PrintedVoice
 from drivers.transport.link import SerialLink
 
-# A voice of a robot of ROS 2: each text goes to a topic in its turn, for whoever speaks there.
+# A voice of a ROS 2 robot: it publishes each text in turn, for a speech node.
 
 STRING = "std_msgs/msg/String"
 
@@ -137,10 +137,10 @@ class Ros2Voice(PrintedVoice):
         try:
             self._link.write(wire.frame(0, types().encode(STRING, {"data": text})))
         except NotConnected:
-            return  # its health says so; the words are lost
+            return  # its health reports it; the text is lost
 
 
-# A head of two joints of a robot of ROS 2, led in small steps by their own topics.
+# A head of two joints of a ROS 2 robot, moved in small steps by their topics.
 
 
 class Ros2Head(NeckDriver):

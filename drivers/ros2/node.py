@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import zenoh
 
 
-# Messages that cannot be used: counted, and reported by topic, with the type that was expected and what came.
+# Unusable messages: counted and reported by topic, with expected type and received bytes.
 
 REPORT_INTERVAL = 10.0
 """Minimum seconds between two reports on a topic."""
@@ -129,7 +129,7 @@ class Ros2Node:
         self.is_lost = False
         self.faults = TopicFaults("ros2", [], clock, report)
         """Faults of messages of the whole node: of requests, actions, conditions."""
-        self._names_attachments = False  # as all that is attached is here: see Attachment
+        self._names_attachments = False  # as in received attachments: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
         self._last_number = 0
@@ -138,7 +138,7 @@ class Ros2Node:
         self._publishers: dict[tuple[str, str, str], Publisher] = {}
         self._declarations: list[tuple[object, Any]] = []
         self._declare_token(Entity(wire.NODE, domain, self._zid, "0", "0", name, namespace))
-        # Last: it is told at once of all that are there.
+        # Last: the callback runs at once for all present tokens.
         for tokens in (f"{wire.LIVELINESS_PREFIX}/{domain}/**", bridge.TOKENS):
             self._add_declaration(session.liveliness().declare_subscriber(tokens, self._on_token, history=True))
 
@@ -175,7 +175,7 @@ class Ros2Node:
             declared = self._declare_publisher(entity, blocks=blocks)
             attach = None if entity.is_bridged else self.make_attachment
             self._publishers[name, kind, digest] = made = Publisher(declared, entity, attach)
-            if not digest:  # for whoever hears it, also behind a bridge
+            if not digest:  # for subscribers behind a bridge, too
                 behind = self._declare_publisher(replace(entity, digest=wire.BRIDGE), blocks=blocks)
                 made.mirror_to(behind, lambda: self.has_bridge)
         if not entity.is_bridged:
@@ -239,7 +239,7 @@ class Ros2Node:
         with self._lock:
             self._last_number += 1
             attached = None if server.is_bridged else self.make_attachment(self._last_number, new_gid())
-        # Those of a bridge are not complete.
+        # Queryables of a bridge are not complete.
         target = self._zenoh.QueryTarget.BEST_MATCHING if server.is_bridged else self._zenoh.QueryTarget.ALL_COMPLETE
         once = FirstReply(on_reply)
         handler = self._zenoh.handlers.Callback(once.reply, once.finish)
@@ -277,9 +277,7 @@ class Ros2Node:
 
             handler(bytes(query.payload), answer)
 
-        key = wire.topic_key(
-            self.domain, name, wire.to_dds_type(kind)
-        )  # whatever hash: who built the type otherwise is told by CDR
+        key = wire.topic_key(self.domain, name, wire.to_dds_type(kind))  # any hash: CDR finds other definitions
         behind = name.strip("/")
         for each in (key, behind):
             self._add_declaration(self._session.declare_queryable(each, take, complete=True))
@@ -302,7 +300,7 @@ class Ros2Node:
 
     def _undeclare_all(self, declared: list[Any]) -> None:
         for each in reversed(declared):
-            with suppress(self._zenoh.ZError):  # the session has gone, and they with it
+            with suppress(self._zenoh.ZError):  # the session is gone, and its declarations too
                 each.undeclare()
 
     def make_attachment(self, number: int, gid: bytes) -> bytes:
@@ -314,9 +312,7 @@ class Ros2Node:
     def _parse_attachment(self, data: Any) -> Attachment | None:
         told = wire.parse_attachment(bytes(data or b""))
         if told is not None:
-            self._names_attachments = (
-                told.has_names
-            )  # who is here speaks as all others do: else they would not hear each other
+            self._names_attachments = told.has_names  # use the format of the other nodes
         return told
 
     def _make_entity(self, role: str, name: str, kind: str, digest: str, qos: str = wire.DEFAULT_QOS) -> Entity:
@@ -360,7 +356,7 @@ class Ros2Node:
         def take(sample: "zenoh.Sample") -> None:
             senders = self.entities(wire.PUBLISHER, name)
             known = [each.kind for each in senders if each.is_bridged and each.kind in kinds]
-            if not senders and len(kinds) == 1:  # a message may overtake the token
+            if not senders and len(kinds) == 1:  # a message may precede the token
                 known = [kinds[0]]
             payload, now = bytes(sample.payload), self._clock.now()
             if known and sieve.accepts(

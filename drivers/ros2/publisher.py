@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import zenoh
 
 
-# Which of the messages that arrive count: each once, in their order, and none that was long under way.
+# Filter of received messages: each once, in order, and none that was delayed for long.
 
 MAX_LATENESS = 0.5
 """Seconds by which a message may be delayed more than the fastest of its sender."""
@@ -66,10 +66,10 @@ class MessageFilter:
         if attachment.number <= known.number:
             self.duplicate_count += 1
             return False
-        # Its clock may be slower than ours: then the quickest of long ago is no measure any more.
+        # Its clock may be slower than ours: an old minimum no longer holds.
         known.clock_offset += MAX_CLOCK_DRIFT * max(now - known.last_received_at, 0.0)
         known.number, known.last_received_at = attachment.number, now
-        if shift - known.clock_offset > MAX_LATENESS and attachment.sent_at > 0:  # else it does not know the time
+        if shift - known.clock_offset > MAX_LATENESS and attachment.sent_at > 0:  # else its clock is not set
             if known.late_since is None:
                 known.late_since = now
             if now - known.late_since < CLOCK_JUMP_TIMEOUT:

@@ -140,7 +140,7 @@ class Ros2Ranger:
         turn = float(message.scan_time) if isfinite(message.scan_time) else 0.0
         stamp = now - max(min(turn / 2, STALE_AFTER / 2), 0.0)
         first_bearing = float(wrap_angles(np.array([start]))[0])
-        # They come as float32.
+        # They are float32.
         found = RangeScan(ranges, first_bearing, step, stamp, self._number, round(least, 4), round(most, 4))
         self._number += 1
         self._latest = Reading(found, now, Quality.GOOD)
@@ -161,7 +161,7 @@ def scan_angles(message: Any) -> tuple[float, float]:
         raise ValueError(f"it has {count} ranges, and {MAX_BEAMS} are the most, in {LASER_SCAN}")
     if not isfinite(first):
         raise ValueError(f"its angle_min is {first:g}, in {LASER_SCAN}")
-    ends = isfinite(last) and last != first  # else angle_max was left out
+    ends = isfinite(last) and last != first  # else angle_max was excluded
     if not isfinite(step) or step == 0:
         raise ValueError(f"its angle_increment is {step:g}, in {LASER_SCAN}")
     if abs(step) * count > MAX_SCAN_ANGLE:

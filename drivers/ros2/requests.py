@@ -85,7 +85,7 @@ class _Request:
         self.uuid = list(uuid4().bytes)
         self.progress = Progress(GoalState.SENT)
         self.phase = GoalPhase.SENT
-        self.cancel_sent_at = -inf  # when it was last sent a cancel
+        self.cancel_sent_at = -inf  # time of the last cancel request
         self.lost_since: float | None = None
 
     def handle(self, event: GoalEvent) -> None:
@@ -105,7 +105,7 @@ class RequestTracker:
         self._lock = RLock()
         self._numbers = count(1)
         self._requests: dict[int, _Request] = {}
-        self._feedback_nodes: dict[tuple[str, str], Ros2Node] = {}  # the actions whose feedback is heard, on which node
+        self._feedback_nodes: dict[tuple[str, str], Ros2Node] = {}  # subscriptions to feedback, by action
 
     def call(self, name: str, kind: str, values: str) -> int:
         """Call a service; return the number of the request. Raises BadRequest, NotConnected."""
@@ -165,7 +165,7 @@ class RequestTracker:
             self._cancel_again(request, node, now)
             if request.progress.is_final:
                 continue
-            # Begun anew, it is another one: what was asked of the one before, it does not know.
+            # A restarted server does not know the requests to its predecessor.
             there = node is not None and request.server in node.entities(wire.SERVER, request.server.name)
             with self._lock:
                 if there:
@@ -238,7 +238,7 @@ class RequestTracker:
             told = None
             self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: {error}")
         if told is None:
-            # It may have been accepted, and its answer lost: so it is cancelled, in case.
+            # It may have been accepted and the answer lost: cancel it in any case.
             self._send_cancel(request)
             self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no reply within {REPLY_TIMEOUT:g} s")
             return
@@ -283,7 +283,7 @@ class RequestTracker:
                 CANCEL_REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
             )
         except MalformedMessage as error:
-            code = CANCEL_REJECTED  # whether it was cancelled is not known
+            code = CANCEL_REJECTED  # unknown whether it was cancelled
             self._get_node().faults.add_for_topic(f"{request.name}/{CANCEL}", error)
         with self._lock:
             if code == CANCEL_REJECTED:

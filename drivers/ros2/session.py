@@ -89,7 +89,7 @@ def _config(zenoh: Any, access: ZenohAccess, timeout: float) -> Any:
         "scouting/multicast/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "timestamping/enabled": False,
-        "transport/shared_memory/enabled": False,  # whose files outlive a crash
+        "transport/shared_memory/enabled": False,  # its files would outlive a crash
     }
     if access.user:
         settings |= {"transport/auth/usrpwd/user": access.user, "transport/auth/usrpwd/password": access.password}

@@ -68,10 +68,10 @@ class TopicPort:
         self._changed = Condition()
         self._messages = [deque[bytes](maxlen=each.depth) for each in channels]
         self._control_frames: deque[bytes] = deque()
-        self._publishers: dict[int, list[Publisher]] = {}  # by channel and type, as frames have them
+        self._publishers: dict[int, list[Publisher]] = {}  # by channel and type, as in frames
         self._remote_types: dict[int, tuple[str, ...]] = {}
         self._mismatches: dict[int, str] = {}
-        self._bridge_counts: dict[int, int] = {}  # how many bridges send on a channel, which messages do not tell
+        self._bridge_counts: dict[int, int] = {}  # number of publishing bridges by channel: messages do not contain it
         self._filters: dict[int, list[MessageFilter]] = {}
         self._version = -1
         self._finder = wire.TopicFrameFinder()

@@ -163,7 +163,7 @@ class Ros2Twin:
             goal.progress = replace(goal.progress, feedback=json.dumps(feedback))
             try:
                 base.drive(velocity)
-            except DriverError:  # latched, or away: it makes no headway, and says so in the end
+            except DriverError:  # latched or away: it makes no progress, and fails in the end
                 return
             return
         base.stop()

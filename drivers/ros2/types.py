@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from drivers.errors import BadRequest, DriverError
 
-# The types of ROS 2 that rosbags lacks, as their packages define them: of Nav2, Create 3, vision, and our own.
+# Types missing in rosbags, as defined by their packages: Nav2, Create 3, vision, and our own.
 
 UUID, TIME, HEADER = "unique_identifier_msgs/UUID", "builtin_interfaces/Time", "std_msgs/Header"
 
@@ -148,12 +148,12 @@ class TypeRegistry:
             self._store.register({name: (constants, found)})
         except BadRequest:
             raise
-        except Exception as error:  # a grammar, which raises what it likes
+        except Exception as error:  # the parser raises various errors
             raise BadRequest(f"{name}: invalid definition: {error}") from error
 
     def define_service(self, name: str, request: str, response: str) -> None:
         """Add the types of a service."""
-        # What a service is for its hash: request, response, and what tells of both.
+        # A service's hash covers its request, response and event.
         self.define(f"{name}_Request", request)
         self.define(f"{name}_Response", response)
         kinds = [(Nodetype.NAME, f"{name}_{part}") for part in ("Request", "Response", "Event")]
@@ -205,7 +205,7 @@ class TypeRegistry:
             if wrong := _encapsulation_fault(payload):
                 raise ValueError(wrong)
             return self._store.deserialize_cdr(payload, self._require_type(name))
-        except Exception as error:  # bytes from outside: whatever they bring about is their fault
+        except Exception as error:  # received bytes: any error is due to them
             begin = f" that begin {payload[:8].hex(' ')}" if payload else ""
             raise MalformedMessage(f"expected {name}, got {len(payload)} bytes{begin}: {error}") from error
 

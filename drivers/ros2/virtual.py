@@ -40,7 +40,7 @@ from drivers.sim.world import SimulatedWorld
 from drivers.sim.world_objects import DOCK_SIZE, BackupLimit, WorldDock
 from drivers.virtual.device import VirtualDevice
 
-# A stand-in for Nav2 and a Create 3's docking as ROS 2 sees them: actions that drive a virtual base, and its place.
+# Simulated Nav2 and docking of a Create 3: actions that drive a virtual base, and its pose.
 
 FEEDBACK_INTERVAL = 0.1
 """Seconds between two feedback messages, and between two transforms."""
@@ -77,7 +77,7 @@ class VirtualNav2:
             return False
         before, self._goal = self._goal, (goal, Navigator(places), frame)
         if before is not None:
-            before[0].end(ABORTED, {})  # one at a time: the newest
+            before[0].end(ABORTED, {})  # one at a time, the newest
         return True
 
     def _steer(self, now: float, odometry: Pose2D) -> Velocity | None:
@@ -213,7 +213,7 @@ class Ros2Terminal:
         )
         for place, device in enumerate(self.devices):
             for number, channel in enumerate(device.channels):
-                if channel.is_command:  # the driver does
+                if channel.is_command:  # published by the driver
                     node.subscribe(channel.topic, channel.kinds[:1], self._message_handler(device, number))
                 else:
                     self._publishers[place, number] = node.publisher(channel.topic, channel.kinds[0])

@@ -46,7 +46,7 @@ class VirtualJoints(VirtualTopics):
         """True while it publishes no states, but still receives commands."""
         self.command_count = 0
         self._rates = rates
-        self._points: list[tuple[float, dict[str, float]]] = []  # when, and where each is to be
+        self._points: list[tuple[float, dict[str, float]]] = []  # time, and angle of each joint
         self._last_positions: dict[str, float] = {}
         self._due = self._states_sent_at = -inf
 

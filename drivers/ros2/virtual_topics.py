@@ -65,7 +65,7 @@ class VirtualTopics:
                     self._discovery_requested = True
                 elif not self.is_stalled and channel < wire.channel_code(
                     0, 1
-                ):  # of the type that it listens to, its first
+                ):  # its first type is the one it subscribes to
                     self._handle_message(channel, payload, now)
             return self._take_frames(now)
 

@@ -24,7 +24,7 @@ class BaseScreen:
         self._resting = ScreenContent(rest)
         self._awake = ScreenContent(awake)
         self._state = self._awake
-        self._mouth_moved_at = 0.0  # when the mouth was told last
+        self._mouth_moved_at = 0.0  # time of the last mouth position
         self._lock = Lock()
 
     def open(self) -> None:

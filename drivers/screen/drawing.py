@@ -270,7 +270,7 @@ def face_image(face: FaceExpression, text: str, size: tuple[int, int]) -> Image:
     scale = min(size[0] / WIDTH, size[1] / HEIGHT)
     corner = ((size[0] - scale * WIDTH) / 2, (size[1] - scale * HEIGHT) / 2)
     image: Image = np.empty((size[1], size[0], 3), np.uint8)
-    cv2.rectangle(image, (0, 0), size, _colour(NIGHT), cv2.FILLED)  # many times as fast as numpy's fill
+    cv2.rectangle(image, (0, 0), size, _colour(NIGHT), cv2.FILLED)  # much faster than numpy's fill
     for shape in drawing.shapes:
         if shape.opacity > 0:
             _paint(image, shape.transform(scale=scale, angle=0.0, centre=(0.0, 0.0), to=corner))

@@ -8,7 +8,7 @@ from math import pi, radians, sin
 from drivers.api import Mood, ScreenContent
 from drivers.api.fast_dataclass import dataclass
 
-# Words below a face: as large as fits, in as many lines as they need, broken at spaces.
+# Text below a face: as large as fits, broken at spaces into lines.
 
 TEXT_TOP, TEXT_HEIGHT, TEXT_WIDTH = 164.0, 70.0, 308.0
 """Top, height and width of the text area below the small face, on the sheet of 320 x 240."""
@@ -88,20 +88,20 @@ class FaceExpression:
 
     upper: float = 1.0  # the edge of the upper lid above the middle of the eye; below 0 past it
     lower: float = 1.0  # the edge of the lower lid below it; below 0 past it
-    slant: float = 0.0  # how far the outer corners of the eyes hang
+    slant: float = 0.0  # droop of the outer corners of the eyes
     pupil: float = 1.0  # its size
-    gaze: float = 0.0  # where it looks: -1 to the left of the picture, 1 to the right
+    gaze: float = 0.0  # gaze: -1 to the left of the picture, 1 to the right
     brow_height: float = 0.5
     brow_tilt: float = 0.0  # radians; the inner ends up
     curve: float = 0.0  # of the mouth: 1 laughs, -1 weeps
     width: float = 0.8  # of the mouth
     opening: float = 0.0  # of the mouth
-    cheeks: float = 0.45  # how red they are
+    cheeks: float = 0.45  # redness
     tilt: float = 0.0  # radians; the head to its left shoulder
-    breath: float = 0.0  # how far tear, waves or sleep have come, 0..1
+    breath: float = 0.0  # phase of the tear, the waves or the sleep, 0..1
     tear: float = 0.0
-    waves: float = 0.0  # of sound that comes to the ears
-    sleep: float = 0.0  # the letters of a sleeper
+    waves: float = 0.0  # of sound at the ears
+    sleep: float = 0.0  # the letters "z" of sleep
 
 
 MOODS = {

@@ -11,7 +11,7 @@ from drivers.screen.declared import PageKeys
 from drivers.screen.pages import PageScreen
 from drivers.transport.loop import guard_callback
 
-# The screen of a machine without one: it prints what the face would show.
+# The screen of a machine without one: it prints the text of the face.
 
 
 class PrintedScreen(BaseScreen):

@@ -99,7 +99,7 @@ def state_line(shown: ScreenContent, time: float) -> str:
     return _state_json(face_expression(shown, time), shown.text, label(shown))
 
 
-@lru_cache(maxsize=4)  # a face is still for most of the time, and all pages show the same
+@lru_cache(maxsize=4)  # a face is still most of the time, and all pages show the same one
 def _state_json(face: FaceExpression, text: str, label: str) -> str:
     drawing = draw_face(face, text)
     told = {

@@ -88,7 +88,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
 
 def _is_numeric_host(host: str) -> bool:
     """True if a Host header names this computer as ``localhost`` or by a numeric address."""
-    if "@" in host:  # before it stands a user, whom URLs may have, and Host headers never
+    if "@" in host:  # before it: a user, allowed in URLs but not in Host headers
         return False
     try:
         name = urlsplit(f"//{host}").hostname or ""

@@ -139,7 +139,7 @@ class ServoBus(ServoTransport):
             now, question = self._clock.now(), object()
             asked = {servo: ExpectedReply(question, block.size, now) for servo, block in blocks.items()}
             for servo, want in asked.items():
-                if not self._late_replies.is_clear(servo, want, now):  # it is left to be read by itself
+                if not self._late_replies.is_clear(servo, want, now):  # it is read singly
                     del blocks[servo]
             if not blocks:
                 return {}

@@ -121,8 +121,8 @@ def _describe(bus: ServoBus, identity: ServoIdentity, damaged: int) -> ScannedSe
     if model is not None:
         try:
             found = _measure(bus, found, model)
-        except (NoReply, BadRequest):  # it was there a moment ago: what cannot be read stays unknown
-            if at.protocol == 2 and bus.statistics(at.id).corrupt == damaged:  # whose ping tells the model
+        except (NoReply, BadRequest):  # it answered before: unreadable values stay unknown
+            if at.protocol == 2 and bus.statistics(at.id).corrupt == damaged:  # its ping contains the model
                 found = replace(found, answers_ping_only=bus.answers_ping(at, tries=1))
     return replace(found, has_damaged_replies=bus.statistics(at.id).corrupt > damaged)
 

@@ -66,7 +66,7 @@ def load_calibration(path: str) -> Mapping[str, MotorCalibration]:
     file = Path(path).expanduser()
     try:
         found = file.stat()
-        if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # a pipe would be waited for
+        if not S_ISREG(found.st_mode) or found.st_size > MAX_FILE_BYTES:  # a pipe would block
             raise OSError(f"not a regular file of at most {MAX_FILE_BYTES} bytes")
         return _load_cached(str(file), found.st_mtime_ns, found.st_size)
     except OSError as error:
@@ -78,7 +78,7 @@ def load_calibration(path: str) -> Mapping[str, MotorCalibration]:
 def _load_cached(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     try:
         told = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_reject_duplicates)
-    except (ValueError, RecursionError) as error:  # a number of 5000 digits, brackets in brackets
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits, deep nesting
         raise BadRequest(f"calibration {path}: invalid JSON: {error}") from error
     if not isinstance(told, dict) or not told:
         raise BadRequest(f"calibration {path}: no motors", hint='{"elbow_flex": {"id": 3, ...}}')

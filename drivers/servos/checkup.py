@@ -84,7 +84,7 @@ def _check_voltage(joint: Joint, volts: float) -> Iterator[Finding]:
         yield failure(joint.title, f"{volts:.1f} V: below {lowest:.1f} V it shuts down", supply)
     elif volts < LOW_VOLTAGE_SHARE * usual:
         yield warning(joint.title, f"{volts:.1f} V is low for a servo made for {usual:g} V", supply)
-    elif highest < volts <= OVERVOLTAGE_FACTOR * highest:  # beyond that it is not driven: see ``difference``
+    elif highest < volts <= OVERVOLTAGE_FACTOR * highest:  # a mismatch beyond that keeps it undriven
         yield failure(
             joint.title, f"{volts:.1f} V: above {highest:.1f} V it may be damaged", f"take a supply of {usual:g} V"
         )

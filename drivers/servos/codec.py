@@ -16,7 +16,7 @@ from drivers.servos.units import Framing, Protocol, protocol_name
 from drivers.servos.wire import BROADCAST, REFUSAL_FAULTS, Packet, PacketParser, ServoFault
 from drivers.servos.wire2 import Protocol2Instruction
 
-# What each error byte says, made ready: every reply has one, and flags are slow to make.
+# The faults of each error byte, precomputed: every reply has one, and flags are slow to create.
 _FAULTS_1 = tuple(ServoFault(error & wire.ERROR_BYTE) for error in range(256))
 _FAULTS_2 = tuple(wire2.decode_error(error) for error in range(256))
 _FAULTS_STS = tuple(wire.decode_sts_faults(error) for error in range(256))
@@ -151,11 +151,11 @@ def codecs_for(framing: Framing) -> Mapping[Protocol, Codec]:
     return SDK_CODECS
 
 
-# Replies that did not come in time. They may still come, and must not be taken for the answer to something else.
+# Overdue replies. They may still arrive, and must not be taken for the reply to another request.
 #
-# A reply says who sends it, but not what it answers: all replies of a servo with the same number of bytes look alike.
-# So what a servo still owes is remembered by size, and nothing else of that size is asked of it meanwhile: a read is
-# widened to another size, a write, whose reply has no data, has to wait.
+# A reply contains its sender, but not its request: all replies of a servo with the same number of bytes look alike.
+# So overdue replies are recorded by size, and no request with a reply of that size is sent meanwhile: a read is
+# widened to another size; a write, whose reply has no data, has to wait.
 
 MAX_REPLY_LATENESS = 0.05
 """Seconds by which a reply can be late and be overtaken by another. No adapter holds bytes back for longer."""
@@ -280,7 +280,7 @@ class Exchange:
         elif wanted is None:
             if not self._on_stray(reply):
                 self.duplicates.append(reply.id)
-        elif not size and reply.faults & ServoFault.CHECKSUM:  # what the servo has heard was damaged
+        elif not size and reply.faults & ServoFault.CHECKSUM:  # the servo received a damaged request
             self._mark_damaged(reply.id)
         elif size == wanted.size or (not size and reply.faults & REFUSAL_FAULTS and not self._on_stray(reply)):
             self.replies[reply.id] = reply

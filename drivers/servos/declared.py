@@ -21,7 +21,7 @@ from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, SerialKeys
 from drivers.servos.models import MODELS, ServoModel
 from drivers.servos.units import Framing
 
-# Two servos on one joint, which would work against each other: recognised by the names of their joints.
+# Two servos on one joint would work against each other; recognised by the names of their joints.
 
 SECOND_SERVO_WORDS = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
 """Words in the name of a joint that mark it as the second servo of another joint: `shoulder_mimic`, as in ROS files."""
@@ -226,7 +226,7 @@ class DynamixelKeys(ArmKeys, SerialKeys):
         yield from find_second_servos(self.joints)
         if len({joint.servo_model.protocol for joint in self.joints.values()}) > 1:
             for name, joint in self.joints.items():
-                if joint.id == 253:  # it would take every packet of 2.0 for one to itself
+                if joint.id == 253:  # it would take every packet of protocol 2.0 for its own
                     message = f"joint '{name}' cannot have id 253 beside servos of protocol 2.0"
                     yield KeyDiagnostic(message, ("joints", name), marks_key=True, about=(("joints",),))
         yield from ArmKeys.diagnostics(self)

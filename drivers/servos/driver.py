@@ -38,7 +38,7 @@ from drivers.servos.torque import hold_or_relax, recover_joints, release_attempt
 from drivers.transport.adapter import latency_timer_path
 from drivers.transport.loop import LoopFactory, ThreadLoop, guard_callback
 
-# What an arm says of itself: whether it is there, what is wrong with it, and the figures of its wire.
+# The arm's status: presence, faults, and statistics of its bus.
 
 SLOW_ADAPTER_LATENCY = 0.004
 """Latency of a USB adapter, in seconds, above which health reports it."""
@@ -136,11 +136,11 @@ class DynamixelJoints(ServoJoints):
         self._is_open = False
         self._connections = 0
         self._setpoints_sent_at = 0.0
-        self._no_command_pending = Event()  # while nobody holds or relaxes joints, which comes before the next reading
+        self._no_command_pending = Event()  # cleared while joints are held or relaxed, which precedes the next reading
         self._no_command_pending.set()
-        self._fast_joints: frozenset[str] = frozenset()  # read as if they led
+        self._fast_joints: frozenset[str] = frozenset()  # read as often as leaders
         self._on_round: Callable[[], object] = ignore
-        self._reported_fault = ""  # the newest of the driver's own that was reported
+        self._reported_fault = ""  # the driver's own fault that was reported last
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
@@ -167,7 +167,7 @@ class DynamixelJoints(ServoJoints):
         self._monitor.reset()
         self._connections = 0
         for joint in self._joints.values():
-            joint.may_have_torque = joint.is_unconfirmed = False  # from now on it is no concern of ours
+            joint.may_have_torque = joint.is_unconfirmed = False  # no longer ours to report
 
     def rest(self) -> None:
         """Hold or relax, as configured; report the servos that did not confirm it. Never raises."""
@@ -180,7 +180,7 @@ class DynamixelJoints(ServoJoints):
                         if not joint.is_answering:
                             self._monitor.identify(joint)
                     failed[:] = self._hold_or_relax([joint.name for joint in failed], stiff=self._stiff_at_rest)
-            except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
+            except Exception as error:  # in any case the port must be closed and other devices stopped
                 failed = [joint for joint in self._joints.values() if joint.may_have_torque]
                 why = f" ({type(error).__name__}: {error})"
             self._reporter.report_not_at_rest(failed, stiff=self._stiff_at_rest, reason=why)
@@ -306,7 +306,7 @@ class DynamixelJoints(ServoJoints):
             pause = self._round_schedule.end_round(self._clock.now(), self._bus.busy_time(), self._next_due())
         except NotConnected as error:
             self._monitor.on_port_lost(error)
-        except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
+        except BaseException as error:  # SystemExit too: without this thread the arm is not monitored
             self._report_driver_error(error)
         self._changed()
         self._on_round()

@@ -130,8 +130,8 @@ class _ReadComparison:
     """Replies of one servo, compared with each other."""
 
     model: ServoModel
-    first: tuple[int, bytes] | None = None  # its address, and the bytes
-    last: tuple[float, int, int] | None = None  # when (s), the position (steps), the temperature (degC)
+    first: tuple[int, bytes] | None = None  # address and bytes
+    last: tuple[float, int, int] | None = None  # time (s), position (ticks), temperature (degC)
     position_jumps: int = 0
     temperature_jumps: int = 0
     conflicts: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -200,7 +200,7 @@ class _UniqueIdTest:
         tally = bus.statistics(at.id)
         self._before = tally.corrupt, tally.duplicates
         self._read_count = self._missed_count = self._refused_count = 0
-        self._noise_count = 0  # replies of which not even the beginning could be recognised
+        self._noise_count = 0  # replies without a recognisable header
         self._readings: _ReadComparison | None = None
 
     def identify(self) -> ServoIdentity:
@@ -284,7 +284,7 @@ class _UniqueIdTest:
             )
         if self._missed_count > self._read_count / 3:
             raise NoReply(
-                f"{bus.name}: servo {at.id} answers {self._read_count - self._missed_count} of {self._read_count} reads on "
-                f"{bus.port} at {bus.baud} baud: not enough to write to it",
+                f"{bus.name}: servo {at.id} answers {self._read_count - self._missed_count} of {self._read_count} reads "
+                f"on {bus.port} at {bus.baud} baud: not enough to write to it",
                 hint="check its cable and its power",
             )

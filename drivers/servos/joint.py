@@ -88,33 +88,31 @@ class Joint:
     model: ServoModel
     undriven_reason: str = "not checked yet"
     hint: str = ""
-    shares_id: bool = False  # another servo with its ID was noticed
+    shares_id: bool = False  # a second servo with its ID was found
     is_answering: bool = False
     missed_reads: int = 0  # reads without a reply, in a row
     next_read_at: float = 0.0  # when it is read next
     checked_at: float = 0.0  # when its slow registers were read
     reading: Reading[JointState] = field(default_factory=lambda: Reading(None, 0.0, Quality.NONE))
     faults: ServoFault = field(default=ServoFault(0))
-    reply_faults: ServoFault = field(default=ServoFault(0))  # what its newest reply complained of
+    reply_faults: ServoFault = field(default=ServoFault(0))  # faults in its newest reply
     torque: bool = False
     torque_request: bool | None = None
     is_shut_down: bool = False
     goal: float | None = None
-    speed: float = 0.0  # rad/s, told with the goal
-    setpoint: int | None = None  # ticks: how far on its way it was sent last; None where it is to be sent anew
+    speed: float = 0.0  # rad/s, given with the goal
+    setpoint: int | None = None  # ticks, last intermediate goal sent; None: send it again
     setpoint_sent_at: float = 0.0
     may_have_torque: bool = False
     is_unconfirmed: bool = False
     unconfirmed_since: float = -inf  # since when
-    lacks_confirmation: bool = False  # on a port that is open, it did not say whether it is
-    approaches_slowly: bool = (
-        False  # it was found elsewhere than it stood, or was away for long, and has not come over yet
-    )
-    excluded_from_move: bool = False  # the last move of it went without it
+    lacks_confirmation: bool = False  # the port is open, but it did not confirm its torque
+    approaches_slowly: bool = False  # it returned displaced or after long, and is on its way
+    excluded_from_move: bool = False  # left out of the last move
     progress: JointProgress = field(init=False)
     address: ServoAddress = field(init=False)
     table: bytearray = field(init=False, repr=False)
-    _state_registers: tuple[Register, ...] = field(init=False, repr=False)  # what its state is made of
+    _state_registers: tuple[Register, ...] = field(init=False, repr=False)  # the registers of its state
     limits: JointLimits = field(init=False)
 
     def __post_init__(self) -> None:

@@ -102,16 +102,16 @@ def restore_settings(bus: ServoBus, joint: Joint, *, now: float) -> None:
         joint.torque = False
     if joint.is_shut_down:
         if joint.torque and joint.address.protocol == "STS":
-            set_torque(bus, joint, on=False)  # its force would return by itself, to an old goal
+            set_torque(bus, joint, on=False)  # else its torque would return by itself, to an old goal
             joint.torque = False
         joint.is_unconfirmed = False
         return
     if "torque_mode" in table and joint.value("torque_mode"):
         if joint.torque:
-            stiffen(bus, joint, now=now)  # it has ignored its goal, which may lie anywhere
+            stiffen(bus, joint, now=now)  # in torque mode it ignored its goal, which may be anywhere
         bus.write(joint.address, table["torque_mode"], 0)
     if "bus_watchdog" in table and joint.value("bus_watchdog"):
-        bus.write(joint.address, table["bus_watchdog"], 0)  # else it fires, or has: then the goals are locked
+        bus.write(joint.address, table["bus_watchdog"], 0)  # once fired, it locks the goals
     bus.write(joint.address, table[table.torque_limit], joint.torque_ticks)
     bus.write(joint.address, table[table.speed], joint.speed_ticks(joint.limits.speed))
     if joint.torque_request:
@@ -207,7 +207,7 @@ def _offset_hint(joint: Joint) -> str:
         return f"LeRobot has recalibrated it: write calibration: {path} in the robot file"
     last = joint.model.last_tick
     if (joint.value("position_offset"), joint.value("min_position"), joint.value("max_position")) == (0, 0, last):
-        return "mission servo home --restore --robot FILE"  # as delivered: there is nothing to lose
+        return "mission servo home --restore --robot FILE"  # as delivered: nothing to lose
     return (
         f"it was recalibrated or replaced: name the file of that calibration (mission servo info "
         f"{joint.spec.id} --robot FILE shows its settings)"

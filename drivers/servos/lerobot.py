@@ -45,7 +45,7 @@ def find_calibrations() -> Iterator[tuple[Path, Mapping[int, tuple[str, Calibrat
             told = json.loads(path.read_text(encoding="utf-8"))
             motors = {each["id"]: (name, _settings(each)) for name, each in told.items()}
         except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            continue  # another file, or an older form
+            continue  # another file, or an older format
         yield path, motors
 
 

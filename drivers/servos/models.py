@@ -111,7 +111,7 @@ class ServoModel:
     def goal_write(self, goal: int, speed: int) -> tuple[int, bytes]:
         """Return address and bytes of the single write that moves to ``goal`` (ticks) at ``speed`` (steps)."""
         place, pace = self.table[self.table.goal], self.table[self.table.speed]
-        if place.address < pace.address:  # what lies between is 0: the time that a goal may take, which no speed needs
+        if place.address < pace.address:  # between them: the duration of a move, 0 because the speed is given
             return place.address, place.encode(goal).ljust(pace.address - place.address, b"\0") + pace.encode(speed)
         return pace.address, pace.encode(speed) + place.encode(goal)
 
@@ -205,7 +205,7 @@ MODELS: Mapping[str, ServoModel] = MappingProxyType(
     {
         model.name: model
         for model in (
-            # family, name, number, control table, wiring, Nm, rpm, what differs from the table's defaults, current
+            # family, name, number, control table, wiring, Nm, rpm, changes to the table's defaults, current
             _model(_AX, "AX-12A", 12, TABLE_AX, "TTL", 1.5, 59, {"temperature_limit": 70}),
             _model(_AX, "AX-12W", 300, TABLE_AX, "TTL", 0.2, 54, {"temperature_limit": 70, **_WHEEL}),
             _model(_AX, "AX-18A", 18, TABLE_AX, "TTL", 1.8, 97, {"temperature_limit": 75, **_WEAKER}),
@@ -233,7 +233,7 @@ MODELS: Mapping[str, ServoModel] = MappingProxyType(
             _model(_X, "XC330-T288", 1220, TABLE_XC330_T, "TTL", 1.0, 71, {"velocity_limit": 320, **_XC_T}, _SMALL_T),
             _model(_X, "XC330-M181", 1230, TABLE_XC330_M, "TTL", 0.6, 129, _XC_M181, _SMALL_M, 5.0),
             _model(_X, "XC330-M288", 1240, TABLE_XC330_M, "TTL", 0.93, 81, _XC_M288, _SMALL_M, 5.0),
-            # With other gears, which cannot be told apart: SO-101 leaders have three kinds.
+            # With other gears, which the servo does not report: SO-101 leaders have three kinds.
             _model(_STS, "STS3215", 777, TABLE_STS, "TTL", 1.91, 52, {}, volts=7.4),
             _model(_STS, "STS3250", 2825, TABLE_STS, "TTL", 4.9, 75, {"highest_voltage": 140}),
         )
@@ -284,7 +284,7 @@ def _by_number() -> Mapping[int, ServoModel]:
     return {model.number: model for model in (*_recognised_models(), *MODELS.values())}
 
 
-# What a servo is to mechanics: how stiff, how strong, how fast, by its control table and data sheet. SI units.
+# Mechanics of a servo, by its control table and data sheet: stiffness, torque, speed. SI units.
 
 BACKLASH = radians(0.25)
 """Backlash of a servo's output in radians: 15 arc minutes, as ROBOTIS specifies for most models."""

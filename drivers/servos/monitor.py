@@ -86,7 +86,7 @@ class JointMonitor:
         for joint in self._joints:
             joint.is_answering, joint.missed_reads = False, 0
             self.identify(joint)
-        self.connected = True  # only now: a joint that is looked for is stopped where it stands
+        self.connected = True  # only now: a joint that is searched for is stopped at its position
         self._report_presence()
         self._reporter.report_mismatches(self.hint)
 
@@ -135,7 +135,7 @@ class JointMonitor:
     def _find_missing(self, joint: Joint) -> bool:
         """Look for a servo that is not driven, and report a changed reason; return as ``run_checks``."""
         before, seen = joint.undriven_reason, joint.reading
-        with self._lock:  # nobody moves it before it is known how long it was away
+        with self._lock:  # no moves before the length of the absence is known
             self.identify(joint)
             now = self._clock.now()
             back = joint.is_driven and seen.value is not None
@@ -188,7 +188,7 @@ class JointMonitor:
         told = self._bus.faults(joint.spec.id)
         if told != joint.reply_faults:
             if told & ~joint.reply_faults & (LASTING_FAULTS if joint.address.protocol == "STS" else ServoFault.ALERT):
-                joint.checked_at = -CHECK_INTERVAL  # it is checked next, and says what is the matter
+                joint.checked_at = -CHECK_INTERVAL  # check it next, to find the cause
             joint.reply_faults = told
             self._report_new_faults(joint)
 
@@ -221,22 +221,20 @@ class JointMonitor:
                 for block in joint.model.table.slow_blocks:
                     read_table_block(self._bus, joint, block, tries=1)
                 joint.torque = bool(joint.value("torque_enable"))
-                stays = (
-                    joint.is_shut_down and joint.address.protocol == "STS"
-                )  # let go, it tells of no overload any more
+                stays = joint.is_shut_down and joint.address.protocol == "STS"  # without torque it reports no overload
                 newly_shut, joint.is_shut_down = (
                     joint.reports_shutdown and not joint.is_shut_down,
                     joint.reports_shutdown or stays,
                 )
                 if joint.is_shut_down and joint.torque and joint.address.protocol == "STS":
-                    set_torque(self._bus, joint, on=False)  # its force would return by itself, to an old goal
+                    set_torque(self._bus, joint, on=False)  # else its torque would return by itself, to an old goal
                     joint.torque = False
                 elif joint.is_unconfirmed:
                     self._repeat_hold_or_relax(joint)
                 elif lost := self._has_lost_settings(joint):
                     restore_settings(self._bus, joint, now=self._clock.now())
                 elif joint.has_lost_setpoint:
-                    joint.setpoint = None  # it did not hear it: it is sent there anew
+                    joint.setpoint = None  # the servo missed it: send it again
         except (NoReply, BadRequest):
             self._on_missed_read(joint)
             return
@@ -275,6 +273,5 @@ class JointMonitor:
 
 def _check_interval(joint: Joint) -> float:
     """Return the seconds between two checks of a joint."""
-    return (
-        CONFIRMATION_RETRY_INTERVAL if joint.is_unconfirmed else CHECK_INTERVAL - RESTING_INTERVAL
-    )  # it comes in the next round
+    # Earlier by a resting interval, so that the check is due in the next round.
+    return CONFIRMATION_RETRY_INTERVAL if joint.is_unconfirmed else CHECK_INTERVAL - RESTING_INTERVAL

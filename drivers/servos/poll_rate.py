@@ -93,5 +93,5 @@ def is_in_motion(joint: Joint) -> bool:
     if joint.goal is None or not joint.torque:
         return False
     if joint.progress.active and not joint.progress.blocked:
-        return True  # one that does not move may be blocked, and its servo shuts down soon
+        return True  # a joint that does not move may be blocked, and its servo will shut down
     return joint.setpoint_sent_at >= joint.reading.stamp or joint.setpoint != joint.ticks(joint.goal)

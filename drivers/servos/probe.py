@@ -61,7 +61,7 @@ def probe_servos(
         found: dict[int, list[BusDevice]] = {}
         for baud in rates:
             if (yield ProbeRequest(baud, timeout=LISTEN_TIME, is_complete=bool)):
-                continue  # somebody talks here without being asked, which no servo does
+                continue  # data without a request: not a servo
             units = list[BusDevice]()
             for protocol in protocols:
                 units += yield from (_ping_all(baud) if protocol == 2 else _ping_each(baud, protocol, PROBED_IDS))
@@ -149,7 +149,7 @@ def _identify(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, b
     kind = unpack_from("<H", identity.data, where)[0]
     model = find_model(kind)
     if model is not None and model.protocol == protocol:
-        own = model.table["id"].address  # an XL-320 has it elsewhere
+        own = model.table["id"].address  # at another address in an XL-320
     either = protocol != 2 and identity.data[5 if protocol == 1 else 3] == number  # by the table of the other make, too
     if protocol == 2 and model is None:  # its table may have the ID elsewhere, as that of an XL-320
         return BusDevice(

@@ -23,7 +23,7 @@ class Coding(Enum):
     TWOS_COMPLEMENT = "two's complement"  # protocol 2.0, and positions over several turns
 
 
-# A member is slow to look up, and registers are many a second.
+# Looking up an enum member is slow, and registers are used many times a second.
 _UNSIGNED, _TWOS, _SIGN_BIT, _SIGN_11 = Coding.UNSIGNED, Coding.TWOS_COMPLEMENT, Coding.SIGN_10, Coding.SIGN_11
 
 
@@ -42,7 +42,7 @@ class Register:
     lower: int
     upper: int
     writable: bool = True
-    eeprom: bool = False  # survives a power cut; the others start from their defaults
+    eeprom: bool = False  # kept without power; the others start from their defaults
     coding: Coding = Coding.UNSIGNED
     unit: str = ""
     byte_order: Literal["little", "big"] = "little"  # of its bytes

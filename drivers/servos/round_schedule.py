@@ -26,7 +26,7 @@ class RoundSchedule:
         self.utilisation = 0.0
         self._period = 1 / rate
         self._next = 0.0
-        self._window = (0.0, 0, 0.0)  # when it began, and the rounds and the seconds of use until then
+        self._window = (0.0, 0, 0.0)  # start time, and the rounds and seconds of use until then
 
     def restart(self, now: float, busy: float) -> None:
         """Restart the schedule after a pause. ``busy`` is the total busy time (s) of the bus."""
@@ -44,7 +44,7 @@ class RoundSchedule:
             self.achieved_rate, self.utilisation = (self.rounds - rounds) / passed, (busy - used) / passed
             self._window = (now, self.rounds, busy)
         self._next += self._period
-        if now - self._next > self._period:  # too late to be made up for
+        if now - self._next > self._period:  # too late to catch up
             self._next = now
         if not_before > self._next:
             self._next += max(ceil((not_before - self._next) / self._period - EARLY_PERIODS), 0) * self._period

@@ -85,7 +85,7 @@ class SdkPacketParser(wire.PacketParser):
         found = []
         while self._buffer:
             port = _BufferPort(bytes(self._buffer))
-            frame, result = self._read_frame(port)  # as long as it is on the wire
+            frame, result = self._read_frame(port)  # its length on the wire
             self._skip(port.read_count - len(frame))
             if port.is_exhausted:
                 break
@@ -121,7 +121,7 @@ class SdkPacketParser2(SdkPacketParser):
         return frame, result
 
     def _make_packet(self, frame: list[int], *, intact: bool) -> Packet:
-        end = (frame[5] | frame[6] << 8) + 5  # the vendor's code has taken out what was stuffed, and says so here
+        end = (frame[5] | frame[6] << 8) + 5  # the vendor's code has removed the stuffing, and corrects the length
         return Packet(frame[4], frame[7], bytes(frame[8:end]), intact)
 
 

@@ -44,7 +44,7 @@ class GoalLimiter:
                 accepted[name] = goal
             else:
                 accepted[name] = joint.clamp(goal)
-                if abs(accepted[name] - goal) > joint.model.tick / 2:  # less is rounding, and moves nothing
+                if abs(accepted[name] - goal) > joint.model.tick / 2:  # less is rounding
                     self._report_clamp(joint, goal, now)
         return accepted
 

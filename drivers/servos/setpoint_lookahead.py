@@ -38,7 +38,7 @@ def next_setpoint(joint: Joint, now: float) -> int | None:
     here, far = joint.ticks(place), lookahead_distance(joint, joint.speed)
     if joint.setpoint is not None and abs(joint.setpoint - here) > RENEWAL_SHARE * far / joint.model.tick:
         if joint.reading.stamp - joint.setpoint_sent_at <= far / _servo_speed(joint, joint.speed):
-            return None  # on a busy machine the reading may be older than that
+            return None  # on a busy machine the reading may be older
         far = max(far, LOADED_LOOKAHEAD)
     return _limited_step(joint, end, here, far)
 
@@ -49,7 +49,7 @@ def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) 
     A joint that was displaced, or was away for long, moves slowly until it is near its goal.
     """
     if joint.approaches_slowly and here is not None:
-        slow = joint.goal is not None and joint.speed <= MAX_APPROACH_SPEED  # it was sent on its way before
+        slow = joint.goal is not None and joint.speed <= MAX_APPROACH_SPEED  # it already has a setpoint
         joint.approaches_slowly = (
             min(abs(goal - here), abs((joint.goal or 0.0) - here) if slow else inf) > FOLLOWING_TOLERANCE
         )

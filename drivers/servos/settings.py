@@ -105,13 +105,13 @@ def apply_changes(bus: ServoBus, at: ServoAddress, table: ControlTable, changes:
         raise BadRequest(f"{bus.name}: servo {at.id}: its EEPROM is locked", hint="switch its power off and on")
     for change in changes:
         with _baud_after(bus, at, change):
-            bus.require_open()  # an adapter that cannot follow would leave the servo where nobody reaches it
+            bus.require_open()  # with an adapter that lacks the new rate, the servo would be unreachable
     stiff = lasting and _relax(bus, at, table)
     if opens:
         _set_eeprom_lock(bus, at, table, 0)
     try:
         for change in changes:
-            with suppress(NoReply):  # it may have been carried out or not: the verification tells
+            with suppress(NoReply):  # it may have been done or not: the verification finds out
                 bus.write(at, change.register, change.after)
             at = _verify(bus, at, change)
     except DriverError:

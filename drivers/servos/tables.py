@@ -76,7 +76,7 @@ PRESENT_VOLTAGE = present("present_voltage", 42, 1, "0.1 V")
 PRESENT_TEMPERATURE = present("present_temperature", 43, 1, "degC")
 REGISTERED = present("registered", 44, 1)
 MOVING = present("moving", 46, 1)
-LOCK = ram("lock", 47, 1, 0, 0, 1)  # 1 closes the EEPROM until the power is cut
+LOCK = ram("lock", 47, 1, 0, 0, 1)  # 1 locks the EEPROM until the power is cut
 PUNCH = ram("punch", 48, 2, 32, 0, 1023)
 
 TABLE_AX = ControlTable(
@@ -205,7 +205,7 @@ TABLE_X = ControlTable(
         as_signed(ram("goal_pwm", 100, 2, 885, -885, 885, "0.113 %")),
         as_signed(ram("goal_velocity", 104, 4, 0, -1023, 1023, "0.229 rpm")),
         ram("profile_acceleration", 108, 4, 0, 0, 32_767, "214.577 rev/min²"),
-        ram("profile_velocity", 112, 4, 0, 0, 32_767, "0.229 rpm"),  # 0: as fast as it can
+        ram("profile_velocity", 112, 4, 0, 0, 32_767, "0.229 rpm"),  # 0: full speed
         as_signed(ram("goal_position", 116, 4, 0, *_TURNS, "ticks")),
         present("realtime_tick", 120, 2, "ms"),
         present("moving", 122, 1),

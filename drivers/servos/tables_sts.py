@@ -37,7 +37,8 @@ TABLE_STS = ControlTable(
         eeprom("ccw_dead_zone", 27, 1, 1, 0, 32, "ticks"),
         eeprom("protection_current", 28, 2, 500, 0, 2047, "6.5 mA"),
         eeprom("angular_resolution", 30, 1, 1, 1, 128),
-        as_signed(eeprom("position_offset", 31, 2, 0, -2047, 2047, "ticks"), Coding.SIGN_11),  # taken off what it sees
+        # Subtracted from the raw position.
+        as_signed(eeprom("position_offset", 31, 2, 0, -2047, 2047, "ticks"), Coding.SIGN_11),
         eeprom("mode", 33, 1, 0, 0, 3),  # 0 position, 1 speed, 2 PWM, 3 steps
         eeprom("protective_torque", 34, 1, 20, 0, 254, "%"),
         eeprom("protection_time", 35, 1, 200, 0, 254, "10 ms"),
@@ -45,13 +46,13 @@ TABLE_STS = ControlTable(
         eeprom("velocity_p_gain", 37, 1, 10, 0, 254),
         eeprom("overcurrent_time", 38, 1, 200, 0, 254, "10 ms"),
         eeprom("velocity_i_gain", 39, 1, 10, 0, 254),
-        ram("torque_enable", 40, 1, 0, 0, 1),  # 128 would make where it stands its middle, for good: never sent
+        ram("torque_enable", 40, 1, 0, 0, 1),  # 128 would make its position its middle, permanently: never sent
         ram("goal_acceleration", 41, 1, 0, 0, 254, "8.79 deg/s²"),  # 0: no ramp
         as_signed(ram("goal_position", 42, 2, 0, -32_767, 32_767, "ticks"), _SIGN_15),
         ram("goal_time", 44, 2, 0, 0, 1000),  # 0: the speed counts
-        as_signed(ram("goal_speed", 46, 2, 0, -32_767, 32_767, "0.087891 deg/s"), _SIGN_15),  # 0: as fast as it can
+        as_signed(ram("goal_speed", 46, 2, 0, -32_767, 32_767, "0.087891 deg/s"), _SIGN_15),  # 0: full speed
         ram("torque_limit", 48, 2, 1000, 0, 1000, "0.1 %"),
-        ram("lock", 55, 1, 1, 0, 1),  # 1: what is written to the EEPROM holds until the power is cut
+        ram("lock", 55, 1, 1, 0, 1),  # 1: EEPROM writes last until the power is cut
         present("present_position", 56, 2, "ticks", _SIGN_15),
         present("present_speed", 58, 2, "0.087891 deg/s", _SIGN_15),
         present("present_load", 60, 2, "0.1 %", Coding.SIGN_10),

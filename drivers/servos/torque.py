@@ -211,7 +211,7 @@ def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, sti
     """Hold or relax a joint at ``position`` (ticks) or at its current position; try again after a miss."""
     joint.lacks_confirmation = not joint.is_answering
     if stiff and not joint.is_driven:
-        return False  # nobody knows where it is, or where it would go: stiffening it could make it jump
+        return False  # its position and goal are unknown: torque could make it jump
     for _ in range(2 if joint.is_answering else 1):
         try:
             joint.lacks_confirmation = True
@@ -263,7 +263,7 @@ def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> lis
         except NotConnected:
             raise
         except DriverError:
-            continue  # the watch tells of silent servos, and of one that shuts down again
+            continue  # the monitor reports silent servos, and a repeated shutdown
         joint.is_shut_down, joint.torque_request = False, True
         recovered.append(joint)
     return recovered
@@ -274,6 +274,6 @@ def _rearm(bus: ServoBus, joint: Joint, *, now: float) -> None:
     table = joint.model.table
     if joint.address.protocol == "STS":
         set_torque(bus, joint, on=False)  # else it stays in its overload
-    stiffen(bus, joint, now=now)  # still without force: the goal must not lie elsewhere when the force returns
+    stiffen(bus, joint, now=now)  # still without torque: the goal must be its position when the torque returns
     bus.write(joint.address, table[table.torque_limit], joint.torque_ticks)
     bus.write(joint.address, table["torque_enable"], 1)

@@ -70,7 +70,7 @@ class ServoTransport:
         self._codecs = codecs_for(framing)
         self._parsers = {protocol: codec.parser() for protocol, codec in self._codecs.items()}
         self._late_replies = LateReplies()
-        self._recent_requests: deque[Packet] = deque(maxlen=4)  # what an echo may repeat
+        self._recent_requests: deque[Packet] = deque(maxlen=4)  # an echo may repeat one of them
         self._statistics: defaultdict[int, ServoStatistics] = defaultdict(ServoStatistics)
         self._faults: dict[int, ServoFault] = {}
         self._busy_time = 0.0
@@ -184,7 +184,7 @@ class ServoTransport:
                 sent = self._clock.now()
                 line.send(frame)
                 self._recent_requests.append(request)
-                # Only now: who was held up before the request had left would take the reply for late.
+                # Only now: after a delay before sending, an earlier time would make the reply seem late.
                 leaving = max(self._clock.now(), self._busy_until) + len(frame) * 10 / self._baud
                 if not expected:
                     self._add_busy_time(sent, leaving)
@@ -261,7 +261,7 @@ class ServoTransport:
                 tally.corrupt += 1
             else:
                 tally.misses += 1
-            self._late_replies.add(servo, want, now)  # what came damaged was perhaps not the reply
+            self._late_replies.add(servo, want, now)  # damaged bytes may not have been the reply
 
     def _add_busy_time(self, begin: float, end: float) -> None:
         """Add ``begin`` to ``end`` to the busy time, without counting an overlap twice."""

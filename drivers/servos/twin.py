@@ -34,7 +34,7 @@ from drivers.sim.context import SimContext
 from drivers.sim.plug import SimulatedPlug
 from drivers.sim.servo import FRICTION_TORQUE, Shaft
 
-# One simulated servo of an arm: a shaft that turns, stiff, limp or shut down, in the angles of its joint.
+# One simulated servo of an arm: a turning shaft, stiff, limp or shut down, in angles of its joint.
 
 VOLTAGE = 12.0
 """Measured voltage."""
@@ -58,15 +58,15 @@ class ServoTwin:
     def __init__(self, name: str, spec: JointSpec) -> None:
         self.joint = Joint(name, spec, MODELS[spec.model], undriven_reason="")
         self._shaft = Shaft(0.0, 0.0, 0.0)
-        self._resting_state: JointState | None = None  # what it feels for as long as it stands still
+        self._resting_state: JointState | None = None  # its state while it stands still
         self.fault = ""
-        self._frozen_position: float | None = None  # where a frozen sensor says that it is
+        self._frozen_position: float | None = None  # reading of a frozen sensor
 
     def move_to(self, goal: float, speed: float, now: float) -> None:
         """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
         if joint.torque and goal == joint.goal and speed == joint.speed:
-            return  # it is on its way already
+            return  # already on its way
         joint.goal, joint.torque, joint.speed, self._resting_state = goal, True, speed, None
         shaft.advance(now)
         shaft.goal = joint.angle(joint.ticks(goal))
@@ -287,7 +287,7 @@ class JointsTwin(ServoJoints):
             self._stop_blocked_joints(self._clock.now())
             self._changed()
 
-    # --- the hand of whoever tests a mission --------------------------------------------------------------------------
+    # --- for tests of missions --------------------------------------------------------------------------
 
     def true_angle(self, joint: str, now: float) -> float:
         """Return the true angle of ``joint`` at time ``now``, in radians."""
@@ -415,7 +415,7 @@ class JointsTwin(ServoJoints):
             self._following.release([joint.name])
             joint.torque_request = self.always_stiff or not joint.progress.runs_away
             if self.always_stiff and joint.progress.runs_away:
-                continue  # a further goal would drive it as wrong as the one before
+                continue  # another goal would drive it the wrong way, too
             servo = self._servos[joint.name]
             servo.hold(now) if joint.torque_request else servo.relax(now)
             self._read_at = -inf
@@ -452,7 +452,7 @@ class JointsTwin(ServoJoints):
         return unheard_by
 
 
-# The twin of a head of Dynamixel servos: the real driver's steps, over the twins of the servos.
+# The twin of a head of Dynamixel servos: the real driver's steps, with simulated servos.
 
 
 class NeckTwin(JointsHead[JointsTwin]):
@@ -476,7 +476,7 @@ class NeckTwin(JointsHead[JointsTwin]):
 
 def make(keys: DynamixelKeys, stage: SimContext) -> JointsTwin:
     """Return the simulated arm; in a scene with physics, its servos carry the robot's body."""
-    if stage.scene is not None and stage.part_name == "arm":  # of which the body is made
+    if stage.scene is not None and stage.part_name == "arm":  # the scene's body consists of the arm's joints
         from drivers.servos.rigid_twin import RigidJoints  # noqa: PLC0415 - it extends ``JointsTwin``, and is rare
 
         return RigidJoints(

@@ -25,7 +25,7 @@ Framing = Literal["own", "sdk"]
 _RATE_TOLERANCE = 0.03
 """Relative difference of two baud rates that still communicate."""
 
-# Protocol 1.0: 2 000 000 / (code + 1), called by the usual rate where one is meant; beyond 2 M for the MX alone.
+# Protocol 1.0: 2 000 000 / (code + 1), named by the nearest usual rate; above 2 M for the MX only.
 _NOMINAL_RATES = {16: 115_200, 34: 57_600, 103: 19_200, 207: 9600}
 _MX_RATES = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
 _PROTOCOL_1 = {code: round(2_000_000 / (code + 1)) for code in range(255)} | _NOMINAL_RATES | _MX_RATES

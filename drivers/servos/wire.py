@@ -60,8 +60,8 @@ class ServoFault(IntFlag):
     ACCESS = 512  # a register that cannot be written, or not while the torque is on
     FAILED = 1024  # the request could not be carried out
     LENGTH = 2048  # too few bytes for the register
-    LIMIT = 4096  # beyond a limit that is set in the servo
-    ALERT = 8192  # register 70, hardware_error_status, says what is the matter
+    LIMIT = 4096  # beyond a limit set in the servo
+    ALERT = 8192  # see register 70, hardware_error_status
     # STS alone:
     CURRENT = 16384
 
@@ -115,7 +115,7 @@ def checksum(body: bytes) -> int:
     return ~sum(body) & 0xFF
 
 
-@lru_cache(maxsize=512)  # an arm asks the same in every round
+@lru_cache(maxsize=512)  # an arm sends the same requests in every round
 def request(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
     """Return a request to ``servo`` (0..253, or BROADCAST). Raises ValueError if it does not fit a packet."""
     return _frame(servo, instruction, parameters)

@@ -24,8 +24,8 @@ ALERT = 0x80
 MAX_PARAMETERS = 1000
 """Maximum parameters of our packets, in bytes before stuffing: no control table is longer."""
 
-_OVERHEAD = len(HEADER) + 3  # the bytes that LEN does not count
-_MAX_LEN = (MAX_PARAMETERS + 2) * 4 // 3 + 3  # the largest LEN, when as much as can be is stuffed
+_OVERHEAD = len(HEADER) + 3  # the bytes not counted by LEN
+_MAX_LEN = (MAX_PARAMETERS + 2) * 4 // 3 + 3  # the largest LEN, with maximum stuffing
 
 _FORBIDDEN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
@@ -54,9 +54,9 @@ class Protocol2Error(IntEnum):
     FAILED = 1
     INSTRUCTION = 2
     CRC = 3
-    RANGE = 4  # beyond what the register takes
+    RANGE = 4  # beyond the register's range
     LENGTH = 5
-    LIMIT = 6  # beyond a limit that is set in the servo
+    LIMIT = 6  # beyond a limit set in the servo
     ACCESS = 7
 
 
@@ -123,7 +123,7 @@ def unstuff(body: bytes) -> bytes:
     return body.replace(_STUFFED, _FORBIDDEN)
 
 
-@lru_cache(maxsize=512)  # an arm asks the same in every round
+@lru_cache(maxsize=512)  # an arm sends the same requests in every round
 def request(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
     """Return a request to ``servo`` (0..252, or BROADCAST). Raises ValueError if it does not fit a packet."""
     return _frame(servo, instruction, parameters)

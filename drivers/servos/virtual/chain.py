@@ -77,11 +77,11 @@ class VirtualServoBus:
         self._rates = self._servo_rates()
         self._host_baud: int | None = None
         self._tuned_stacks: list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]] | None = (
-            None  # the ears that are in tune
+            None  # parsers and servos at the host's baud rate
         )
         self._received_at = self._free_at = 0.0
         self._codes_changed_at: float | None = None
-        self._pending: list[tuple[float, int, bytes]] = []  # when due, a number that keeps the order, the bytes
+        self._pending: list[tuple[float, int, bytes]] = []  # due time, sequence number, bytes
         self._numbers = count()
 
     @property
@@ -127,7 +127,7 @@ class VirtualServoBus:
 
         A new baud rate applies once the reply to its write was sent.
         """
-        if not self._pending:  # else it would hold up what is due
+        if not self._pending:  # else the due reply would be delayed
             for servo in self.servos:
                 servo.catch_up(now)
         self._change_rates(now)
@@ -211,7 +211,7 @@ def make(keys: DynamixelKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG0
     bus = VirtualServoBus(chain, keys.baud)
 
     def state(_: float) -> object:
-        # One servo a joint, whatever ID somebody has given it by now.
+        # One servo per joint, in order: IDs may have been changed.
         return {name: servo.angle for name, servo in zip(keys.joints, bus.servos, strict=True)}
 
     return VirtualDevice(bus, "servos", state=state)

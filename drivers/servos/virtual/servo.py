@@ -12,9 +12,9 @@ from drivers.servos.wire import ServoFault, encode_sts_faults
 from drivers.servos.wire2 import decode_hardware_error
 from drivers.sim.servo import FRICTION_TORQUE, Shaft
 
-# The motor of a virtual servo, and the shaft that it turns as the control table asks.
+# The motor and the shaft of a virtual servo, controlled by its control table.
 #
-# Towards a goal it turns at the set speed, at most at the motor's own; a burden above the torque limit stalls it.
+# It turns towards its goal at the set speed, at most at the motor's; a load above the torque limit stalls it.
 # Gains, compliance and acceleration are stored as in the real one, but do not shape the movement.
 
 BLOCKED_LOAD = 2.0
@@ -115,9 +115,8 @@ class VirtualMotor:
         if self._model.protocol == "STS" and settings.mode is ServoMode.JOINT:
             lowest, highest = settings.limits
             seen = shaft.position / self._model.tick + self._model.centre_tick + settings.offset
-            goal = (
-                min(max(goal, lowest), highest) + floor((seen + 0.5) / STEPS_PER_TURN) * STEPS_PER_TURN
-            )  # in the turn that it is in
+            turn = floor((seen + 0.5) / STEPS_PER_TURN)  # its current turn
+            goal = min(max(goal, lowest), highest) + turn * STEPS_PER_TURN
         goal -= settings.offset
         shaft.goal, shaft.speed = settings.direction * self._model.angle(goal), speed
         shaft.advance(now)
@@ -384,7 +383,7 @@ class VirtualServo(VirtualTable):
         elif self.model.protocol == "STS":
             self.faults = found
             self._motor.is_disabled = bool(found) and bool(encode_sts_faults(found) & settings.shutdown)
-            return  # its torque stays switched on: force returns with the end of the fault
+            return  # its torque stays enabled: it returns with the end of the fault
         else:
             self.faults = found
             shut = bool(found) and bool(found & settings.shutdown)

@@ -11,7 +11,7 @@ from drivers.servos.register import Coding, Register
 from drivers.servos.units import baud_of
 from drivers.servos.wire import ServoFault
 
-# The registers in which a servo tells its state, filled from what a virtual one feels.
+# The state registers of a servo, filled from the state of the virtual servo.
 
 _NO_CURRENT: Mapping[int, int] = MappingProxyType({56: 512, 68: 2048})
 """Current readings of protocol 1.0 without current, by address."""
@@ -178,9 +178,8 @@ def _sts_mode(mode: int, limits: tuple[int, int]) -> ServoMode:
 def _protocol1_mode(model: ServoModel, limits: tuple[int, int]) -> ServoMode:
     """Return the mode of protocol 1.0 from its limits."""
     if limits == (0, 0):
-        return (
-            ServoMode.SPEED if "position_p_gain" in model.table else ServoMode.POWER
-        )  # AX, RX and EX control no speed
+        # AX, RX and EX have no speed control.
+        return ServoMode.SPEED if "position_p_gain" in model.table else ServoMode.POWER
     return (
         ServoMode.MULTI_TURN
         if limits == (model.last_tick, model.last_tick) and "multi_turn_offset" in model.table
@@ -188,11 +187,11 @@ def _protocol1_mode(model: ServoModel, limits: tuple[int, int]) -> ServoMode:
     )
 
 
-# The control table of a virtual servo: what it holds, and what may be written to it from outside.
+# The control table of a virtual servo, and the checks of writes to it.
 #
-# Where the e-Manual is silent a write is carried out whole or not at all.
+# Where the e-Manual says nothing, a write is done completely or not at all.
 
-# Values that the servo itself bounds by others, beyond the bounds of the registers.
+# Registers that the servo limits by other registers, besides their own bounds.
 _CEILINGS: Mapping[str, str] = MappingProxyType(
     {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
 )
@@ -225,11 +224,11 @@ class VirtualTable:
         self.model = MODELS[model]
         self.table = bytearray(self.model.table.size)
         self._rows = self.model.table.registers
-        self._spans: dict[tuple[int, int], TableSpan] = {}  # what was looked up before
+        self._spans: dict[tuple[int, int], TableSpan] = {}  # cache
         self._id_at = self._rows["id"].address
         self._volatile = min(register.address for register in self._rows.values() if not register.eeprom)
-        self._saved_eeprom = bytearray(self._volatile)  # what survives a power cut
-        self._decoded: tuple[bytes, EepromSettings] | None = None  # the EEPROM, and what it says
+        self._saved_eeprom = bytearray(self._volatile)  # kept without power
+        self._decoded: tuple[bytes, EepromSettings] | None = None  # the EEPROM's bytes, and their values
         for register in self._rows.values():
             self.set(register, self.model.default(register))
 
@@ -303,7 +302,7 @@ class VirtualTable:
             return ServoFault.RANGE if old else ServoFault.LENGTH
         if not span.is_mapped or not all(row.writable and self._is_unlocked(row) for row in span.rows):
             return ServoFault.RANGE if old else ServoFault.ACCESS
-        if not span.is_aligned:  # the rest of its registers stays as it is
+        if not span.is_aligned:  # its other registers are unchanged
             first, last = span.rows[0].address, span.rows[-1].end
             data = bytes(self.table[first:address]) + data + bytes(self.table[address + len(data) : last])
             address = first
@@ -321,7 +320,7 @@ class VirtualTable:
         if not row.lower <= value <= row.upper or (row.name == "operating_mode" and not self._supports_mode(value)):
             return ServoFault.RANGE
         if row.name.startswith("goal_") and self.has("bus_watchdog") and self.get("bus_watchdog") < 0:
-            return ServoFault.RANGE  # once the watchdog has fired, until 0 is written to it
+            return ServoFault.RANGE  # goals are locked after the watchdog fired, until 0 is written to it
         if row.name == "lock" and value < self.get(row):
             return ServoFault.RANGE  # only cutting the power unlocks it
         if row.name == self.model.table.goal and self.settings.mode is ServoMode.JOINT:

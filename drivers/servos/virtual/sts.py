@@ -29,7 +29,7 @@ def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) ->
     for servo in servos:
         if packet.id in (servo.number, BROADCAST):
             servo.advance(now)
-            number = servo.number  # it answers by the ID that it was asked by
+            number = servo.number  # it answers with the ID of the request
             data = _execute(servo, packet)
             heard = packet.code == Protocol2Instruction.PING or packet.id != BROADCAST
             if data is not None and heard and (packet.code in _ALWAYS_ANSWERED or servo.get("response_level")):

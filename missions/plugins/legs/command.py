@@ -32,7 +32,7 @@ from missions.library.moves.load import load_move
 from missions.plugins.pictures.movie import CODECS, Movie, check_output
 from missions.plugins.pictures.png import PLOTS_MISSING
 
-# Gaits out of files and into files: gait files, and spreadsheets of the angles of both legs in radians.
+# Gaits from and to files: gait files, and spreadsheets of the angles of both legs in radians.
 
 MAX_SOLE_TILT = 0.01
 """Maximum tilt of a sole in a spreadsheet, in radians: gaits have level soles."""

@@ -17,7 +17,7 @@ from drivers.legs.kinematics import centre_of_mass, forward_kinematics
 from drivers.sim.rigid.stick_drawing import Stroke, draw_stick_figure
 from missions.plugins.pictures.moves_plot import FORMATS, GOAL_COLOUR, LIMIT_COLOUR, MEASURED_COLOUR, save_figure
 
-# A gait as pictures of a figure of lines, from its right and from the front, over two cycles on a treadmill.
+# A gait as a stick figure, from the right and from the front, over two cycles on a treadmill.
 
 FRAME_RATE = 25.0
 """Frames per second."""

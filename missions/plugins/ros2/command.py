@@ -77,7 +77,7 @@ def _print_line(text: str) -> None:
 
 
 def _wait(seconds: float) -> None:
-    Event().wait(seconds)  # of a command that only looks
+    Event().wait(seconds)  # in a read-only command
 
 
 @command.command(epilog="Example: mission ros2 topics --all")
@@ -238,7 +238,7 @@ def _require_secure_router(robot: str, router: str | None) -> None:
 
     config = load_robot(find_file("robots", robot))
     if "ros2" not in config.sections:
-        return  # which is told by who looks for its nodes
+        return  # reported by the search for its nodes
     access = zenoh_access(config.sections["ros2"].keys, router or "")
     certified = bool(access.ca and ((access.certificate and access.private_key) or access.user))
     for endpoint in (*access.endpoints, *access.listen):

@@ -34,7 +34,7 @@ class MissionServer:
         self._options, self._is_known = list(options), is_known
         self._lock = Lock()
         self._running: subprocess.Popen[str] | None = None
-        self._goal: ActionGoal | None = None  # whose run that is
+        self._goal: ActionGoal | None = None  # the goal of that run
         self._threads: list[Thread] = []
         self._closing = False
         ActionServer(node, ACTION_NAME, RUN_MISSION, self._begin, self._cancel)
@@ -79,7 +79,7 @@ class MissionServer:
                 text=True,
                 errors="replace",
                 pass_fds=(reading,),
-                start_new_session=True,  # a Ctrl-C is for the server, which tells the run
+                start_new_session=True,  # Ctrl-C goes to the server, which stops the run
             )
         except (OSError, ValueError):
             os.close(writing)
@@ -90,7 +90,7 @@ class MissionServer:
 
     def _cancel(self, goal: ActionGoal) -> None:
         with self._lock:
-            running = self._running if self._goal is goal else None  # its own may have ended, and another have begun
+            running = self._running if self._goal is goal else None  # another run may have begun since
         _stop(running)
 
     def _watch(self, goal: ActionGoal, running: "subprocess.Popen[str]", leash: int) -> None:
@@ -99,7 +99,7 @@ class MissionServer:
                 try:
                     out, last = _relay_output(goal, running)
                 finally:
-                    os.close(leash)  # whatever went wrong here, the run ends
+                    os.close(leash)  # after any error, end the run
         finally:
             with self._lock:
                 self._running = self._goal = None

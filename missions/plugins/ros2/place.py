@@ -133,7 +133,7 @@ def _current_pose(config: RobotConfig, robot: str, router: str | None) -> FrameP
         for _ in range(round(POSE_TIMEOUT / 0.1)):
             if (found := frames.body_pose()) is not None:
                 return found
-            Event().wait(0.1)  # of a command that only looks
+            Event().wait(0.1)  # a read-only command
     what = f"{config.name} has no pose on /tf: {frames.missing_frame} is missing"
     what += f"; malformed: {frames.fault}" if frames.fault else ""
     raise NotConnected(what, hint="give --at")
@@ -173,7 +173,7 @@ class FrameTree:
     def _pose_on_map(self, frame: str) -> FramePose | None:
         place, known = (0.0, 0.0, 0.0), dict(self._above)
         while frame in known:
-            frame, at = known.pop(frame)  # each once: they may go round
+            frame, at = known.pop(frame)  # each frame once: they may form a loop
             place = compose(at, place)
         return place if frame == "map" else None
 

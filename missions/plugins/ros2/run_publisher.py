@@ -94,7 +94,7 @@ class RunPublisher:
 
     def _run(self) -> None:
         self._graph.open()
-        self._connected.wait(CONNECT_TIMEOUT)  # what comes first is told, too
+        self._connected.wait(CONNECT_TIMEOUT)  # so that the first events are published, too
         while not (self._end_requested and self._queue.empty()):
             self._publish_next(self._node())
         if (node := self._node()) is not None:
