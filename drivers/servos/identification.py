@@ -283,8 +283,9 @@ class _UniqueIdTest:
                 hint=UNPLUG_HINT.format(at.id),
             )
         if self._missed_count > self._read_count / 3:
+            answered = self._read_count - self._missed_count
             raise NoReply(
-                f"{bus.name}: servo {at.id} answers {self._read_count - self._missed_count} of {self._read_count} reads "
-                f"on {bus.port} at {bus.baud} baud: not enough to write to it",
+                f"{bus.name}: servo {at.id} answers {answered} of {self._read_count} reads on "
+                f"{bus.port} at {bus.baud} baud: not enough to write to it",
                 hint="check its cable and its power",
             )

@@ -225,9 +225,9 @@ def test_the_same_servo_with_the_firmware_of_the_other_protocol_is_recognised(ma
     specs = {"a": spec(1, "MX-28"), "b": spec(2, "XL430-W250")}
     arm = make(specs, servos=mixed_chain("MX-28(2.0)", "AX-12A"))
     arm.joints.open()
-    alone = "a (servo 1) answers in protocol 2.0 alone, as model 30, not as MX-28: write model: MX-28(2.0)"
+    alone = "a (servo 1) answers only in protocol 2.0, as model 30, not as MX-28: write model: MX-28(2.0)"
     arm.until(lambda: alone in arm.joints.health().detail)
-    arm.until(lambda: "b (servo 2) answers in protocol 1.0 alone, as model 12" in arm.joints.health().detail)
+    arm.until(lambda: "b (servo 2) answers only in protocol 1.0, as model 12" in arm.joints.health().detail)
     assert not arm.joints.health().online
 
 

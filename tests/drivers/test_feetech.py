@@ -297,7 +297,7 @@ def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> 
         ("phase", 8, "has other units of speed or turns (phase 8, not 12)"),
         ("phase", 28, "has other units of speed or turns (phase 28, not 12)"),
         ("response_level", 0, "does not acknowledge writes"),
-        ("position_offset", 5, "has position offset 5, its calibration says 7: it was calibrated anew"),
+        ("position_offset", 5, "has position offset 5, its calibration says 7: it was recalibrated"),
     ],
 )
 def test_one_that_is_set_up_otherwise_is_not_driven(register: str, value: int, words: str) -> None:

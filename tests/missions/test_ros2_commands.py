@@ -121,7 +121,7 @@ def test_a_capture_holds_tokens_and_messages_and_no_name_of_a_session(mission: M
 def test_places_are_kept_by_name_and_driven_to(mission: Mission) -> None:
     refused = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast")
     assert refused.code == 1
-    assert "there is no place 'kitchen': there are none yet" in refused.out
+    assert "unknown place 'kitchen'; places: none" in refused.out
     assert mission("ros2", "place", "add", "kitchen", "--at", "0.5 m, 0.4 m, 90 deg").code == 0
     assert mission("ros2", "place", "list").out == 'places:\n  "kitchen": {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n'
     assert mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast").code == 0
@@ -142,7 +142,7 @@ def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
     told = mission("ros2", "topics", "--robot", "turtlebot2")
     assert (told.code, "has no ros2 section" in told.err) == (2, True)
     told = mission("simulate", "--ros2", "tcp/127.0.0.1:1", "--robot", "turtlebot2")
-    assert (told.code, "is no robot of ROS 2" in told.err) == (2, True)
+    assert (told.code, "is not a ROS 2 robot" in told.err) == (2, True)
 
 
 def test_a_pose_on_the_map_is_put_together_of_two_frames() -> None:

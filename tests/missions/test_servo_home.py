@@ -277,8 +277,8 @@ def test_an_older_file_in_the_robot_file_gives_way_to_the_one_that_fits(
     ("content", "words"),
     [
         (None, "name the file as `ls` shows it"),
-        ("{}", "names no motors"),
-        ('{"elbow": {"id": 1}}', "take the file anew"),
+        ("{}", "no motors"),
+        ('{"elbow": {"id": 1}}', "lacks 'homing_offset'"),
         (
             '{"homing_offset": [0], "drive_mode": [0], "start_pos": [0], "end_pos": [1], "motor_names": ["elbow"]}',
             "from before June 2025",
