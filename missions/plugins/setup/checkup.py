@@ -44,13 +44,13 @@ def check_installation() -> Iterator[Finding]:
     extra_packages = extras()
     yield Finding("program", f"MissionTree {version(DISTRIBUTION)}, Python {platform.python_version()}")
     if missing := missing_distributions(extra_packages.pop("", ())):
-        cure = f"pip install {' '.join(missing)}"
-        yield failure("packages", f"{', '.join(missing)}: required by MissionTree, but not installed", cure)
+        fix = f"pip install {' '.join(missing)}"
+        yield failure("packages", f"{', '.join(missing)}: required by MissionTree, but not installed", fix)
     there = {extra: not missing_distributions(names) for extra, names in extra_packages.items()}
     installed = ", ".join(extra for extra, whole in there.items() if whole) or "none"
     rest = ", ".join(extra for extra, whole in there.items() if not whole)
-    cure = f"pip install 'missiontree[{rest.split(', ')[0]}]'  (and others that you need)" if rest else ""
-    yield Finding("extras", f"{installed}" + (f"; not installed: {rest}" if rest else ""), fix=cure)
+    fix = f"pip install 'missiontree[{rest.split(', ')[0]}]'  (and others that you need)" if rest else ""
+    yield Finding("extras", f"{installed}" + (f"; not installed: {rest}" if rest else ""), fix=fix)
 
 
 PROBE_EXTRA_TIMEOUT = 0.02
@@ -103,8 +103,8 @@ def check_robot(
             robot = f"{robot_name} --port {port_names[part]}" if part in ports else robot_name
             for finding in findings:
                 which = f" --arm {part}" if part in config.extra_parts and " servo " in finding.fix else ""
-                cure = finding.fix.replace("--robot ROBOT", f"--robot {robot}{which}").replace("ROBOT", robot_name)
-                yield PartFinding(part, replace(finding, fix=cure.replace("PORT", port_names[part])))
+                fix = finding.fix.replace("--robot ROBOT", f"--robot {robot}{which}").replace("ROBOT", robot_name)
+                yield PartFinding(part, replace(finding, fix=fix.replace("PORT", port_names[part])))
 
 
 def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator[Finding]:
@@ -144,8 +144,8 @@ def _check_device(
     elif wired and leads_to_debug_connector(port_name, machine.root):
         yield failure("port", f"{port_name}: {DEBUG_CONNECTOR_PROBLEM}", PINS_HINT)
     elif wired and _may_reset(section, port) and not resets:
-        cure = "mission doctor --move --robot ROBOT  (hands off the robot)"
-        yield Finding("port", f"{port.title}: not probed, because that resets it, and it may move", fix=cure)
+        fix = "mission doctor --move --robot ROBOT  (hands off the robot)"
+        yield Finding("port", f"{port.title}: not probed, because that resets it, and it may move", fix=fix)
     elif section.driver.checkup:
         where = str(machine.local_path(port.path)) if wired else ""
         virtual = str(Path(where).resolve()).startswith(VIRTUAL_PORT_PREFIX)

@@ -104,12 +104,12 @@ class StateSampler:
                     )
         yield from self._arm_messages(tick_record.t, joints)
 
-    def _track_command(self, t: float, part: str, what: str, arguments: tuple[object, ...], value: object) -> None:
+    def _track_command(self, t: float, part: str, name: str, arguments: tuple[object, ...], value: object) -> None:
         """Store the setpoint of a command."""
-        match part, what, value:
+        match part, name, value:
             case "base", "drive", Velocity():
-                asked = arguments[0]
-                self._requested = asked if isinstance(asked, Velocity) else value
+                argument = arguments[0]
+                self._requested = argument if isinstance(argument, Velocity) else value
                 self._applied, self._driven_at = value, t
             case "base", "stop" | "latch" | "rest", _:
                 self._requested = self._applied = ZERO_VELOCITY

@@ -109,7 +109,7 @@ def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
     if robot is not None:
         config = load_robot(find_file("robots", robot))
         return config, Finding("robot", f"{config.name}: {', '.join(config.sections)}")
-    cure = "mission robot use NAME, or: mission robot use --none"
+    fix = "mission robot use NAME, or: mission robot use --none"
     try:
         mine = load_defaults().robot
         if not mine:
@@ -117,7 +117,7 @@ def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
         config = load_robot(find_file("robots", OWN_ROBOT))
     except (UnknownNameError, InvalidFileError) as error:
         message = f"this computer's own robot, set in {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"
-        return None, failure("robot", message, cure)
+        return None, failure("robot", message, fix)
     called = config.name if config.name == mine else f"{config.name} ({mine})"
     message = f"{called}, this computer's own, set in {config_folder() / DEFAULTS_FILE}: {', '.join(config.sections)}"
     return config, Finding("robot", message)

@@ -309,8 +309,8 @@ def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterato
     encoders = encoder_fault(truth, counted)
     name = "encoders" if trial.counted else "odometry"
     if encoders:
-        cure = "the plugs and the wires of the encoders" if trial.counted else "the node of its odometry"
-        yield failure(name, encoders, f"check {cure}")
+        fix = "the plugs and the wires of the encoders" if trial.counted else "the node of its odometry"
+        yield failure(name, encoders, f"check {fix}")
     else:
         yield Finding(name, "agree with the motion of the wheels")
     yield from _gyro_findings(trial, truth, encoders_right=not encoders)
@@ -346,8 +346,8 @@ def _motor_findings(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> It
     if (turn, ahead) == (SeenMotion.LEFT, SeenMotion.AHEAD):
         yield Finding("motors", "turn as commanded")
     elif turn is ahead is SeenMotion.NONE:
-        cure = "is its E-stop pressed, or a motor switch off? check the motors' supply"
-        yield failure("motors", f"it did not move{stopped}", cure)
+        fix = "is its E-stop pressed, or a motor switch off? check the motors' supply"
+        yield failure("motors", f"it did not move{stopped}", fix)
     elif fault := _MOTORS.get((turn, ahead)):
         yield failure("motors", f"{fault[0]}{stopped}", fault[1])
     else:

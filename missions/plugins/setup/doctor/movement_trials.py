@@ -129,8 +129,8 @@ def try_movements(
     for part, section in config.sections.items():
         for trial in movement_trials(part, section):
             if part in faulty_parts:
-                cure = "fix the fault first"
-                yield PartFinding(part, warning(trial.about, "not tried, because of its fault", cure))
+                fix = "fix the fault first"
+                yield PartFinding(part, warning(trial.about, "not tried, because of its fault", fix))
             elif not ask(f"{part}: {trial.description}. Continue?"):
                 yield PartFinding(part, Finding(trial.about, "not tried"))
             elif part == "head" and config.camera is not None and "camera" not in faulty_parts:
@@ -155,20 +155,20 @@ def movement_trials(part: str, section: Section) -> Iterator[MovementTrial]:
         poses = ((0, 0), (8, 0), (0, 0), (0, -8), (0, 0))
         steps = tuple(f"look: {{pan: {pan} deg, tilt: {tilt} deg{of}}}" for pan, tilt in poses)
         does = "it looks straight ahead, a little to its left, and a little up"
-        cure = "in the robot file, reverse the axis that went wrong; if it is askew: mission head trim --robot ROBOT"
-        cure = cure.replace("ROBOT", f"ROBOT{which}")
-        yield MovementTrial("looking", does, steps, "Did it look ahead, then to its left, then up?", cure)
+        fix = "in the robot file, reverse the axis that went wrong; if it is askew: mission head trim --robot ROBOT"
+        fix = fix.replace("ROBOT", f"ROBOT{which}")
+        yield MovementTrial("looking", does, steps, "Did it look ahead, then to its left, then up?", fix)
     elif kind == "arm" and isinstance(section.keys, ArmKeys):
-        cure = "mission servo scan --robot ROBOT  (do two joints have one ID?)"
-        cure = cure.replace("ROBOT", f"ROBOT{which}")
+        fix = "mission servo scan --robot ROBOT  (do two joints have one ID?)"
+        fix = fix.replace("ROBOT", f"ROBOT{which}")
         for joint in section.keys.limits:
             does = f"{joint} goes 4 degrees to one side, and back; the {part} is switched on"
             yield MovementTrial(
-                joint, does, (f"nudge: {{joint: {joint}{of}}}",), f"Did {joint} move, and nothing else?", cure
+                joint, does, (f"nudge: {{joint: {joint}{of}}}",), f"Did {joint} move, and nothing else?", fix
             )
     elif kind == "voice":
-        cure = "speaker-test -t wav -c 1 -l 1  (do you hear that? else: alsamixer)"
-        yield MovementTrial("speaking", "it says a few words", ("say: one, two, three",), "Did you hear it?", cure)
+        fix = "speaker-test -t wav -c 1 -l 1  (do you hear that? else: alsamixer)"
+        yield MovementTrial("speaking", "it says a few words", ("say: one, two, three",), "Did you hear it?", fix)
 
 
 def _run_trial(
@@ -217,8 +217,8 @@ def _try_head(
     if ask(trial.question):
         yield Finding(trial.about, "done, and confirmed")
     else:
-        cure = trial.fix.replace("ROBOT", str(request.robot))
-        yield failure(trial.about, "the motion did not match the command", cure)
+        fix = trial.fix.replace("ROBOT", str(request.robot))
+        yield failure(trial.about, "the motion did not match the command", fix)
 
 
 def _ask_motion(ask: Ask, question: str, expected: SeenMotion) -> SeenMotion:
@@ -244,10 +244,10 @@ _MOTION_TEXTS = {
 
 def _try_part(trial: MovementTrial, config: RobotConfig, request: RunRequest, ask: Ask) -> Finding:
     """Run a trial, and return its finding."""
-    cure = trial.fix.replace("ROBOT", str(request.robot))
+    fix = trial.fix.replace("ROBOT", str(request.robot))
     result, _ = _run_trial(trial, config, request)
     if result.result != "success":
         return failure(trial.about, result.reason, f"fix that, then: mission doctor --move --robot {request.robot}")
     if not ask(trial.question):
-        return failure(trial.about, "the motion did not match the command", cure)
+        return failure(trial.about, "the motion did not match the command", fix)
     return Finding(trial.about, "done, and confirmed")

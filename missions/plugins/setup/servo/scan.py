@@ -85,8 +85,8 @@ def scan(
     for servo in found:
         if servo.answers_ping_only:
             baud = "" if servo.baud == wanted else f" --baud {servo.baud}"
-            cure = f"mission servo set {servo.address.id} status_return_level 2{target.options}{baud}"
-            troubles.append(f"servo {servo.address.id} replies to a ping, but not to a read\n  try: {cure}")
+            fix = f"mission servo set {servo.address.id} status_return_level 2{target.options}{baud}"
+            troubles.append(f"servo {servo.address.id} replies to a ping, but not to a read\n  try: {fix}")
     for trouble in troubles:
         click.echo(trouble, err=True)
     return FAILURE if troubles else SUCCESS
@@ -168,12 +168,12 @@ def find_differences(
             troubles.append(f"{joint.title} does not reply\n  try: check its cable, and those before it")
         for servo in servos:
             if servo.baud != baud:
-                cure = f"mission servo set {servo.address.id} baud {baud} --baud {servo.baud} --port PORT"
-                troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
+                fix = f"mission servo set {servo.address.id} baud {baud} --baud {servo.baud} --port PORT"
+                troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {fix}")
             elif servo.model is not joint.model and not servo.answers_ping_only:
-                cure = "connect it alone, and scan again" if servo.model is None else servo.model.robot_file_hint
+                fix = "connect it alone, and scan again" if servo.model is None else servo.model.robot_file_hint
                 models = f"{_model_text(servo)}, the robot file says {joint.model.name}"
-                troubles.append(f"{joint.title} has another model: {models}\n  try: {cure}")
+                troubles.append(f"{joint.title} has another model: {models}\n  try: {fix}")
     return troubles
 
 
