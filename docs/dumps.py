@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
+from textwrap import wrap
 
 import cv2
 import numpy as np
@@ -104,13 +105,24 @@ def look_alike(one: bytes, other: bytes) -> bool:
     return bool(off.mean() < 1.0 and (off.max(axis=2) > 32).mean() < 0.001)
 
 
+def wrap_paragraph(text: str, *, bullet: str = "") -> str:
+    """Return a paragraph of Markdown with lines of at most 100 characters; a list stays as it is."""
+    if text.startswith(("- ", "    ")):
+        return text
+    indent = " " * len(bullet)
+    lines = wrap(
+        text, 100, initial_indent=bullet, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
+    return "\n".join(lines)
+
+
 def gallery() -> str:
     """Return the gallery in Markdown: each mission's picture, and links to its other forms, if any."""
     return "\n\n".join(_entry(name) for name in shipped_missions())
 
 
 def _entry(name: str) -> str:
-    entry = f"## {name}\n\n{drawing(name).summary}\n\n![The tree of {name}](gallery/{file_of(name, '.svg').name})"
+    entry = f"## {name}\n\n{wrap_paragraph(drawing(name).summary)}\n\n![The tree of {name}](gallery/{file_of(name, '.svg').name})"
     if name not in IN_EVERY_FORM:
         return entry
     links = (f"[{label}](gallery/{file_of(name, suffix).name})" for suffix, label in LINKED.items())

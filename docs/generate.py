@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import inf
 from pathlib import Path
-from textwrap import wrap
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
@@ -87,8 +86,8 @@ def words() -> str:
     """Return the functions of expressions and the types of params, one line each."""
     return "\n".join(
         [
-            f"- Functions: {', '.join(map(markdown_code, FUNCTIONS))}.",
-            f"- Types of params: {', '.join(map(markdown_code, PARAM_TYPES))}.",
+            dumps.wrap_paragraph(f"Functions: {', '.join(map(markdown_code, FUNCTIONS))}.", bullet="- "),
+            dumps.wrap_paragraph(f"Types of params: {', '.join(map(markdown_code, PARAM_TYPES))}.", bullet="- "),
         ]
     )
 
@@ -105,7 +104,7 @@ def entry(leaf: type[Leaf]) -> str:
     facts += [f"Uses {', '.join(sorted(leaf.optional_parts))} if the robot has them."] if leaf.optional_parts else []
     facts += [f"`as` stores {leaf.output_doc}."] if leaf.output_doc else []
     texts = (summary(leaf), *details(leaf).split("\n\n"), " ".join(facts))
-    parts = [f"## {leaf.tag}", *map(wrap_paragraph, texts)]
+    parts = [f"## {leaf.tag}", *map(dumps.wrap_paragraph, texts)]
     rows = [
         (
             markdown_code(each.name) + (" (may stand alone)" if each.principal else ""),
@@ -123,13 +122,6 @@ def entry(leaf: type[Leaf]) -> str:
     )  # no such file: not checked
     parts.append(f"```{language}\n{leaf.example}\n```")
     return "\n\n".join(part for part in parts if part)
-
-
-def wrap_paragraph(text: str) -> str:
-    """Return a paragraph of Markdown with lines of at most 100 characters; a list stays as it is."""
-    if text.startswith(("- ", "    ")):
-        return text
-    return "\n".join(wrap(text, 100, break_long_words=False, break_on_hyphens=False))
 
 
 def robot_keys() -> str:
