@@ -45,7 +45,7 @@ def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Brows
         with studio() as served:
             page = Page(browser, served, view="#run")
             page.wait_for("The robot knows no people yet")
-            for name, said in (("1", "'1' cannot be a name"), ("Ana", "Ana: 6 pictures kept")):
+            for name, said in (("1", "'1' cannot be a name"), ("Ana", "Ana: 6 pictures saved")):
                 page.tab.evaluate("document.querySelector('.people input').value = ''")
                 page.tab.find("textbox", "Name").focus()
                 page.tab.type(name)
@@ -73,7 +73,7 @@ def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
         page.tab.type("Ana")
         page.press("Add with this browser's camera")
         page.wait_for("Take a step back")
-        page.wait_for("pictures kept")
+        page.wait_for("pictures saved")
         page.wait_for("The robot knows Ana.")
         assert page.tab.evaluate("document.querySelectorAll('video').length") == 0
         # A page that is no secure context is given no camera, and says so.

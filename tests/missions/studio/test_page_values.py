@@ -60,7 +60,7 @@ FIGURES = {
     ("battery", 80.4): "battery 80 %",
     ("hottest", 41.0): "hottest 41 °C",
     ("joints", 6): "6 joints",
-    ("requested_linear", 1e9): "wanted linear 1000000000 m/s",
+    ("requested_linear", 1e9): "requested linear 1000000000 m/s",
     ("tremble", 0.000123): "tremble 0.00012",
     ("face", "happy"): "face happy",
 }
