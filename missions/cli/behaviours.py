@@ -56,9 +56,9 @@ def is_word(name: str, files: Sequence[Path]) -> bool:
 
 def word_help() -> Mapping[str, str]:
     """Return the help of each word of the language that is not a leaf."""
-    beside = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
+    modifier_texts = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
-    return {word: kind.help for word, kind in BRANCHES.items()} | beside | modifiers
+    return {word: kind.help for word, kind in BRANCHES.items()} | modifier_texts | modifiers
 
 
 def _list(leaves: Mapping[str, type[Leaf]]) -> None:

@@ -36,16 +36,16 @@ def command(
     found: list[Diagnostic] = []
     hints: list[Diagnostic] = []
     for name in [file for each in names for file in mission_files_in(each)] or list(shipped_missions()):
-        said, faults, advice = _check_file(name, params, robots, leaves, files)
+        summary, faults, advice = _check_file(name, params, robots, leaves, files)
         found += faults
         hints += advice
         if not as_json:
-            click.echo(said, err=bool(faults))
+            click.echo(summary, err=bool(faults))
             for hint in advice:
                 click.echo(f"hint: {hint}", err=True)
     if as_json:
-        told = [_as_dict(fault, "error") for fault in found] + [_as_dict(hint, "hint") for hint in hints]
-        click.echo(json.dumps(told, indent=2, ensure_ascii=False))
+        entries = [_as_dict(fault, "error") for fault in found] + [_as_dict(hint, "hint") for hint in hints]
+        click.echo(json.dumps(entries, indent=2, ensure_ascii=False))
     elif found:
         click.echo(f"{len(found)} error{'s' if len(found) > 1 else ''}", err=True)
     return 2 if found else 0
@@ -74,13 +74,13 @@ def _check_file(
     count = sum(1 for _ in plan.tree.walk())
     other = "" if able == robots[0] else f", for robot '{able.stem}'"
     robot = load_target(able)
-    said = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
+    summary = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
     hints = [
         *actions_as_guards(plan.tree),
         *remembered_guards(plan.tree),
         *impossible_alternatives(plan.tree, robot, LOOKUPS),
     ]
-    return said, [], [*hints, *confusions(plan.tree, robot)]
+    return summary, [], [*hints, *confusions(plan.tree, robot)]
 
 
 def _as_dict(fault: Diagnostic, severity: str) -> dict[str, object]:

@@ -114,8 +114,8 @@ class SharingCommand(FullHelpCommand):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return all parameters, including the shared options and the help option."""
-        *own, helping = super().get_params(ctx)
-        return [*own, *self.shared, helping]
+        *params, helping = super().get_params(ctx)
+        return [*params, *self.shared, helping]
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options of the command, and the names of the shared options."""
@@ -157,8 +157,8 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return a subcommand; None if the name is unknown."""
-        if own := super().get_command(ctx, cmd_name):
-            return own
+        if own_command := super().get_command(ctx, cmd_name):
+            return own_command
         name = " ".join((*self.path, cmd_name))
         if entry := COMMANDS.get(name):
             module, _, attribute = entry.path.partition(":")
@@ -179,8 +179,8 @@ class LazyGroup(click.Group):
         """Return the subcommand; for an unknown one, fail with a suggestion."""
         word = args[0]
         if not word.startswith("-") and self.get_command(ctx, word) is None:
-            meant = current_name([*self.path, *args]) or f"mission {self.suggestion(ctx, word)}"
-            ctx.fail(f"no such command: '{word}'\n  try: {meant}")
+            suggestion = current_name([*self.path, *args]) or f"mission {self.suggestion(ctx, word)}"
+            ctx.fail(f"no such command: '{word}'\n  try: {suggestion}")
         return super().resolve_command(ctx, args)
 
     def suggestion(self, ctx: click.Context, word: str) -> str:
@@ -204,9 +204,9 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands for ``--help`` without importing them."""
         del ctx
-        own = [(name, each.get_short_help_str(formatter.width)) for name, each in self.commands.items()]
+        rows = [(name, each.get_short_help_str(formatter.width)) for name, each in self.commands.items()]
         with formatter.section("Commands"):
-            formatter.write_dl([*own, *((name, each.help) for name, each in self.lazy_commands.items())])
+            formatter.write_dl([*rows, *((name, each.help) for name, each in self.lazy_commands.items())])
 
 
 class MissionGroup(LazyGroup):

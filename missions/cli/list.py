@@ -79,8 +79,8 @@ def _user_entries(kind: str) -> Iterator[tuple[str, str]]:
             yield name, f"{_SUMMARIES[kind](path)}{able} ({path})"
         except InvalidFileError as error:
             yield name, f"has {len(error.diagnostics)} errors ({path})"
-    for told in unreadable_folders(kind):
-        click.echo(f"mission: {told}", err=True)
+    for message in unreadable_folders(kind):
+        click.echo(f"mission: {message}", err=True)
 
 
 def _gestures() -> Iterator[tuple[str, str]]:

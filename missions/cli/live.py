@@ -132,8 +132,8 @@ class RunDisplay:
     def _show_preparing(self) -> None:
         """Show the connected parts of the robot until the first tick."""
         if not self._ready:
-            there = f": {', '.join(self._online_parts)}" if self._online_parts else ""
-            self._lines.show(f"  getting ready{there}")
+            online = f": {', '.join(self._online_parts)}" if self._online_parts else ""
+            self._lines.show(f"  getting ready{online}")
 
     def _tick(self, time: float) -> None:
         if not self._ready and time > READY_NOTICE_DELAY:

@@ -69,17 +69,17 @@ class ParamsType(click.ParamType[str]):
         from missions.library.shipped import find_mission  # noqa: PLC0415
 
         # An option without its value ends click's parsing: the arguments are left over.
-        given = [ctx.params.get("name"), ctx.params.get("mission"), *(ctx.params.get("names") or ()), *ctx.args]
-        mission = next(filter(None, given), "")
+        words = [ctx.params.get("name"), ctx.params.get("mission"), *(ctx.params.get("names") or ()), *ctx.args]
+        mission = next(filter(None, words), "")
         with suppress(InvalidFileError, UnknownNameError):
             params = declared_params(find_mission(mission), LEAVES, LOOKUPS)
-            name, equals, begun = incomplete.partition("=")
+            name, equals, typed = incomplete.partition("=")
             if not equals:
                 found = [each for each in params.values() if each.name.startswith(name)]
                 return [CompletionItem(f"{each.name}=", help=each.help or each.kind) for each in found]
             if name in params:
                 values = self._values(params[name].kind, params[name].type.choices, ctx)
-                return [CompletionItem(f"{name}={value}") for value in values if value.startswith(begun)]
+                return [CompletionItem(f"{name}={value}") for value in values if value.startswith(typed)]
         return []
 
     def _values(self, kind: str, choices: Sequence[str], ctx: click.Context) -> Iterable[str]:

@@ -64,12 +64,12 @@ def add_options(*declarations: type | Option) -> Callable[[Any], Any]:
     """Return a decorator that adds options, or all options of dataclasses, to the function of a command."""
 
     def add(function: Any) -> Any:
-        made = [
+        options = [
             DeclaredOption(option)
             for each in declarations
             for option in ((each,) if isinstance(each, Option) else options_of(each))
         ]
-        function.__click_params__ = [*made[::-1], *getattr(function, "__click_params__", [])]
+        function.__click_params__ = [*options[::-1], *getattr(function, "__click_params__", [])]
         return function
 
     return add
@@ -122,19 +122,19 @@ class DeclaredCommand(FullHelpCommand, MissionCommand):
         """Write the options by group; less common ones only with ``--help-all``."""
         every = FullHelpCommand.__name__ in ctx.meta
         groups: dict[str, list[tuple[str, str]]] = {"Options": []}
-        left = 0
+        width = 0
         for each in self.get_params(ctx):
-            told = each.get_help_record(ctx)
-            if told is None or isinstance(each, click.Argument):
+            record = each.get_help_record(ctx)
+            if record is None or isinstance(each, click.Argument):
                 continue
             declared = each.declaration if isinstance(each, DeclaredOption) else None
             if declared is None or declared.newcomer or every:
-                groups.setdefault(declared.group if declared is not None else "", []).append(told)
+                groups.setdefault(declared.group if declared is not None else "", []).append(record)
             else:
-                left += 1
+                width += 1
         groups["Options"] = groups.pop("", []) + groups["Options"]
-        if left:
-            groups["Options"].append(("--help-all", f"Show {left} more options."))
+        if width:
+            groups["Options"].append(("--help-all", f"Show {width} more options."))
         for title, rows in groups.items():
             if rows:
                 with formatter.section(title):

@@ -66,10 +66,10 @@ class MissionCommand(click.Command):
                 takes = options[word].make_metavar(ctx)
                 ctx.fail(f"{word} needs a value\n  try: {word} {takes}")
         ctx.allow_extra_args = True
-        left = super().parse_args(ctx, list(args))
-        if left and not ctx.resilient_parsing:
-            ctx.fail(self.unexpected_message(left, args))
-        return left
+        remaining = super().parse_args(ctx, list(args))
+        if remaining and not ctx.resilient_parsing:
+            ctx.fail(self.unexpected_message(remaining, args))
+        return remaining
 
     def unexpected_message(self, words: list[str], args: list[str]) -> str:
         """Return the error for ``words``, which are not arguments of the command."""

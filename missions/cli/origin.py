@@ -29,9 +29,9 @@ def chosen_robot(robot: str | None) -> str | None:
     """
     from config.defaults import load_defaults  # noqa: PLC0415 - most commands name their robot
 
-    if robot is None and (own := load_defaults().robot):
-        take_default(own)
-        return own
+    if robot is None and (default_robot := load_defaults().robot):
+        take_default(default_robot)
+        return default_robot
     if robot is None:
         robot_file(None)
     return robot
@@ -52,5 +52,5 @@ def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
 def origin_note(text: str) -> str:
     """Return the origin of the robot if ``text`` is about a robot that the user did not name; empty otherwise."""
     robot, note = _origin.get()
-    told = note in text or "mission robot use --none" in text
-    return note if robot and (robot in text or "robot" in text) and not told else ""
+    is_printed = note in text or "mission robot use --none" in text
+    return note if robot and (robot in text or "robot" in text) and not is_printed else ""

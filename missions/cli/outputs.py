@@ -113,8 +113,8 @@ def _write_error_message(path: Path, error: OSError) -> str:
     folder = shlex.quote(str(path.parent))
     in_the_way = next((each for each in path.parents if os.path.lexists(each)), path.parent)
     if error.errno in (EEXIST, ENOTDIR) and not os.path.isdir(in_the_way):  # noqa: PTH112 - Path raises without permission
-        told = f"{path}: there is no folder {path.parent}: {in_the_way} is in the way"
-        return f"{told}\n  try: ls -l {shlex.quote(str(in_the_way))}"
+        message = f"{path}: there is no folder {path.parent}: {in_the_way} is in the way"
+        return f"{message}\n  try: ls -l {shlex.quote(str(in_the_way))}"
     if error.errno in (ENOENT, ENOTDIR) and not os.path.isdir(path.parent):  # noqa: PTH112 - Path raises at no permission
         return f"{path}: there is no folder {path.parent}\n  try: mkdir -p {folder}"
     folder = shlex.quote(str(in_the_way))  # it exists

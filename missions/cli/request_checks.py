@@ -22,13 +22,13 @@ def check_people(request: RunRequest, plan: Plan) -> None:
     Names in variables are unknown yet. A simulated robot knows the people of its world. If it knows no person, a
     message is printed and no error raised, so that an empty house can be simulated.
     """
-    wanted = list(dict.fromkeys(_person_names(plan.tree)))
-    if not wanted:
+    names_in_mission = list(dict.fromkeys(_person_names(plan.tree)))
+    if not names_in_mission:
         return
     world = request.world_file() if request.simulation is not None and request.camera is None else None
     known = _known_people(request) if world is None else [person.name for person in world.people if person.known]
     same = {name.casefold() for name in known}
-    unknown = [name for name in wanted if name.casefold() not in same]
+    unknown = [name for name in names_in_mission if name.casefold() not in same]
     names = " or ".join(f"'{name}'" for name in unknown)
     if world is not None and not known:
         click.echo(f"no known person in world '{world.name}': the robot will not find {names}", err=True)

@@ -35,10 +35,10 @@ class OutOfMemoryError(Exception):
 
 def memory_error(error: BaseException) -> str:
     """Return the message of an out-of-memory error among ``error`` and its causes; empty if there is none."""
-    seen: list[BaseException] = []
+    visited: list[BaseException] = []
     at: BaseException | None = error
-    while at is not None and at not in seen:
-        seen.append(at)
+    while at is not None and at not in visited:
+        visited.append(at)
         if isinstance(at, MemoryError) or (isinstance(at, OSError) and at.errno == errno.ENOMEM):
             return str(at) or "no memory is left"
         for line in _message_of(at).splitlines():
@@ -71,8 +71,8 @@ def warn_of_memory_limit() -> None:
     """Warn of a low memory limit; C libraries may end the process without a message when they reach it."""
     allowed = memory_limit()
     if allowed is not None and allowed < MIN_MEMORY_BYTES:
-        said = f"mission: memory is limited to {allowed / 1e6:.0f} MB, so this may run out of memory"
-        click.echo(f"{said}\n  try: {memory_advice(allowed)}", err=True)
+        message = f"mission: memory is limited to {allowed / 1e6:.0f} MB, so this may run out of memory"
+        click.echo(f"{message}\n  try: {memory_advice(allowed)}", err=True)
 
 
 def memory_advice(limit: int | None) -> str:

@@ -58,18 +58,18 @@ class OutputOptions(RunOptions):
 
 def _options_of_plugins() -> Iterator[tuple[Plugin, type[RunOptions]]]:
     """Yield the plug-ins with their options for runs; print why unusable ones are skipped."""
-    taken = {each.flag for cls in (RunRequest, OutputOptions) for each in options_of(cls)}
+    used_flags = {each.flag for cls in (RunRequest, OutputOptions) for each in options_of(cls)}
     for plugin in plugins():
         if plugin.run_options:
             try:
                 options = load(plugin, plugin.run_options)
                 flags = _flags_of(plugin, options)
-                if clash := sorted(flags & taken):
+                if clash := sorted(flags & used_flags):
                     raise BrokenPluginError(f"the plug-in '{plugin.name}' adds {clash[0]}, which exists already")
             except BrokenPluginError as error:
                 click.echo(f"mission: {error}", err=True)
             else:
-                taken |= flags
+                used_flags |= flags
                 yield plugin, options
 
 
@@ -132,8 +132,8 @@ def with_defaults(request: RunRequest) -> RunRequest:
     if robot == OWN_ROBOT:
         robot_file(OWN_ROBOT)
         robot = defaults.robot  # records need a name that stays valid if the default changes
-    elif robot is None and (own := chosen_robot(None)):
-        robot, simulate = own, simulate or "wire"
+    elif robot is None and (default_robot := chosen_robot(None)):
+        robot, simulate = default_robot, simulate or "wire"
     if world is None and defaults.world and (robot is None or simulate is not None):
         world = defaults.world
     until = request.until

@@ -30,16 +30,16 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
     """
     if end and (release or resume):
         raise click.UsageError("--end cannot be combined with --release or --resume")
-    asked: Sequence[Mapping[str, object]] = [{"do": "stop"}, *([{"do": "halt"}] if end else [])]
+    commands: Sequence[Mapping[str, object]] = [{"do": "stop"}, *([{"do": "halt"}] if end else [])]
     if release or resume:
-        asked = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]
+        commands = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]
     by = f"mission stop (process {os.getpid()})"
-    said = send_to_all([] if only_list else asked, by, which)
-    fine = all(good for good, _ in said.values())
+    results = send_to_all([] if only_list else commands, by, which)
+    fine = all(good for good, _ in results.values())
     try:
-        for key, (_, words) in sorted(said.items(), key=lambda each: each[1][1]):
+        for key, (_, words) in sorted(results.items(), key=lambda each: each[1][1]):
             click.echo(words, err=isinstance(key, str))
-        if not said:
+        if not results:
             click.echo(NO_RUNS)
     except BrokenPipeError:  # the exit code has the same result
         sys.stdout = None

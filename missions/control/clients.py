@@ -107,10 +107,10 @@ class ClientQueue:
             state, self._pending_state = self._pending_state, None
             return self._encode(state)
         if self._events or self._lost_events:
-            told = EventsMessage(run=self._run, events=list(self._events), lost=self._lost_events)
+            message = EventsMessage(run=self._run, events=list(self._events), lost=self._lost_events)
             self._events.clear()
             self._lost_events = 0
-            return encode_message(told) + b"\n"
+            return encode_message(message) + b"\n"
         if self._picture is not None:
             line, self._picture = self._picture, None
             return line
@@ -223,14 +223,14 @@ class Broadcaster:
         """Set the subscription of a client, and send it the scene."""
         self._scene = self._scene or scene_of(self._runner)
         self.send_state()
-        told = {
+        status = {
             **self._scene,
             **self._scene_extras,
             **self._feed.history.as_dict(),
             "state": self._feed.state,
             "log": list(self._feed.log),
         }
-        client.start_watch(command, encode_message(SceneMessage(run=self._name, **told)) + b"\n")  # type: ignore[arg-type]
+        client.start_watch(command, encode_message(SceneMessage(run=self._name, **status)) + b"\n")  # type: ignore[arg-type]
         self.update_watches()
 
     def update_watches(self) -> None:

@@ -163,25 +163,25 @@ class CommandBroadcast:
 
     def _request_over(self, process: FoundProcess, link: RunConnection) -> None:
         """Send the commands over a connection, if the run is wanted. Raises OSError if it does not reply."""
-        told = link.run_info
-        if not told and not self.is_stop:
+        run_info = link.run_info
+        if not run_info and not self.is_stop:
             raise TimeoutError("it does not answer")
-        if told and not self._claim_run(process, link):
+        if run_info and not self._claim_run(process, link):
             return
         try:
             words = [self._execute(process, link, command) for command in self.commands]
         except BaseException:
             self._claimed_runs.discard(_run_key(link))  # it may be reachable by another address
             raise
-        name = process.description if process.holder is not None or not told else _description_of(link)
+        name = process.description if process.holder is not None or not run_info else _description_of(link)
         self.outcomes[process] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
         self.replied_runs.add(process.run)
 
     def _claim_run(self, process: FoundProcess, link: RunConnection) -> bool:
         """Return whether the run is wanted, and no other thread handles it already."""
-        told = link.run_info
-        names = {process.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
-        if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(told):
+        run_info = link.run_info
+        names = {process.run, str(run_info.get("run")), str(link.process), str(run_info.get("mission"))}
+        if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(run_info):
             return False
         self.matched_names |= names.intersection(self.wanted_names)
         known = _run_key(link)
@@ -208,8 +208,11 @@ class CommandBroadcast:
             self.results[process] = result
         parts = ", ".join(result.get("parts", ()))
         if missing := ", ".join(result.get("missing", ())):
-            told = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
-            return False, f"{told}\n  try: mission stop --end {link.process or process.run}, or the robot's own switch"
+            message = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
+            return (
+                False,
+                f"{message}\n  try: mission stop --end {link.process or process.run}, or the robot's own switch",
+            )
         words = {
             "stop": f"stopped ({parts or 'no actuators'})",
             "halt": "is being ended",
@@ -304,7 +307,7 @@ def _run_key(link: RunConnection) -> object:
 
 def _description_of(link: RunConnection) -> str:
     """Return the description of a run from its first message."""
-    told = link.run_info
-    mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
-    process = link.process or told.get("pid", 0)  # the kernel reports no number for a process in another container
-    return RobotHolder(process, mission, robot, simulated, run=str(told.get("run", ""))).description
+    run_info = link.run_info
+    mission, robot, simulated = (str(run_info.get(name, "")) for name in ("mission", "robot", "simulated"))
+    process = link.process or run_info.get("pid", 0)  # the kernel reports no number for a process in another container
+    return RobotHolder(process, mission, robot, simulated, run=str(run_info.get("run", ""))).description

@@ -179,8 +179,8 @@ class CommandHandler:
             case InjectFaultCommand():
                 self._fault_injector().inject(command.what)
             case ListFaultsCommand():
-                told: Mapping[str, object] = self._fault_injector().examples_answer()
-                return told
+                answer: Mapping[str, object] = self._fault_injector().examples_answer()
+                return answer
             case ListTuningCommand():
                 return self._tuning.as_dict()
             case TuneCommand():
@@ -253,10 +253,10 @@ class CommandHandler:
 
     def _tune(self, command: TuneCommand) -> Mapping[str, object]:
         """Change a value of the robot, and log the change in the record of the run."""
-        told = self._tuning.tune(command.name, command.value)
-        text = f"{command.by or UNKNOWN_USER} has tuned {describe_tuning(told)}"
+        outcome = self._tuning.tune(command.name, command.value)
+        text = f"{command.by or UNKNOWN_USER} has tuned {describe_tuning(outcome)}"
         self._stream.emit(Logged(self._executive.time(), "info", text))
-        return told
+        return outcome
 
     def kill_if_overdue(self, now: float) -> None:
         """Send SIGTERM to a run that did not end in time.

@@ -49,9 +49,9 @@ def write_stamp() -> None:
     Raises OSError if it cannot be written to any folder.
     """
     text = json.dumps({"boot": current_namespace()[0], "ticks": _uptime()})
-    done = call_all_with_timeout({place.folder: partial(_write_stamp, place, text) for place in run_folders()})
-    errors = [each for each in done.values() if each is not None]
-    if len(errors) == len(done):
+    results = call_all_with_timeout({place.folder: partial(_write_stamp, place, text) for place in run_folders()})
+    errors = [each for each in results.values() if each is not None]
+    if len(errors) == len(results):
         raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR is set")
 
 
@@ -78,23 +78,23 @@ def was_stopped_since(process: ProcessIdentity) -> bool:
 
 def _write_stamp(place: RunFolder, text: str) -> None:
     folder = place.prepare() if place.is_own else place.folder
-    begun = folder / f"{STAMP_FILE}.{secrets.token_hex(8)}"  # one studio may write two stops at the same time
-    number = os.open(begun, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
+    temporary = folder / f"{STAMP_FILE}.{secrets.token_hex(8)}"  # one studio may write two stops at the same time
+    number = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
     try:
         with os.fdopen(number, "w", encoding="utf-8") as file:
             file.write(text)
-        begun.replace(folder / STAMP_FILE)
+        temporary.replace(folder / STAMP_FILE)
     except BaseException:
         with suppress(OSError):
-            begun.unlink()
+            temporary.unlink()
         raise
 
 
 def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
     """Return boot id and clock tick of the stamp in a folder; the tick is None if there is no stamp."""
     try:
-        told = parse_object(read_regular_text(place.folder / STAMP_FILE))
-        return str(told["boot"]), int(told["ticks"])
+        values = parse_object(read_regular_text(place.folder / STAMP_FILE))
+        return str(values["boot"]), int(values["ticks"])
     except (OSError, ValueError, KeyError, TypeError, OverflowError):
         # A command needs a folder that it can read for its own note.
         return "", None
@@ -217,18 +217,18 @@ class RunNotes:
     def _write(self, place: RunFolder, path: Path) -> IO[str]:
         """Create a locked note atomically; an unlocked note belongs to a killed process."""
         place.prepare()
-        begun = path.with_suffix(".noting")
-        number = os.open(begun, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+        temporary = path.with_suffix(".noting")
+        number = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         file = os.fdopen(number, "w", encoding="utf-8")
         try:
             with suppress(OSError):  # a network disk may not support locks: the start time identifies the process too
                 fcntl.flock(file, fcntl.LOCK_EX)
             file.write(json.dumps(self._content) + "\n")
             file.flush()
-            begun.replace(path)
+            temporary.replace(path)
         except BaseException:
             with suppress(OSError):
-                begun.unlink()
+                temporary.unlink()
             with suppress(OSError):  # the buffered rest does not fit either
                 file.close()
             raise
@@ -238,7 +238,7 @@ class RunNotes:
         if path not in self._files:
             return False
         try:
-            found, own = (
+            found, own_stat = (
                 call_with_timeout(path.parent, path.stat, self._folder_timeout),
                 os.fstat(self._files[path].fileno()),
             )
@@ -246,7 +246,7 @@ class RunNotes:
             return True  # it existed, and nothing can be written there now
         except OSError:
             return False
-        return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
+        return (found.st_dev, found.st_ino) == (own_stat.st_dev, own_stat.st_ino)
 
     def stop_requesters(self) -> list[str]:
         """Return the sources of stop requests: the lines that stops have appended."""

@@ -86,14 +86,16 @@ class Pilot:
         if drive_input is None and not self._is_driving:
             return
         limits = self._base.limits
-        wanted = ZERO_VELOCITY
+        velocity = ZERO_VELOCITY
         if drive_input is None:
             self._base.stop(source=Source.TELEOP)
         else:
-            wanted = Velocity(drive_input.ahead * self.ahead * limits.speed, drive_input.left * self.turn * limits.turn)
+            velocity = Velocity(
+                drive_input.ahead * self.ahead * limits.speed, drive_input.left * self.turn * limits.turn
+            )
         self._is_driving, self._trouble = drive_input is not None, ""
         try:
-            self._base.drive(wanted, source=Source.TELEOP)
+            self._base.drive(velocity, source=Source.TELEOP)
         except NotConnected as error:
             self._trouble = str(error)
         except DriverError:  # latched: the status shows it already
@@ -104,21 +106,21 @@ class Pilot:
         reading, steering = self._base.state(), self._base.steering()
         state = reading.value
         paces = dict.fromkeys(f"{100 * pace:.0f}" for pace in (self.ahead, self.turn))
-        told = [f"{'/'.join(paces)} %"]
+        words = [f"{'/'.join(paces)} %"]
         if state is None or not reading.good:
-            return " | ".join((*told, self._trouble or self._base.health().detail or "no reports"))
-        told.append(f"{state.velocity.linear:+.2f} m/s {degrees(state.velocity.angular):+4.0f} deg/s")
+            return " | ".join((*words, self._trouble or self._base.health().detail or "no reports"))
+        words.append(f"{state.velocity.linear:+.2f} m/s {degrees(state.velocity.angular):+4.0f} deg/s")
         why = f": {steering.reason}" if steering.reason else ""
         if state.reckoned:
-            told.append("dead reckoning")
-        told.append(
+            words.append("dead reckoning")
+        words.append(
             self._base.latched or (RECONNECTED_HINT if self._is_stale else "") or f"{steering.source or 'idle'}{why}"
         )
         touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
-        told += [f"{name} {sides}" for name, sides in touched.items() if sides]
-        told += sorted(state.hazards)
-        told.append(f"battery {state.battery_percent:.0f} %{' charging' if state.charging else ''}")
-        return " | ".join([*told, self._trouble] if self._trouble else told)
+        words += [f"{name} {sides}" for name, sides in touched.items() if sides]
+        words += sorted(state.hazards)
+        words.append(f"battery {state.battery_percent:.0f} %{' charging' if state.charging else ''}")
+        return " | ".join([*words, self._trouble] if self._trouble else words)
 
     @property
     def trouble(self) -> str:

@@ -174,13 +174,13 @@ def search_runs(*, thorough: bool = True) -> SearchResult:
     result = SearchResult()
     holders, files = list[RobotHolder](), list[Path]()
     looked = call_all_with_timeout({place.folder: partial(_read_folder, place) for place in run_folders()})
-    for folder, seen in looked.items():
-        if isinstance(seen, OSError):
-            result.warnings.append(warning_for(f"{folder} cannot be read", seen))
+    for folder, listing in looked.items():
+        if isinstance(listing, OSError):
+            result.warnings.append(warning_for(f"{folder} cannot be read", listing))
             continue
-        holders += seen.holders
-        files += seen.files
-        result.warnings += seen.warnings
+        holders += listing.holders
+        files += listing.files
+        result.warnings += listing.warnings
     result.processes = _merge_processes(holders, files, _listed_names(result.warnings, thorough=thorough))
     return result
 

@@ -119,15 +119,15 @@ def listen(path: Path) -> socket.socket:
     The file is moved to its path once the socket listens. Otherwise a client could be refused for a moment, which means
     that the run has ended. A socket file of a killed process with the same number is replaced.
     """
-    begun = path.with_suffix(".begun")
-    begun.unlink(missing_ok=True)
+    temporary = path.with_suffix(".begun")
+    temporary.unlink(missing_ok=True)
     found = socket.socket(socket.AF_UNIX)
     try:
-        with bindable_address(begun) as where:
+        with bindable_address(temporary) as where:
             found.bind(where)
-        begun.chmod(0o600)
+        temporary.chmod(0o600)
         found.listen(64)
-        begun.replace(path)
+        temporary.replace(path)
     except BaseException:
         found.close()
         raise
@@ -184,8 +184,8 @@ def peer_credentials(connection: socket.socket) -> tuple[int, int]:
 
     The number is 0 for a process in a container that cannot be seen from here.
     """
-    told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    pid, uid, _ = struct.unpack("3i", told)
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    pid, uid, _ = struct.unpack("3i", credentials)
     return int(pid), int(uid)
 
 
@@ -205,13 +205,13 @@ class RunConnection:
     @classmethod
     def open(cls, where: Address) -> Self:
         """Connect, and receive the first message; it is empty if the run hangs or has no room. Raises OSError."""
-        for left in reversed(range(CONNECT_TRIES)):
+        for tries_left in reversed(range(CONNECT_TRIES)):
             connection = connect(where)
             link = cls(connection, *peer_credentials(connection), {})
             try:
                 link.run_info = link.receive()
             except (TimeoutError, ConnectionError) as error:
-                if left == 0 or isinstance(error, TimeoutError):
+                if tries_left == 0 or isinstance(error, TimeoutError):
                     break
                 connection.close()
                 Event().wait(RETRY_INTERVAL)  # a process that is ending has ended by then
@@ -228,9 +228,9 @@ class RunConnection:
         until = clock.now() + REPLY_TIMEOUT
         self.connection.sendall(json.dumps({**command, "id": 1}).encode() + b"\n")
         while clock.now() < until:
-            told = self.receive()
-            if told.get("say") == "answer" and told.get("id") == 1:
-                return told
+            answer = self.receive()
+            if answer.get("say") == "answer" and answer.get("id") == 1:
+                return answer
         raise TimeoutError("it does not answer")
 
     def receive(self) -> Mapping[str, Any]:
@@ -246,9 +246,9 @@ class RunConnection:
     def last_stop(self) -> int:
         """Return the number of the last stop of the run. Raises OSError."""
         self.connection.sendall(b'{"do": "watch"}\n')
-        while (told := self.receive()).get("say") != "scene":
+        while (message := self.receive()).get("say") != "scene":
             pass
-        return int(told["state"]["stops"])
+        return int(message["state"]["stops"])
 
     def close(self) -> None:
         """Close the connection."""

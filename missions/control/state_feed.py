@@ -161,25 +161,25 @@ class StateFeed:
 
     def take_changes(self, more: Mapping[str, object]) -> Json:
         """Return the changes since the last call, together with ``more``, as members of a `state`."""
-        told: Json = {**self._feed.take_changes(), **more}
-        told.pop("log", None)
+        changes: Json = {**self._feed.take_changes(), **more}
+        changes.pop("log", None)
         place = self._pose_state if self._in_tick else self._read_pose_state()
         place = {**place, "visited": self._feed.visited_keys()}
-        told |= {name: value for name, value in place.items() if value != self._state.get(name)}
+        changes |= {name: value for name, value in place.items() if value != self._state.get(name)}
         with self._lock:
             lines = [line.as_dict() for line in self._lines]
             self._lines.clear()
             percept, self._percept = self._percept, None
             commands, self._commands = self._commands, {}
         if percept is not None:
-            told["percept"] = percept.as_dict()
+            changes["percept"] = percept.as_dict()
         if commands:
-            told["commands"] = {to: event.as_dict() for to, event in commands.items()}
-        self._state = merge_states(self._state, told)
+            changes["commands"] = {to: event.as_dict() for to, event in commands.items()}
+        self._state = merge_states(self._state, changes)
         if lines:
-            told["log"] = lines
+            changes["log"] = lines
             self.log.extend(lines)
-        return told
+        return changes
 
     @property
     def state(self) -> Json:
@@ -196,20 +196,20 @@ class StateFeed:
 
     def _read_pose_state(self) -> Json:
         """Return pose, joints and new range scan."""
-        told: Json = {}
+        pose_state: Json = {}
         robot = self._robot
         if robot.base_part is not None and (base := robot.base_part.state().value) is not None:
-            told["pose"] = [round(base.pose.x, 4), round(base.pose.y, 4), round(base.pose.heading, 4)]
+            pose_state["pose"] = [round(base.pose.x, 4), round(base.pose.y, 4), round(base.pose.heading, 4)]
         if joints := {
             name: [round(state.position, 3), round(state.load, 3), state.temperature]
             for name, reading in _joints(robot)
             if (state := reading.value) is not None
         }:
-            told["joints"] = joints
+            pose_state["joints"] = joints
         points = self._new_scan_points(robot)
         if points is not None:
-            told["scan"] = points
-        return told
+            pose_state["scan"] = points
+        return pose_state
 
     def _new_scan_points(self, robot: Robot) -> list[Sequence[float]] | None:
         """Return a new revolution of the range finder as points in the robot frame (m); None if there is none."""

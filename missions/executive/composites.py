@@ -37,17 +37,17 @@ class _ReactiveComposite(Composite):
     def on_running(self) -> Status:
         if not self._is_retired():
             return RUNNING
-        behind = self._running  # the running child, until the loop reaches it
+        running = self._running  # the running child, until the loop reaches it
         status = self.passes
         for child in self.members:
             self.current_child = child
-            if child is behind:
-                behind = None
+            if child is running:
+                running = None
             if child is self._ended:
                 continue
-            status = child.execute_tick() if behind is None else self._tick_before(child, behind)
+            status = child.execute_tick() if running is None else self._tick_before(child, running)
             if child.suspension is not None:
-                return self._suspend_with(child, behind)
+                return self._suspend_with(child, running)
             if status is not self.passes:
                 break
         if self._stood:

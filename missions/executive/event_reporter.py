@@ -113,7 +113,7 @@ def percept_event(view: View, t: float) -> PerceptSeen:
 def _percept_dict(percept: Percept) -> Mapping[str, object]:
     """Return a percept as in events: angles in radians, the box in pixels."""
     box = percept.box
-    told = {
+    values = {
         "id": percept.id,
         "box": [round(value, 1) for value in (box.x, box.y, box.width, box.height)],
         "stamp": percept.stamp,
@@ -125,10 +125,10 @@ def _percept_dict(percept: Percept) -> Mapping[str, object]:
     }
     match percept:
         case Thing():
-            return told | {"name": percept.name, "colour": percept.colour, "shape": percept.shape}
+            return values | {"name": percept.name, "colour": percept.colour, "shape": percept.shape}
         case Marker():
-            return told | {"name": percept.name, "number": percept.number, "heading": round(percept.heading, 4)}
+            return values | {"name": percept.name, "number": percept.number, "heading": round(percept.heading, 4)}
         case Face() if percept.name:
-            return told | {"name": percept.name}
+            return values | {"name": percept.name}
         case _:
-            return told
+            return values

@@ -57,8 +57,8 @@ class VariableChanges:
         if not self._stream.has_listeners:
             return
         time, tick = self._run.clock.now(), self._run.tick
-        for scope, variables, told in self._scopes:
-            for name, value in _take_changes(variables, told):
+        for scope, variables, reported in self._scopes:
+            for name, value in _take_changes(variables, reported):
                 dimension = value.dimension if isinstance(value, Quantity) else None
                 self._stream.emit(VariableSet(time, tick, scope, name, value, dimension))
 
@@ -351,8 +351,8 @@ class Executive:
             missed = int((now - due) / self._period)
             self.overruns += missed
             due += (missed + 1) * self._period
-        while self._stop_reason is None and (left := due - self.run.now()) > 0:
-            woken = self.run.wait(min(left, STOP_POLL_INTERVAL))
+        while self._stop_reason is None and (remaining := due - self.run.now()) > 0:
+            woken = self.run.wait(min(remaining, STOP_POLL_INTERVAL))
             self.run.record_heartbeat()
             if woken:
                 break
@@ -368,8 +368,8 @@ class Executive:
         finally:
             self._tick_snapshot.end("tick", late)
         if self.stream.has_listeners:
-            told = late if late > self._period else None
-            self.stream.emit(Ticked(self.time(), self.run.tick, status_word(self.root), told))
+            lateness = late if late > self._period else None
+            self.stream.emit(Ticked(self.time(), self.run.tick, status_word(self.root), lateness))
         self.run.record_heartbeat()
         if self._after_tick is not None:
             self._after_tick()
@@ -441,9 +441,9 @@ class Executive:
     def wait_period(self) -> None:
         """Wait for one tick period, ignoring wakes: for manual ticks in simulated time."""
         due = self.run.now() + self._period
-        while (left := due - self.run.now()) > 0:
+        while (remaining := due - self.run.now()) > 0:
             self._woken.clear()
-            self.run.wait(left)
+            self.run.wait(remaining)
 
     def time(self) -> float:
         """Return the seconds since the start of the run. Thread-safe."""

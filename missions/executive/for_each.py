@@ -172,7 +172,7 @@ class ForEach(Parent, Decorator):
     def _describe_member(self) -> str:
         """Return the member as text, or its number if it is not a plain value."""
         member = self.setting.member(self._place)
-        said = " ".join(format_value(member).split()) if isinstance(member, str | int | float | None) else ""
-        if not said:
+        text = " ".join(format_value(member).split()) if isinstance(member, str | int | float | None) else ""
+        if not text:
             return f"member {self._place + 1}"
-        return said if len(said) <= MAX_SHOWN_LENGTH else f"{said[: MAX_SHOWN_LENGTH - 1]}…"
+        return text if len(text) <= MAX_SHOWN_LENGTH else f"{text[: MAX_SHOWN_LENGTH - 1]}…"

@@ -21,7 +21,7 @@ def main() -> None:
     """Watch until the heartbeat pipe is closed, or kill the run."""
     process, signals, heart = (int(word) for word in sys.argv[1:4])
     seconds, numbers = float(sys.argv[4]), frozenset(map(int, sys.argv[5].split(",")))
-    heard: float | None = None
+    last_signal_at: float | None = None
     with socket.socket(fileno=signals) as letters:
         while True:
             time.sleep(POLL_INTERVAL)
@@ -31,11 +31,11 @@ def main() -> None:
                 if not beaten:
                     return
             with suppress(BlockingIOError):
-                if heard is None and numbers & {*letters.recv(4096, socket.MSG_PEEK)}:
-                    heard = now
-            if heard is not None and beaten:
-                heard = now
-            if heard is not None and now - heard > seconds:
+                if last_signal_at is None and numbers & {*letters.recv(4096, socket.MSG_PEEK)}:
+                    last_signal_at = now
+            if last_signal_at is not None and beaten:
+                last_signal_at = now
+            if last_signal_at is not None and now - last_signal_at > seconds:
                 with suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
                 return

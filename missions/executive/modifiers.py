@@ -107,9 +107,11 @@ class CooldownModifier(Modifier):
     def on_running(self) -> Status:
         now = self.run.now()
         if self._succeeded_at is not None:
-            left = self._succeeded_at + self.setting - now
-            if left > 0:
-                self.feedback_message = f"cooling down for {quantity_text(max(0.1, round(left, 1)), 'duration')} more"
+            remaining = self._succeeded_at + self.setting - now
+            if remaining > 0:
+                self.feedback_message = (
+                    f"cooling down for {quantity_text(max(0.1, round(remaining, 1)), 'duration')} more"
+                )
                 return FAILURE
         return self.tick_child()
 

@@ -49,7 +49,7 @@ class _NumberedUtterances:
 
     def speaking(self) -> int | None:
         now = self.voice.speaking()
-        return next((number for number, said in self.said.items() if said is now), None)
+        return next((number for number, utterance in self.said.items() if utterance is now), None)
 
     def _add(self, utterance: Utterance) -> int:
         self.said = {number: earlier for number, earlier in self.said.items() if not earlier.done()}
@@ -79,8 +79,8 @@ class VoiceProxy(Proxy):
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
         if self._tell is not None:
-            told = {name: value for name, value in asdict(manner).items() if value}
-            self._tell(self.name, self._source, {"say": text, **told, **_priority_dict(priority)})
+            options = {name: value for name, value in asdict(manner).items() if value}
+            self._tell(self.name, self._source, {"say": text, **options, **_priority_dict(priority)})
         return self._utterance_proxy(
             self._memo.command("say", self._device.say, text, *non_default_manner(manner, priority))
         )
@@ -207,8 +207,8 @@ def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) ->
 def robot_for(node: Node, robot: Robot, report: CommandReport) -> Robot:
     """Return the view of ``node``: its commands are passed to ``report`` with its name; ``robot`` has proxies."""
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
-    told = {part: for_leaf(proxy, source, report) for part, kind, proxy in _iter_parts(robot) if command_names(kind)}
-    return _replace_parts(robot, told).with_named_parts(getattr(node, "named_parts", {}))
+    proxies = {part: for_leaf(proxy, source, report) for part, kind, proxy in _iter_parts(robot) if command_names(kind)}
+    return _replace_parts(robot, proxies).with_named_parts(getattr(node, "named_parts", {}))
 
 
 def _iter_parts(robot: Robot) -> Iterator[tuple[str, str, Any]]:

@@ -28,10 +28,10 @@ CommandReport = Callable[[str, str, CommandValues], None]
 def _drive(arguments: tuple[Any, ...], given: Any) -> CommandValues:
     """Return the velocity in force, and the requested one if it differs."""
     velocity = arguments[0]
-    told = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
+    values = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
     if given != velocity:
-        told |= {"requested_linear": round(velocity.linear, 4), "requested_angular": round(velocity.angular, 4)}
-    return told
+        values |= {"requested_linear": round(velocity.linear, 4), "requested_angular": round(velocity.angular, 4)}
+    return values
 
 
 def _stop(_: tuple[Any, ...], __: Any) -> CommandValues:
@@ -158,8 +158,8 @@ def proxy_class(protocol: type) -> type[Any]:
     file = f"<proxy of {protocol.__module__}.{protocol.__qualname__}>"
     linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file
     exec(compile(source, file, "exec"), writer.names)  # noqa: S102 - the source is of our own writing
-    made: type[Any] = writer.names[f"{protocol.__name__}Proxy"]
-    return made
+    generated: type[Any] = writer.names[f"{protocol.__name__}Proxy"]
+    return generated
 
 
 class _ProxySourceWriter:
@@ -178,14 +178,14 @@ class _ProxySourceWriter:
     def lines(self) -> Iterator[str]:
         """Yield the lines of the source."""
         readings = [each.name for each in self._members if each.kind == "reading"]
-        own = [each.name for each in self._members if each.kind == "direct property"]
+        direct = [each.name for each in self._members if each.kind == "direct property"]
         optional = {each.name: each.protocol for each in self._members if each.kind == "capability"}
         yield f"class {self._protocol.__name__}Proxy(Proxy):"
-        yield f"    __slots__ = {(*own, *readings, *optional)!r}"
+        yield f"    __slots__ = {(*direct, *readings, *optional)!r}"
         yield f"    CAPABILITIES = {(*optional,)!r}"
         yield "    def __init__(self, device, memo, permit):"
         yield "        Proxy.__init__(self, device, memo, permit)"
-        for name in own:
+        for name in direct:
             yield f"        self.{name} = device.{name}"
         for name in readings:
             yield f"        self.{name} = partial(memo.__getitem__, {name!r})"
@@ -257,9 +257,9 @@ class _ProxySourceWriter:
                 yield f"    {parameter} = {self._bind_name(f'{member.name}_{parameter}_as_leaf', change)}({parameter})"
         for each in member.parameters:
             if (keep := command.converters.get(each.name)) is not None:
-                kept = f"{self._bind_name(f'{member.name}_{each.name}_kept', keep)}({each.name})"
+                converted = f"{self._bind_name(f'{member.name}_{each.name}_kept', keep)}({each.name})"
                 absent = f"None if {each.name} is None else " if each.default is None else ""
-                yield f"{each.name} = {absent}{kept}"
+                yield f"{each.name} = {absent}{converted}"
 
     def _report_lines(self, member: ProtocolMember, command: CommandMark, arguments: str, result: str) -> Iterator[str]:
         if member.function in REPORTED_VALUES:
@@ -268,8 +268,8 @@ class _ProxySourceWriter:
             )
         else:
             keys = [member.name, *(each.name for each in member.parameters[1:])]
-            told = [_reported_argument(each, command.converters) for each in member.parameters] or ["True"]
-            values = f"{{{', '.join(f'{key!r}: {value}' for key, value in zip(keys, told, strict=True))}}}"
+            reported = [_reported_argument(each, command.converters) for each in member.parameters] or ["True"]
+            values = f"{{{', '.join(f'{key!r}: {value}' for key, value in zip(keys, reported, strict=True))}}}"
         yield "if tell is not None:"
         yield f"    tell(self.name, self._source, {values})"
 
@@ -285,15 +285,17 @@ def _parameter_names(member: ProtocolMember) -> str:
 
 def _call_arguments(member: ProtocolMember) -> str:
     """Return the arguments as the device is called."""
-    named = Parameter.KEYWORD_ONLY
-    return ", ".join(f"{each.name}={each.name}" if each.kind is named else each.name for each in member.parameters)
+    keyword_only = Parameter.KEYWORD_ONLY
+    return ", ".join(
+        f"{each.name}={each.name}" if each.kind is keyword_only else each.name for each in member.parameters
+    )
 
 
 def _reported_argument(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
     """Return an argument as reported by default, as a JSON type; True for None."""
     name, kind = parameter.name, parameter.annotation
     if kept.get(name) is tuple:
-        told = f"list({name})"
+        text = f"list({name})"
     else:
-        told = f"str({name})" if isinstance(kind, type) and issubclass(kind, StrEnum) else name
-    return f"True if {name} is None else {told}" if parameter.default is None else told
+        text = f"str({name})" if isinstance(kind, type) and issubclass(kind, StrEnum) else name
+    return f"True if {name} is None else {text}" if parameter.default is None else text

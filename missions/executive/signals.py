@@ -89,12 +89,12 @@ class SignalHandler:
         if not self._is_entered:
             return []
         # signal.getsignal takes 40 times as long, since it converts each value to an Enum.
-        taken = [number for number in STOP_SIGNALS if _signal.getsignal(number) != self._request]
-        for number in taken:
+        replaced = [number for number in STOP_SIGNALS if _signal.getsignal(number) != self._request]
+        for number in replaced:
             signal.signal(number, self._request)
-        if taken and self.with_socket:
+        if replaced and self.with_socket:
             signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
-        return [number.name for number in taken]
+        return [number.name for number in replaced]
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         del frame

@@ -55,17 +55,17 @@ class StopLatch:
             self.stop_count += 1
             self.reason = f"stopped by {by}"
             self._presses.extend([press] * bool(press))
-        left, told = deque(self._parts), list[str]()
+        remaining, stopped = deque(self._parts), list[str]()
         self.hold(True)  # only sets a flag, so it does not wait for the current tick
         # A blocked leaf may hold a lock that a part needs. So each part has a thread, and each thread stops the parts
         # that remain: usually the first one stops all, without waiting for other threads to start.
         threads: list[Thread] = []
-        while left and len(threads) < len(self._parts):
-            threads.append(Thread(target=self._stop_remaining, args=(left, told), name="stop", daemon=True))
+        while remaining and len(threads) < len(self._parts):
+            threads.append(Thread(target=self._stop_remaining, args=(remaining, stopped), name="stop", daemon=True))
             threads[-1].start()
         for thread in threads:
             thread.join(REPLY_TIMEOUT / len(threads))
-        return [part for part in self._parts if part in told]
+        return [part for part in self._parts if part in stopped]
 
     def release(self, number: int) -> bool:
         """Release the stop of this number if it is the last; return whether it was. The mission stays paused."""

@@ -48,11 +48,11 @@ class Submission(Parent, Decorator):
         (child,) = self.members
         child.reset()
         try:
-            given = {name: value.resolve(self.scope) for name, value in self.params.items()}
+            param_values = {name: value.resolve(self.scope) for name, value in self.params.items()}
         except (ExpressionError, ValueError) as error:
             return f"with: {error}"
         self.inner.clear()
-        self.inner.update(self._initial_variables, **given)
+        self.inner.update(self._initial_variables, **param_values)
         self.run.variables_changed = True
         return ""
 

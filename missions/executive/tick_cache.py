@@ -62,12 +62,12 @@ class TickCache:
     def take_answers(self) -> list[Answer]:
         """End the tick; return its recorded answers in order."""
         self.close()
-        said, self.answers = self.answers, []
-        return said
+        answers, self.answers = self.answers, []
+        return answers
 
     def clear_errors(self, part: str) -> None:
         """Clear the cached errors of a part."""
-        self.errors = {asked: error for asked, error in self.errors.items() if asked[0] != part}
+        self.errors = {key: error for key, error in self.errors.items() if key[0] != part}
 
     def sample(self, only: str = "") -> None:
         """Sample all unread properties of this tick for the record, or only the query ``only`` of each part."""

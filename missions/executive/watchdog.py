@@ -30,8 +30,8 @@ class WatchdogLimits:
     """Time limits in seconds.
 
     A leaf that blocks a tick for ``slow`` is reported. After ``stall`` without a sign of life of the loop, the robot is
-    stopped. A leaf that blocks a tick for ``fail`` fails, even if it returns a success. After ``lost``, or ``react`` after
-    a signal without reaction, the run is abandoned and the process ends.
+    stopped. A leaf that blocks a tick for ``fail`` fails, even if it returns a success. After ``lost``, or ``react``
+    after a signal without reaction, the run is abandoned and the process ends.
     """
 
     slow: float = 0.25

@@ -69,10 +69,12 @@ def read_face(context: CheckContext, node: Scalar, label: str) -> Value:
         context.fault(node.mark, f"{label} needs a face stored by 'as', got the text {quoted_value(node.text)}", hint)
         return INVALID_VALUE
     found = context.read_value(node, label, as_face)
-    kept = context.variable_leaves.get(_variable(found.template))
-    if kept is not None and kept.output_type is not None and not _is_face(kept):
+    source_leaf = context.variable_leaves.get(_variable(found.template))
+    if source_leaf is not None and source_leaf.output_type is not None and not _is_face(source_leaf):
         context.fault(
-            node.mark, f"{label} needs a face stored by 'as', got the result of '{kept.tag}'", _face_hint(context)
+            node.mark,
+            f"{label} needs a face stored by 'as', got the result of '{source_leaf.tag}'",
+            _face_hint(context),
         )
         return INVALID_VALUE
     return found
@@ -138,12 +140,14 @@ def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: N
     declared = leaf.arguments
     values: dict[str, Value] = {}
     if isinstance(node, Mapping):
-        for name, given in node.entries:
+        for name, value_node in node.entries:
             if name.text in declared:
-                values[name.text] = read_argument(context, declared[name.text], given, f"'{leaf.tag}': '{name.text}'")
+                values[name.text] = read_argument(
+                    context, declared[name.text], value_node, f"'{leaf.tag}': '{name.text}'"
+                )
             else:
                 hint = second_phrase_hint(leaf, node, name) or outdent_hint(name.text, leaf.tag)
-                bare = name.text in context.params and isinstance(given, Scalar) and given.value is None
+                bare = name.text in context.params and isinstance(value_node, Scalar) and value_node.value is None
                 hint = hole_hint(f"{{{name.text}}}") if bare else hint or suggest_key(name.text, declared)
                 context.fault(name.mark, f"'{leaf.tag}' has no argument '{name.text}'", hint, certain=True)
                 values[name.text] = INVALID_VALUE
@@ -186,11 +190,13 @@ def _read_open(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node 
     if not isinstance(node, Mapping) or not node.entries:
         context.fault(key.mark, f"'{leaf.tag}' needs names and values", f"write {leaf.tag}: {{count: 1}}")
         return {}
-    for name, given in node.entries:
+    for name, value_node in node.entries:
         context.check_new_name(name, "a variable")
-        check_text(context, name, given)
+        check_text(context, name, value_node)
     anything = Argument("", "value", "")
-    return {name.text: read_argument(context, anything, given, f"'{name.text}'") for name, given in node.entries}
+    return {
+        name.text: read_argument(context, anything, value_node, f"'{name.text}'") for name, value_node in node.entries
+    }
 
 
 def read_argument(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:

@@ -235,7 +235,7 @@ class CheckContext:
 
     def _name_hint(self, read: NameReference) -> str:
         """Return a suggestion for an unknown name."""
-        own = sorted({*self.params, *self.variables})
+        own_names = sorted({*self.params, *self.variables})
         state = [f"{name}.{member}" for name, members in STATE_KINDS.items() for member in members]
         if to_snake_case(read.name) in FLAG_WORDS and not read.member:
             flag = f"write '{FLAG_WORDS[to_snake_case(read.name)]}'"
@@ -246,9 +246,9 @@ class CheckContext:
                 suggest_from(read.dotted, members) if read.member else f"add a member; known are: {', '.join(members)}"
             )
         if read.member:  # the misspelt name is the one before the dot
-            close = closest(read.name, [*own, *STATE_KINDS])
+            close = closest(read.name, [*own_names, *STATE_KINDS])
             close = f"{close}.{read.member}" if close else ""
         else:
-            close = closest(read.name, [*own, *state])
-        hint = f"did you mean '{close}'?" if close else f"known are: {', '.join([*own, *STATE_KINDS])}"
+            close = closest(read.name, [*own_names, *state])
+        hint = f"did you mean '{close}'?" if close else f"known are: {', '.join([*own_names, *STATE_KINDS])}"
         return f"{hint}; write '{read.name}' in quotes for the text" if read.compared and not read.member else hint

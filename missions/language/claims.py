@@ -76,27 +76,30 @@ def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
     """
     excused = set(map(id, _first_leaves_of_alternatives(tree)))
     for step in tree.walk():
-        named = {**step.parts_beside, **{name: kind for kind, name in step.named_parts.items()}}
+        part_kinds = {**step.parts_beside, **{name: kind for kind, name in step.named_parts.items()}}
         spared = _claimed_parts(step) if id(step) in excused else frozenset()
         for part in () if id(step) in excused else _missing_capabilities(step, robot):
             context.fault_at(step, f"'{step.kind}' needs {part}: robot '{robot.name}' has no {part}")
-        for part in sorted((step.direct_needs - robot.parts).difference(named, CAPABILITIES) - spared):
+        for part in sorted((step.direct_needs - robot.parts).difference(part_kinds, CAPABILITIES) - spared):
             has = ", ".join(sorted(robot.parts)) or "nothing"
             context.fault_at(
                 step, f"'{step.kind}' needs {with_article(part)}; robot '{robot.name}' has none (it has {has})"
             )
         for part in sorted(
-            _claimed_parts(step) - robot.parts - robot.further_parts.keys() - KINDS.keys() - named.keys()
+            _claimed_parts(step) - robot.parts - robot.further_parts.keys() - KINDS.keys() - part_kinds.keys()
         ):
             context.fault_at(
                 step, f"'{step.kind}' drives '{part}', which is not a part of a robot", suggest_from(part, KINDS)
             )
-        for name, kind in named.items():
-            known = [*({kind} & robot.parts), *(other for other, its in robot.further_parts.items() if its == kind)]
+        for name, kind in part_kinds.items():
+            known = [
+                *({kind} & robot.parts),
+                *(other for other, other_kind in robot.further_parts.items() if other_kind == kind),
+            ]
             if name not in known:
                 has = f"its {kind}s are {', '.join(sorted(known))}" if known else f"it has no {kind}"
-                told = f"'{step.kind}' needs {with_article(name)}; robot '{robot.name}' has none ({has})"
-                context.fault_at(step, told, did_you_mean(name, known))
+                message = f"'{step.kind}' needs {with_article(name)}; robot '{robot.name}' has none ({has})"
+                context.fault_at(step, message, did_you_mean(name, known))
 
 
 def _missing_capabilities(step: Step, robot: TargetRobot) -> list[str]:
@@ -129,8 +132,8 @@ def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str,
         missing = _missing_parts(step, robot)
         if why := missing or _joint_violations(step, robot.reaches):
             able = "" if missing else _possible_gestures(step, robot, things)
-            told = "the next alternative of the selector is tried then" + (f"; {able}" if able else "")
-            hints.append(Diagnostic(step.source, step.mark, _impossible_message(step, robot, why), told))
+            hint = "the next alternative of the selector is tried then" + (f"; {able}" if able else "")
+            hints.append(Diagnostic(step.source, step.mark, _impossible_message(step, robot, why), hint))
     return list(dict.fromkeys(hints))  # nested selectors report it twice
 
 
@@ -224,13 +227,13 @@ def check_necks(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 def _joint_violations(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
     """Return the goals of a leaf that the joints of these arms cannot reach, as far as known."""
     known = all(value.template is None for value in step.arguments.values())
-    own = step.named_parts.get("arm", "arm")
-    meant = {own, *(name for name, kind in step.parts_beside.items() if kind == "arm")}
+    own_arm = step.named_parts.get("arm", "arm")
+    arms = {own_arm, *(name for name, kind in step.parts_beside.items() if kind == "arm")}
     if step.leaf is None or step.leaf.joint_violations is Leaf.joint_violations or not known:
         return []
-    if not meant <= reaches.keys():
+    if not arms <= reaches.keys():
         return []  # another check reports that it is missing
     leaf = step.leaf(step.name)
     for name, value in step.arguments.items():
         setattr(leaf, name, value.constant)
-    return leaf.joint_violations(replace(reaches[own], arms=reaches))
+    return leaf.joint_violations(replace(reaches[own_arm], arms=reaches))

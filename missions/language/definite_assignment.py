@@ -219,12 +219,14 @@ class _UnsetAnalysis:
             self._check_read(step, value, after.success or NOTHING_UNSET, here)
         lacking = 0 if after.failure is None else after.failure.bits
         lost = [name for name, value in step.returns.items() if self._with_bit(always_read_names(value), lacking)]
-        kept = step.direct_variables.difference(
+        remaining = step.direct_variables.difference(
             lost if step.output_variable is None else [step.output_variable] if lost else []
         )
         return UnsetAfter(
             None if after.success is None else self._with_set(step.direct_variables, unset),
-            None if after.failure is None else add_event(f"{_step_label(step)} fails", self._with_set(kept, unset)),
+            None
+            if after.failure is None
+            else add_event(f"{_step_label(step)} fails", self._with_set(remaining, unset)),
         )
 
     # --- composites -----------------------------------------------------------------------------------------------
@@ -250,14 +252,14 @@ class _UnsetAnalysis:
         found = []
         once = twice = 0
         for child in step.children:
-            own = self._bits_of(child.variables)
-            once, twice = once | own, twice | (once & own)
+            own_bits = self._bits_of(child.variables)
+            once, twice = once | own_bits, twice | (once & own_bits)
         for child in step.children:
-            beside = twice | (once & ~self._bits_of(child.variables))  # variables that other children set
+            sibling_bits = twice | (once & ~self._bits_of(child.variables))  # variables that other children set
             inner = replace(
                 here,
                 is_failure_caught=here.is_failure_caught or catches_failure(step, child),
-                assumed_bits=here.assumed_bits | beside,
+                assumed_bits=here.assumed_bits | sibling_bits,
             )
             found.append(self.follow(child, unset, inner))
         if step.kind == "race":
@@ -364,8 +366,8 @@ def _case_label(case: object) -> str:
 
 def _has_variable_condition(step: Step) -> bool:
     """Return whether a condition in ``step`` reads a variable, and not only the robot's state."""
-    asked = (each for each in step.walk() if each.kind in CONDITION_KINDS)
-    values = (value.template for each in asked for value in each.arguments.values())
+    conditions = (each for each in step.walk() if each.kind in CONDITION_KINDS)
+    values = (value.template for each in conditions for value in each.arguments.values())
     return any(read.name not in STATE_KINDS for template in values if template is not None for read in template.reads)
 
 
@@ -412,10 +414,10 @@ def _check_order(context: CheckContext, step: Step, known: set[str]) -> None:
     if step.kind == FOR_EACH:  # the list is evaluated before the first round
         known |= step.variables
     if step.kind == MISSION:
-        own = set(step.arguments)
-        _check_order(context, step.children[0], own)
+        argument_names = set(step.arguments)
+        _check_order(context, step.children[0], argument_names)
         for value in step.returns.values():
-            _check(context, step, value, own)
+            _check(context, step, value, argument_names)
     else:
         for child in step.children:
             _check_order(context, child, known)

@@ -63,10 +63,10 @@ def read_for_each(
     child = None if do is None else read_step(context, do)
     if child is None or among is None:
         return None
-    said = {word: text for word, text in entries_as_written(value).items() if word != "do"}
+    written = {word: text for word, text in entries_as_written(value).items() if word != "do"}
     mark, source = key.mark, context.source
     return Step(
-        FOR_EACH, name, mark, source, (child,), arguments={"in": members}, binds=binds, arguments_as_written=said
+        FOR_EACH, name, mark, source, (child,), arguments={"in": members}, binds=binds, arguments_as_written=written
     )
 
 

@@ -182,8 +182,8 @@ def read_body(
             context.fault(root.mark, "the mission needs 'tree:' with its first behaviour under it")
         return MissionBody(mission, summary, None, {})
     found = find_setters(node, context.leaves)
-    given = context.params.keys() | context.variables
-    context.variable_leaves |= {name: leaf for name, leaf in single_kind_leaves(found).items() if name not in given}
+    available = context.params.keys() | context.variables
+    context.variable_leaves |= {name: leaf for name, leaf in single_kind_leaves(found).items() if name not in available}
     context.variables |= found.keys()
     tree = read_step(context, node)
     properties = read_properties(context, root.get("properties"), tree)
@@ -212,10 +212,10 @@ def _if_interrupted(context: CheckContext, root: Mapping) -> str:
     node = root.get("if_interrupted")
     if node is None:
         return ""
-    said = node.text if isinstance(node, Scalar) else ""
-    if said not in IF_INTERRUPTED:
-        context.fault(node.mark, f"'if_interrupted' cannot be {quoted_value(said)}", suggest_from(said, IF_INTERRUPTED))
-    return said
+    text = node.text if isinstance(node, Scalar) else ""
+    if text not in IF_INTERRUPTED:
+        context.fault(node.mark, f"'if_interrupted' cannot be {quoted_value(text)}", suggest_from(text, IF_INTERRUPTED))
+    return text
 
 
 def read_returns(context: CheckContext, node: Node | None) -> dict[str, Value]:

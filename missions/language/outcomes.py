@@ -103,8 +103,8 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
     ):
         context.fault_at(step, f"'{step.kind}' has no effect here: '{child.kind}' ends at once")
     elif occasion and occasion not in possible_ends(child):
-        said = f"'{step.kind}' has no effect here: '{child.name}' never {VERBS[occasion]}"
-        context.fault_at(step, said, _order_hint(step, child, occasion))
+        message = f"'{step.kind}' has no effect here: '{child.name}' never {VERBS[occasion]}"
+        context.fault_at(step, message, _order_hint(step, child, occasion))
     elif step.kind == "timeout":
         _check_delay(context, step, child)
 
@@ -162,9 +162,9 @@ def possible_ends(step: Step) -> Ends:
 
 def early_ends(step: Step) -> Ends:
     """Return the ends of a modifier without an end of its child."""
-    said = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
+    status = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
     cut = MODIFIERS[step.kind].early_ends
-    return cut if said is None or step.kind != "on_running" else cut & {said}
+    return cut if status is None or step.kind != "on_running" else cut & {status}
 
 
 def _modifier_ends(step: Step, below: Ends) -> Ends:
@@ -296,9 +296,9 @@ def remembered_guards(tree: Step) -> list[Diagnostic]:
     for step in tree.walk():
         guard = _first_guard(step.children[0]) if step.kind == "once" else None
         if guard is not None:
-            said = f"'once' also remembers that '{guard.kind}' (line {guard.mark.line}) prevented the start"
+            message = f"'once' also remembers that '{guard.kind}' (line {guard.mark.line}) prevented the start"
             hint = _once_hint(step, guard)
-            found.append(Diagnostic(step.source, step.mark, f"{said}, and does not evaluate it again", hint))
+            found.append(Diagnostic(step.source, step.mark, f"{message}, and does not evaluate it again", hint))
     return found
 
 

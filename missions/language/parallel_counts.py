@@ -25,7 +25,9 @@ def arguments_as_written(leaf: type[Leaf], node: Node | None) -> dict[str, str]:
 
 def entries_as_written(node: Node | None) -> dict[str, str]:
     """Return the entries of a mapping as in the file; empty for other nodes."""
-    return {name.text: source_text(given) for name, given in node.entries} if isinstance(node, Mapping) else {}
+    return (
+        {name.text: source_text(value_node) for name, value_node in node.entries} if isinstance(node, Mapping) else {}
+    )
 
 
 def source_text(node: Node) -> str:
@@ -86,10 +88,10 @@ def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[s
     }
     settings = {word: value.constant for word, value in found.items() if value.template is None}
     if children and len(settings) == len(found) and FAILURE_COUNT in found:
-        decided, asked = decide_parallel(children, settings), settings[FAILURE_COUNT]
+        decided, failure_count = decide_parallel(children, settings), settings[FAILURE_COUNT]
         first = "the first failure" if decided.failures == 1 else f"{decided.failures} failures"
-        too_many = isinstance(asked, int) and asked > decided.failures
-        if too_many or (asked == ALL_CHILDREN and decided.successes == children):
+        too_many = isinstance(failure_count, int) and failure_count > decided.failures
+        if too_many or (failure_count == ALL_CHILDREN and decided.successes == children):
             context.fault(
                 next(word.mark for word, _ in beside.entries if word.text == FAILURE_COUNT),
                 f"'{FAILURE_COUNT}' has no effect: after {first}, {decided.successes} of {children} cannot succeed",

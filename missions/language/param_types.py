@@ -117,8 +117,8 @@ class ParamType:
         if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
             return self.convert(text)
         found = parse_quantity(text)
-        meant = text if self.member_type in UNITS and text else plain_value(text)
-        return self.convert(meant if found is None else found)
+        value = text if self.member_type in UNITS and text else plain_value(text)
+        return self.convert(value if found is None else found)
 
     def read_default(self, context: CheckContext, node: Node, label: str) -> object:
         """Read a default, which cannot be an expression; ``label`` begins an error message."""
@@ -168,22 +168,22 @@ def infer_type(context: CheckContext, name: str, node: Node) -> ParamType | None
 
 def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | None:
     """Return the type of a param in its long form; None if it has an error, which is reported."""
-    given = node.get("default")
+    default = node.get("default")
     kind, of = (_read_type_word(context, name, node, key) for key in ("type", "of"))
     if "" in (kind, of):  # invalid, and reported already
         return None
     choices = _read_choices(context, name, node, kind if of is None else of)
     if choices is None:
         return None
-    if kind is None and given is None and not choices:
+    if kind is None and default is None and not choices:
         context.fault(node.mark, f"param '{name}' needs a default, or a type", "write {type: text} or {default: 60 s}")
         return None
-    many = kind == LIST_TYPE or of is not None or (kind is None and isinstance(given, Listing))
-    one = of if many else kind
+    is_list = kind == LIST_TYPE or of is not None or (kind is None and isinstance(default, Listing))
+    one = of if is_list else kind
     if one is None and choices:
         one = "choice"
-    elif one is None and given is not None:
-        found = infer_type(context, name, given)
+    elif one is None and default is not None:
+        found = infer_type(context, name, default)
         one = None if found is None else found.member_type
     elif one is None:
         context.fault(node.mark, f"param '{name}' needs 'of', the type of its members", "write {type: list, of: text}")
@@ -197,7 +197,7 @@ def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | No
     }
     numbers = {side: bound for side, bound in bounds.items() if isinstance(bound, int | float)}
     low, high = numbers.get("low", -math.inf), numbers.get("high", math.inf)
-    return _make_type(context, replace(argument, low=low, high=high), many=many)
+    return _make_type(context, replace(argument, low=low, high=high), many=is_list)
 
 
 def type_of_value(value: object) -> str:
@@ -251,14 +251,16 @@ def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
 
 def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -> str | None:
     """Return the type of a key; None if the key is missing, empty if the type is unknown."""
-    given = node.get(key)
-    if given is None:
+    word_node = node.get(key)
+    if word_node is None:
         return None
-    word = given.text if isinstance(given, Scalar) else ""
+    word = word_node.text if isinstance(word_node, Scalar) else ""
     known = PARAM_TYPES if key == "type" else PARAM_TYPES[:-1]
     if word in known:
         return word
-    context.fault(given.mark, f"param '{name}': unknown type {quoted_value(word or None)}", suggest_from(word, known))
+    context.fault(
+        word_node.mark, f"param '{name}': unknown type {quoted_value(word or None)}", suggest_from(word, known)
+    )
     return ""
 
 
@@ -408,10 +410,10 @@ def _read_long(context: CheckContext, name: str, node: Mapping) -> Param | None:
     for key, _ in node.entries:
         if key.text not in PARAM_KEYS:
             context.fault(key.mark, f"{what} has no key '{key.text}'", suggest_from(key.text, PARAM_KEYS))
-    found, given, text = read_type(context, name, node), node.get("default"), node.get("help")
+    found, default_node, text = read_type(context, name, node), node.get("default"), node.get("help")
     if found is None:
         return None
-    default = REQUIRED if given is None else found.read_default(context, given, what)
+    default = REQUIRED if default_node is None else found.read_default(context, default_node, what)
     return Param(name, default, text.text if isinstance(text, Scalar) else "", found)
 
 

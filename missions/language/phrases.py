@@ -53,11 +53,11 @@ def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
 
 def second_phrase_hint(leaf: type[Leaf], node: Mapping, name: Scalar) -> str:
     """Return the hint for ``{for: yes, no}``, which YAML reads as a key without a value."""
-    own = next((argument.name for argument in leaf.arguments.values() if argument.kind == PHRASES_KIND), "")
-    first, second = node.get(own), node.get(name.text)
+    own_argument = next((argument.name for argument in leaf.arguments.values() if argument.kind == PHRASES_KIND), "")
+    first, second = node.get(own_argument), node.get(name.text)
     if not isinstance(first, Scalar) or not isinstance(second, Scalar) or second.value is not None:
         return ""
-    return f"write {own}: [{first.text}, {name.text}] for two phrases"
+    return f"write {own_argument}: [{first.text}, {name.text}] for two phrases"
 
 
 def _check_phrase(value: object) -> str:
@@ -88,12 +88,13 @@ def check_phrases(context: CheckContext, tree: Step, robot: TargetRobot) -> None
     words = dict.fromkeys(word for phrase in all_phrases(tree) for word in phrase.split())
     unknown = set(robot.unpronounceable(tuple(words))) if words else set()
     for step in tree.walk():
-        own = step_phrases(step)
-        strange = {word: phrase for phrase in own for word in phrase.split() if word in unknown}
+        own_phrases = step_phrases(step)
+        strange = {word: phrase for phrase in own_phrases for word in phrase.split() if word in unknown}
         for word, phrase in strange.items():
+            unknown_word = quoted_value(_as_written(word, own_phrases[phrase]))
             context.fault_at(
                 step,
-                f"'{step.kind}' cannot listen for {quoted_value(_as_written(word, own[phrase]))}: no dictionary has it",
+                f"'{step.kind}' cannot listen for {unknown_word}: no dictionary has it",
                 f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' (docs/speech.md)",
             )
 

@@ -18,11 +18,11 @@ class Step:
 
     ``kind`` is the word in the mission, ``name`` the label for people, ``source`` its file. A leaf has its class in
     ``leaf``. ``arguments`` belong to a leaf, or are the one ``value`` of a modifier, the ``on`` of a switch, or the
-    params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default. ``returns``
-    are evaluated with the variables of a sub-mission; ``output_variable`` stores the result. ``binds`` are the
-    variables that a for_each sets for its child (the member, and its number), and those that an unread node may set.
-    ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the file,
-    for pictures.
+    params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
+    ``returns`` are evaluated with the variables of a sub-mission; ``output_variable`` stores the result. ``binds`` are
+    the variables that a for_each sets for its child (the member, and its number), and those that an unread node may
+    set. ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the
+    file, for pictures.
 
     Variables and claims of a subtree are cached, since each level above uses them again.
     """
@@ -69,8 +69,8 @@ class Step:
     @cached_property
     def claims(self) -> frozenset[str]:
         """Actuators that the step, or a step below it, drives."""
-        own = frozenset[str]() if self.leaf is None else self.leaf.drives
-        return own.union(*(child.claims for child in self.children))
+        own_parts = frozenset[str]() if self.leaf is None else self.leaf.drives
+        return own_parts.union(*(child.claims for child in self.children))
 
     @property
     def needs(self) -> frozenset[str]:
@@ -93,11 +93,11 @@ class Step:
         """Detectors that the step itself uses: by its leaf, and by its expressions."""
         parts = {ROBOT_STATE[read.name].sense for read in self._reads if read.name in ROBOT_STATE}
         values = (state_value(read.name, read.member) for read in self._reads)
-        asked = frozenset(filter(None, parts | {value.sense for value in values if value is not None}))
+        senses = frozenset(filter(None, parts | {value.sense for value in values if value is not None}))
         if self.leaf is None or "camera" not in self.leaf.needs:
-            return asked
-        given = (name for name, value in self.arguments.items() if value.template is not None or value.constant)
-        return asked | self.leaf.senses_for(frozenset(given))
+            return senses
+        names = (name for name, value in self.arguments.items() if value.template is not None or value.constant)
+        return senses | self.leaf.senses_for(frozenset(names))
 
     @property
     def named_parts(self) -> Mapping[str, str]:

@@ -49,8 +49,8 @@ def _always_has_value(node: ast.expr, nonzero: Collection[str]) -> bool:
         case ast.Name() | ast.Constant():
             return True
         case ast.BinOp(op=ast.Div() | ast.FloorDiv() | ast.Mod(), right=right):
-            named = isinstance(right, ast.Name) and right.id in nonzero
-            if not named and not (isinstance(right, ast.Constant) and right.value):
+            is_nonzero = isinstance(right, ast.Name) and right.id in nonzero
+            if not is_nonzero and not (isinstance(right, ast.Constant) and right.value):
                 return False
         case ast.Attribute(value=ast.Name(id=part)) if part in STATE_KINDS:
             return True

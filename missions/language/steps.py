@@ -58,16 +58,18 @@ def read_submission(
         has_unreadable_line=context.has_unreadable_line,
         depth=context.depth,
     )
-    given: dict[str, Value] = {}
+    arguments: dict[str, Value] = {}
 
     def take(inner: CheckContext, params: dict[str, Param], mission: str) -> None:
-        given.update(_read_submission_params(context, inner, params, mission, value, beside.get("with")))
+        arguments.update(_read_submission_params(context, inner, params, mission, value, beside.get("with")))
 
     body = read_body(inner, root, take, read_step)
     if body is None or body.tree is None:
         return None
-    own = beside.get("returns")
-    returns = read_returns(replace(inner, source=context.source), own) if own is not None else body.returns
+    own_returns = beside.get("returns")
+    returns = (
+        read_returns(replace(inner, source=context.source), own_returns) if own_returns is not None else body.returns
+    )
     if beside.get("as") is None:
         context.variables |= returns.keys()
         context.forget_kinds(returns)
@@ -80,7 +82,7 @@ def read_submission(
         key.mark,
         context.source,
         (body.tree,),
-        arguments=given,
+        arguments=arguments,
         returns=returns,
         text=body.mission,
         arguments_as_written=entries_as_written(beside.get("with")),
@@ -155,13 +157,13 @@ def _read_submission_params(
     refused: set[str] = set()
     if node is not None and not isinstance(node, Mapping):
         context.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
-    for name, given in node.entries if isinstance(node, Mapping) else ():
+    for name, value_node in node.entries if isinstance(node, Mapping) else ():
         param = params.get(name.text)
         if param is None:
             _report_unknown_param(context, inner_context, params, mission, name)
         else:
             before = len(context.faults)
-            values[name.text] = param.type.read_value(context, given, f"'{name.text}'")
+            values[name.text] = param.type.read_value(context, value_node, f"'{name.text}'")
             if len(context.faults) > before:
                 refused.add(name.text)
     for param in params.values():
@@ -261,7 +263,7 @@ def _read_with_modifiers(context: CheckContext, node: Mapping) -> Step:
             hint = "begin it with '- ' in a sequence, or indent it"
             context.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
     step = (_read_behaviour(context, *behaviours[0], node) if behaviours else None) or _placeholder(context, node)
-    for word, given in node.entries:
+    for word, value_node in node.entries:
         if word.text in MODIFIERS:
             step = Step(
                 word.text,
@@ -269,9 +271,9 @@ def _read_with_modifiers(context: CheckContext, node: Mapping) -> Step:
                 word.mark,
                 context.source,
                 (step,),
-                arguments={"value": read_modifier(context, word.text, given)},
-                text=_text(given),
-                arguments_as_written={"value": source_text(given)},
+                arguments={"value": read_modifier(context, word.text, value_node)},
+                text=_text(value_node),
+                arguments_as_written={"value": source_text(value_node)},
             )
     if unknown and step.leaf is not PlaceholderLeaf:
         names = tuple(sorted(find_setters(node, context.leaves)))
@@ -307,9 +309,9 @@ def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, besi
         only = OWNER_OF_KEY.get(word.text, key.text)
         if only != key.text:
             context.fault(word.mark, f"'{word.text}' stands only beside '{only}', not beside '{key.text}'")
-    kept = keep_as.text if keep_as is not None else None
+    variable = keep_as.text if keep_as is not None else None
     step = _read_by_kind(context, key, value, beside or Mapping(key.mark), name.text if name is not None else None)
-    return step if step is None or kept is None else replace(step, output_variable=kept)
+    return step if step is None or variable is None else replace(step, output_variable=variable)
 
 
 def _read_by_kind(
@@ -351,13 +353,13 @@ def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str,
     """
     of_parts = [argument for argument in leaf.arguments.values() if argument.kind in REPEATABLE_KINDS]
     for place, argument in enumerate(of_parts):
-        beside = any(other.kind == argument.kind for other in of_parts[:place])
+        has_other = any(other.kind == argument.kind for other in of_parts[:place])
         value = values.get(argument.name)
         if value is not None and value.template is not None:
-            told = f"'{leaf.tag}': which {argument.kind} it means must be known before the mission runs"
-            context.fault(key.mark, told, f"write the name of the {argument.kind} itself")
+            message = f"'{leaf.tag}': which {argument.kind} it means must be known before the mission runs"
+            context.fault(key.mark, message, f"write the name of the {argument.kind} itself")
         if value is not None and isinstance(value.constant, str):
-            leaf = leaf.with_part(argument.kind, value.constant, additional=beside)
+            leaf = leaf.with_part(argument.kind, value.constant, additional=has_other)
     return leaf
 
 

@@ -81,8 +81,8 @@ def _can_be(case: object, kind: Kind) -> bool:
 def _case_hint(word: str, kind: Kind) -> str:
     if kind != FLAG:
         return ""
-    meant = YES_NO_MEANINGS.get(word.lower())
-    return f"write {meant}: for {word}:" if meant else "the cases can be true: and false:"
+    meaning = YES_NO_MEANINGS.get(word.lower())
+    return f"write {meaning}: for {word}:" if meaning else "the cases can be true: and false:"
 
 
 SWITCH_KEYS = ("on", "cases", "default")

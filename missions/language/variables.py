@@ -33,9 +33,9 @@ MAX_ROUNDS = 8
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
     """Report each expression with a type error, or of a wrong type for its place."""
-    given = {name: kind_of_value(value) for name, value in context.params.items()} | context.param_kinds
+    param_kinds = {name: kind_of_value(value) for name, value in context.params.items()} | context.param_kinds
     found: dict[Diagnostic, None] = {}  # reports the errors of a sub-mission that is used twice once
-    _check_mission(tree, returns, given, found)
+    _check_mission(tree, returns, param_kinds, found)
     for fault in found:
         if not context.has_unreadable_line:
             add_diagnostic(context.faults, fault)

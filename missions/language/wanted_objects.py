@@ -57,13 +57,13 @@ def _object_values(step: Step) -> Iterator[Value]:
 
 def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
     """Yield the possible objects of a value, if each name in its template can be any of the ``texts``."""
-    for said in _fill_template(value, texts):
+    for text in _fill_template(value, texts):
         try:
-            made = said if value.convert is None else value.convert(said)
+            wanted = text if value.convert is None else value.convert(text)
         except (ValueError, LookupError):  # not an object
             continue
-        if isinstance(made, ThingSpec):
-            yield made
+        if isinstance(wanted, ThingSpec):
+            yield wanted
 
 
 def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
@@ -71,21 +71,21 @@ def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
     template = value.template
     names = () if template is None else tuple(dict.fromkeys(read.name for read in template.reads))
     if template is not None and len(texts) ** len(names) <= MAX_COMBINATIONS:
-        for given in product(texts, repeat=len(names)):
+        for values in product(texts, repeat=len(names)):
             with suppress(ValueError):  # a text of the wrong form
-                yield template.evaluate(dict(zip(names, given, strict=True)))
+                yield template.evaluate(dict(zip(names, values, strict=True)))
 
 
 def _texts(tree: Step) -> list[str]:
     """Return all texts that a variable of a mission can have: constants, and results of templates."""
     values = [value for step in tree.walk() for value in step.arguments.values()]
     found = dict.fromkeys(text for value in values for text in _texts_within(value.constant))
-    left = MAX_FILLED
+    remaining = MAX_FILLED
     for value in values:
-        if value.template is not None and value.template.reads and len(found) <= min(left, MAX_COMBINATIONS):
+        if value.template is not None and value.template.reads and len(found) <= min(remaining, MAX_COMBINATIONS):
             tried = [*_fill_template(value, [*found])]
-            left -= len(tried)
-            found |= dict.fromkeys(made for made in tried if isinstance(made, str))
+            remaining -= len(tried)
+            found |= dict.fromkeys(each for each in tried if isinstance(each, str))
     return [*found]
 
 

@@ -80,20 +80,20 @@ class DriverTable:
                 except BrokenDriver as error:
                     yield kind, name, error
         for name, points in self._entry_points.items():
-            kind, _, own = name.partition(".")
-            if kind not in KINDS or not own:
+            kind, _, driver_name = name.partition(".")
+            if kind not in KINDS or not driver_name:
                 kinds = ", ".join(KINDS)
-                hint = f"it must be called KIND.NAME, such as base.{own or kind}; kinds are: {kinds}"
-                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} has an invalid name: {hint}")
-            elif own in BUILT_IN_DRIVERS.get(kind, ()):
-                why = f"is not used: MissionTree has a {kind}.{own} itself"
-                yield kind, own, BrokenDriver(f"{describe_entry_point(points[0])} {why}")
+                hint = f"it must be called KIND.NAME, such as base.{driver_name or kind}; kinds are: {kinds}"
+                yield kind, driver_name, BrokenDriver(f"{describe_entry_point(points[0])} has an invalid name: {hint}")
+            elif driver_name in BUILT_IN_DRIVERS.get(kind, ()):
+                why = f"is not used: MissionTree has a {kind}.{driver_name} itself"
+                yield kind, driver_name, BrokenDriver(f"{describe_entry_point(points[0])} {why}")
 
 
 def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
     """Return the driver of an entry point. Raises BrokenDriver."""
     point, *others = points
-    told = describe_entry_point(point)
+    description = describe_entry_point(point)
     if others:
         raise BrokenDriver(
             f"{' and '.join(map(describe_entry_point, points))} have the same name: uninstall one of them"
@@ -101,15 +101,15 @@ def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
     try:
         found = load_entry_point(point)
     except BrokenEntryPointError as error:
-        raise BrokenDriver(f"{told} {error}") from error
+        raise BrokenDriver(f"{description} {error}") from error
     if not issubclass(type(found), Driver):
-        raise BrokenDriver(f"{told} is {short_repr(found)}, not a drivers.api.driver.Driver")
+        raise BrokenDriver(f"{description} is {short_repr(found)}, not a drivers.api.driver.Driver")
     try:
         problem = _find_problem(point.name, found)
     except Exception as error:
         problem = f"cannot be examined: {error_text(error)}"
     if problem:
-        raise BrokenDriver(f"{told} {problem}")
+        raise BrokenDriver(f"{description} {problem}")
     declared_by: Driver = found
     return declared_by
 

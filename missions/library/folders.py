@@ -25,8 +25,8 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
     The system creates XDG_RUNTIME_DIR for this user only, and empties it at the last logout.
     """
-    named = environment.get("XDG_RUNTIME_DIR", "")
-    return Path(named) / "missiontree" if Path(named).is_absolute() else state_folder(environment) / "run"
+    folder = environment.get("XDG_RUNTIME_DIR", "")
+    return Path(folder) / "missiontree" if Path(folder).is_absolute() else state_folder(environment) / "run"
 
 
 def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
@@ -45,10 +45,10 @@ def _folder(named: str, otherwise: str) -> Path:
 def places_file(config: RobotConfig) -> Path:
     """Return the file of a robot's places: the one in its robot file, or one in the user's data folder."""
     keys = config.keys(Ros2Keys)
-    named = "" if keys is None else keys.places
-    if not named:
+    file_name = "" if keys is None else keys.places
+    if not file_name:
         return data_folder() / "places" / f"{config.name}.yaml"
-    path = Path(named).expanduser()
+    path = Path(file_name).expanduser()
     return path if config.path is None else config.path.parent / path
 
 

@@ -67,18 +67,18 @@ def picture_digest(portrait: Image) -> bytes:
 
 def store_pictures(portraits: Sequence[Image], folder: Path) -> None:
     """Add pictures to a private folder, created if missing: all of them, or none. Raises OSError."""
-    with ExitStack() as undone:
+    with ExitStack() as undo:
         new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=NEW_PREFIX))  # private, like its contents
-        undone.callback(delete_pictures, new)
+        undo.callback(delete_pictures, new)
         for number, portrait in enumerate(portraits, start=_last_in(folder) + 1):
             _write_picture(new / f"{number:03}.png", portrait)
         if folder.is_dir() and not folder.is_symlink():
             for path in picture_files(new):
-                undone.callback(path.rename(folder / path.name).unlink, missing_ok=True)
+                undo.callback(path.rename(folder / path.name).unlink, missing_ok=True)
             new.rmdir()
         else:
             new.rename(folder)
-        undone.pop_all()
+        undo.pop_all()
 
 
 def delete_pictures(folder: Path) -> int:
@@ -104,8 +104,8 @@ def _write_picture(path: Path, picture: Image) -> None:
     """Write a picture, and sync it to disk."""
     import cv2  # noqa: PLC0415 - as above
 
-    done, data = cv2.imencode(".png", picture)
-    if not done:
+    is_encoded, data = cv2.imencode(".png", picture)
+    if not is_encoded:
         raise OSError(0, "a picture that cannot be encoded")
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(data.tobytes())
@@ -197,7 +197,7 @@ class People:
 
     def select_new(self, name: str, portraits: Sequence[Image]) -> list[Image]:
         """Return the pictures that ``add`` would store: each once, without stored ones. Raises the same errors."""
-        kept = self.find(name) or proper_name(name)
+        stored_name = self.find(name) or proper_name(name)
         whose = {
             picture_digest(portrait): who
             for who, files in self._files().items()
@@ -205,17 +205,17 @@ class People:
             if (portrait := _read_or_report(path, lambda _: None)) is not None
         }
         found = {picture_digest(portrait): portrait for portrait in portraits}
-        others = [whose[each] for each in found if whose.get(each, kept) != kept]
+        others = [whose[each] for each in found if whose.get(each, stored_name) != stored_name]
         if others:
             hint = f"leave it out, or first: mission person remove {quote(others[0])}"
             raise PeopleError(
-                f"nothing was stored: one of the pictures of {kept} is already stored for {others[0]}", hint=hint
+                f"nothing was stored: one of the pictures of {stored_name} is already stored for {others[0]}", hint=hint
             )
         fresh = [portrait for each, portrait in found.items() if each not in whose]
-        count = len(fresh) + list(whose.values()).count(kept)
+        count = len(fresh) + list(whose.values()).count(stored_name)
         if count < MIN_PICTURES:
             hint = f"at least {MIN_PICTURES} are needed"
-            raise PeopleError(f"too few pictures of {kept}: {count}, where each counts once", hint=hint)
+            raise PeopleError(f"too few pictures of {stored_name}: {count}, where each counts once", hint=hint)
         return fresh
 
     def add(self, name: str, portraits: Sequence[Image]) -> str:
@@ -225,27 +225,29 @@ class People:
         and for write errors; then none is stored.
         """
         fresh = self.select_new(name, portraits)
-        kept = self.find(name) or proper_name(name)
+        stored_name = self.find(name) or proper_name(name)
         try:
             with self.exclusive_access():
                 if fresh:
-                    store_pictures(fresh, self.folder / kept)
+                    store_pictures(fresh, self.folder / stored_name)
         except OSError as error:
             hint = f"df -h {self.folder}  (is there room?)"
-            raise PeopleError(f"{self.folder / kept}: nothing was stored: {error.strerror}", hint=hint) from error
+            raise PeopleError(
+                f"{self.folder / stored_name}: nothing was stored: {error.strerror}", hint=hint
+            ) from error
         self.restrict_access()
-        return kept
+        return stored_name
 
     def remove(self, name: str) -> int:
         """Delete the pictures of a person, and the folder if it is empty then; return the number of pictures.
 
         Raises PeopleError for an unknown person, and for files that cannot be deleted.
         """
-        kept = self.find(name)
-        if kept is None:
+        stored_name = self.find(name)
+        if stored_name is None:
             known = ", ".join(self._files()) or "none"
             raise PeopleError(f"no person is called '{name}'", hint=f"known: {known}")
-        home = self.folder / kept
+        home = self.folder / stored_name
         try:
             with self.exclusive_access():
                 return delete_pictures(home)
@@ -260,9 +262,9 @@ class People:
         try:
             with suppress(OSError):  # a network disk may not support locks: only one process may add at a time there
                 fcntl.flock(number, fcntl.LOCK_EX)
-            for left in self._folders():
-                if left.name.startswith(NEW_PREFIX) or _is_left_over(left):
-                    delete_pictures(left)
+            for leftover in self._folders():
+                if leftover.name.startswith(NEW_PREFIX) or _is_left_over(leftover):
+                    delete_pictures(leftover)
             yield
         finally:
             os.close(number)
@@ -333,8 +335,8 @@ def _is_left_over(home: Path) -> bool:
 
 def _comparison_key(name: str) -> str:
     """Return a key that is equal for all spellings of a name: case, composed letters, invisible joiners."""
-    seen = "".join(letter for letter in name.strip() if letter not in JOINERS)
-    return unicodedata.normalize("NFC", seen.casefold())
+    visible = "".join(letter for letter in name.strip() if letter not in JOINERS)
+    return unicodedata.normalize("NFC", visible.casefold())
 
 
 def _read_or_report(path: Path, on_problem: ProblemListener) -> Image | None:
@@ -362,5 +364,5 @@ def _restrict_file(path: Path) -> bool:
 
 def people_of(camera: CameraKeys | None) -> People:
     """Return the people of a robot: in the folder of its ``camera`` section, or in the user's data folder."""
-    named = "" if camera is None else camera.identity.people
-    return People(Path(named).expanduser() if named else people_folder())
+    folder_name = "" if camera is None else camera.identity.people
+    return People(Path(folder_name).expanduser() if folder_name else people_folder())

@@ -92,8 +92,8 @@ def _conflict(plugin: Plugin, others: Iterable[Plugin]) -> str:
             ("command", plugin.commands, other.commands),
             ("kind of file", plugin.file_kinds, other.file_kinds),
         ):
-            if taken := sorted(mine.keys() & theirs.keys()):
-                return f"its {kind} '{taken[0]}' is taken by the plug-in '{other.name}'"
+            if duplicates := sorted(mine.keys() & theirs.keys()):
+                return f"its {kind} '{duplicates[0]}' is taken by the plug-in '{other.name}'"
     return ""
 
 

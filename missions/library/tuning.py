@@ -40,9 +40,9 @@ def _tunable_values(keys: Any) -> Iterator[tuple[str, float, str]]:
         case HeadKeys():
             yield "speed", keys.speed, "turn rate"
             for axis in ("pan", "tilt"):
-                its = getattr(keys, axis, None)
-                if isinstance(its, AxisKeys):
-                    yield f"{axis}.trim", its.trim, "angle"
+                axis_keys = getattr(keys, axis, None)
+                if isinstance(axis_keys, AxisKeys):
+                    yield f"{axis}.trim", axis_keys.trim, "angle"
         case ArmKeys():
             for joint, limits in keys.limits.items():
                 for end in LIMIT_ENDS:

@@ -105,8 +105,8 @@ def load_leaves(files: Iterable[Path] = (), required_files: Iterable[Path] | Non
     Raises InvalidFileError with all errors in the ``required_files`` (all ``files``, if None). Other files and
     installed packages with errors are skipped with a warning, so that other missions are not affected.
     """
-    own, faults = dict[str, type[Leaf]](), list[Diagnostic]()
-    leaves = Catalogue(LEAF_PATHS, own)
+    own_leaves, faults = dict[str, type[Leaf]](), list[Diagnostic]()
+    leaves = Catalogue(LEAF_PATHS, own_leaves)
     by_path = {real_path(path): path for path in files}
     needed = by_path.keys() if required_files is None else {*map(real_path, required_files)}
     for read, is_needed in [
@@ -127,7 +127,7 @@ def load_leaves(files: Iterable[Path] = (), required_files: Iterable[Path] | Non
                     words = str(error) if isinstance(error, TypeError) else error_text(error)
                     wrong.append(Diagnostic(offer.source, offer.mark(cls), words))
                 else:
-                    own[leaf.tag] = leaf
+                    own_leaves[leaf.tag] = leaf
         if is_needed:
             faults += wrong
         elif wrong:

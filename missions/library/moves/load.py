@@ -57,10 +57,10 @@ def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
 
     So a servo does not oscillate with noise below its own resolution.
     """
-    kept: list[float] = []
+    smoothed: list[float] = []
     for angle in angles:
-        kept.append(angle if not kept or abs(angle - kept[-1]) >= resolution else kept[-1])
-    return kept
+        smoothed.append(angle if not smoothed or abs(angle - smoothed[-1]) >= resolution else smoothed[-1])
+    return smoothed
 
 
 # Movements of other programs (pypot, dynamixel_workbench, RoboPlus), converted to sheets.

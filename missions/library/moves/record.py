@@ -86,19 +86,21 @@ class JointRecording:
             raise BadRequest(f"{name}: nothing moved while it was recorded", hint="move the joints by hand meanwhile")
         snapshots, table = self.snapshots[moved], table[moved]
         times = np.array([snapshot.time - snapshots[0].time for snapshot in snapshots])
-        kept = thin_out(times, table, steps)
-        return GestureConfig(name, summary, tuple((float(times[k]), snapshots[k].positions) for k in kept), "cubic")
+        kept_rows = thin_out(times, table, steps)
+        return GestureConfig(
+            name, summary, tuple((float(times[k]), snapshots[k].positions) for k in kept_rows), "cubic"
+        )
 
 
 def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | None:
     """Return the readings from the last one before the movement to the first one after it; None without a movement."""
     if len(table) < 2:
         return None
-    begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # jitter between two steps is no movement
+    has_begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # jitter between two steps is no movement
     under_way = (np.abs(table - table[-1]) > 1.5 * steps).any(axis=1)
-    if not begun.any() or not under_way.any():
+    if not has_begun.any() or not under_way.any():
         return None
-    return slice(int(np.argmax(begun)) - 1, len(table) - int(np.argmax(under_way[::-1])) + 1)
+    return slice(int(np.argmax(has_begun)) - 1, len(table) - int(np.argmax(under_way[::-1])) + 1)
 
 
 def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArray[np.float64]) -> list[int]:
@@ -107,7 +109,7 @@ def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArra
     Douglas and Peucker (1973), over all joints at once: the first and the last reading are kept, and the one that is
     farthest from the line between two kept ones.
     """
-    kept = {0, len(times) - 1}
+    kept_rows = {0, len(times) - 1}
     spans = [(0, len(times) - 1)]
     while spans:
         first, last = spans.pop()
@@ -119,9 +121,9 @@ def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArra
         worst = int(np.argmax(misses))
         if misses[worst] > 1.0:
             middle = first + 1 + worst
-            kept.add(middle)
+            kept_rows.add(middle)
             spans += [(first, middle), (middle, last)]
-    return sorted(kept)
+    return sorted(kept_rows)
 
 
 # Where the leaf ``record`` stores movements: gesture files, never overwritten.

@@ -112,11 +112,11 @@ def main(path: str, sheet: str | None = None) -> None:
             name = next(iter(visible or names), None) if sheet is None else sheet
             found = book.get_sheet_by_name(name) if name in names else None
             rows = None if found is None else found.to_python(skip_empty_area=False, nrows=MAX_ROWS + 1)
-        told: dict[str, object] = {"sheets": names, "sheet": name, "rows": rows}
+        answer: dict[str, object] = {"sheets": names, "sheet": name, "rows": rows}
     except (OSError, CalamineError) as error:
-        told = {"error": str(error)}
+        answer = {"error": str(error)}
     # Dates and times are returned as texts, although workbooks store them as numbers.
-    json.dump(told, sys.stdout, default=str)
+    json.dump(answer, sys.stdout, default=str)
 
 
 if __name__ == "__main__":
@@ -221,13 +221,13 @@ def read_sheet(path: Path, tab: str | None = None) -> Sheet:
     stands = True  # whether to stop before the rows: their errors would follow from this one
     if len(filled) < 2:
         sheet.heading_row = 1
-        sheet.fault(1, 1, "it needs a row of headings, and rows of numbers under it")
-    elif _is_title(rows[filled[0]][1], (under := rows[filled[1]])[1]):
-        hint = f"take out what stands above row {under[0]}: the headings come first, each with its unit: 'elbow (deg)'"
+        sheet.fault(1, 1, "it needs a row of headings, and rows of numbers below it")
+    elif _is_title(rows[filled[0]][1], (second_row := rows[filled[1]])[1]):
+        hint = f"remove the rows above row {second_row[0]}: the headings come first, each with its unit: 'elbow (deg)'"
         sheet.fault(sheet.heading_row, 1, "a title, and no row of headings", hint)
     else:
         _take_headings(sheet, rows[filled[0]][1])
-        stands = _has_units(sheet, *under)
+        stands = _has_units(sheet, *second_row)
     if stands:
         sheet.raise_faults()
     for number, cells in rows[filled[0] + 1 : filled[-1] + 1]:
@@ -247,12 +247,16 @@ def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
 
 def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
     """Report a row of units below the headings; return whether there is one."""
-    named = [(heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)]
-    units = [(heading, cell) for heading, cell in named if cell and is_unit_word(cell)]
+    cells_by_heading = [
+        (heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)
+    ]
+    units = [(heading, cell) for heading, cell in cells_by_heading if cell and is_unit_word(cell)]
     found = bool(units) and all(cell == "" or _number_in(cell) is None for cell in cells)
     if found:
-        such = ", ".join(f"'{heading} ({cell.strip('()[] ')})'" for heading, cell in units[:2])
-        sheet.fault(row, 1, "a row of units", f"write each unit behind its heading, as in {such}, and take the row out")
+        examples = ", ".join(f"'{heading} ({cell.strip('()[] ')})'" for heading, cell in units[:2])
+        sheet.fault(
+            row, 1, "a row of units", f"write each unit behind its heading, as in {examples}, and remove the row"
+        )
     return found
 
 
@@ -292,8 +296,8 @@ def _read_separated(path: Path) -> list[list[Cell]]:
     text = read_source(path).text
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=first.count)
-    if told := _SEPARATOR.match(text):  # Excel's line "sep=;", which is turned into a comment
-        separator, text = told[1], f"#{text}"
+    if separator_line := _SEPARATOR.match(text):  # Excel's line "sep=;", which is turned into a comment
+        separator, text = separator_line[1], f"#{text}"
     try:
         rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
         return [[cell.strip() for cell in row] for row in rows]
@@ -310,19 +314,19 @@ def _read_workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, 
             if os.fstat(file.fileno()).st_size > MAX_BYTES:
                 raise _file_error(path, f"larger than {MAX_BYTES:,} bytes")
         reader = [sys.executable, "-P", __file__, str(path), *([] if tab is None else [tab])]
-        heard = subprocess.run(reader, capture_output=True, check=True, timeout=READING_TIMEOUT)  # noqa: S603 - ourselves
+        process = subprocess.run(reader, capture_output=True, check=True, timeout=READING_TIMEOUT)  # noqa: S603 - ourselves
         record_read(path)
     except OSError as error:
         raise _file_error(path, f"cannot be read: {error.strerror}") from error
     except subprocess.SubprocessError as error:
         raise _file_error(path, "not a valid workbook") from error
-    told = json.loads(heard.stdout)
-    if "error" in told:
-        raise _file_error(path, f"not a valid workbook: {told['error']}")
-    if told["rows"] is None:
-        raise _file_error(path, f"there is no sheet {quoted_value(tab)}", suggest_from(tab or "", told["sheets"]))
-    others = [name for name in told["sheets"] if name != told["sheet"]] if tab is None else []
-    return [[_cell(value) for value in row] for row in told["rows"]], str(told["sheet"]), others
+    answer = json.loads(process.stdout)
+    if "error" in answer:
+        raise _file_error(path, f"not a valid workbook: {answer['error']}")
+    if answer["rows"] is None:
+        raise _file_error(path, f"there is no sheet {quoted_value(tab)}", suggest_from(tab or "", answer["sheets"]))
+    others = [name for name in answer["sheets"] if name != answer["sheet"]] if tab is None else []
+    return [[_cell(value) for value in row] for row in answer["rows"]], str(answer["sheet"]), others
 
 
 def _cell(value: object) -> Cell:

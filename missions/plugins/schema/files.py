@@ -35,7 +35,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 
 def file_schema(kind: str) -> Schema:
     """Return the JSON Schema (draft-07) for a kind of ``FILE_KINDS``."""
-    told, cls = FILE_KINDS[kind]
+    title, cls = FILE_KINDS[kind]
     schema = keys_schema(cls)
     if kind == "robots":
         parts = part_schemas(DriverTable())
@@ -43,4 +43,4 @@ def file_schema(kind: str) -> Schema:
         schema["additionalProperties"] = {
             "anyOf": [further_part_schema(each, parts[each.name]) for each in OF_PARTS.values() if each.allows_several]
         }
-    return {"$schema": DRAFT, "description": told, **schema}
+    return {"$schema": DRAFT, "description": title, **schema}

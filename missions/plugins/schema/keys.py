@@ -23,8 +23,8 @@ def keys_schema(cls: type) -> Schema:
 def key_schema(key: Key) -> Schema:
     """Return the schema of a key, with its help and default."""
     schema = _value_schema(key)
-    told = " ".join(part for part in (key.help, default_text(key)) if part)
-    return {"description": told, **schema} if told else schema
+    description = " ".join(part for part in (key.help, default_text(key)) if part)
+    return {"description": description, **schema} if description else schema
 
 
 def default_text(key: Key) -> str:

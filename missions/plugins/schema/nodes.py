@@ -44,19 +44,19 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
     """
     behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
     silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
-    beside = {
+    modifiers = {
         word: _setting_schema(modifier.takes, modifier.help) for word, modifier in MODIFIERS.items()
     } | _beside_schemas()
     storing = [word for word, leaf in leaves.items() if leaf.output_doc] + [MISSION]
     no_behaviour: Schema = {
-        "if": {"type": "object", "propertyNames": {"enum": list(beside)}},
+        "if": {"type": "object", "propertyNames": {"enum": list(modifiers)}},
         "then": {"type": "string", "errorMessage": "a behaviour is missing here"},
     }
     return {
         "type": ["string", "object"],
         "if": {"type": "object", "anyOf": [{"required": [word]} for word in words]},
         "then": {
-            "properties": {**silent, **beside},
+            "properties": {**silent, **modifiers},
             "additionalProperties": False,
             "dependencies": {
                 **_forbid_second_behaviour(words),
@@ -65,7 +65,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
             },
         },
         "else": {
-            "properties": {**behaviours, **beside},
+            "properties": {**behaviours, **modifiers},
             "additionalProperties": False,
             "if": {"type": "string"},
             "then": _word_schema(leaves),

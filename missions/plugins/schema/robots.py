@@ -96,8 +96,10 @@ def _with_word(schema: Schema, word: Schema) -> Schema:
 def _section_schema(kind: PartKind, drivers: list[Driver]) -> Schema:
     """Return the schema of a section: the keys of the driver that it names, or of the default driver."""
     names = [driver.name for driver in drivers]
-    told = "What drives it." + (f" Without it: {kind.default_driver}." if kind.default_driver else " It must be given.")
-    word: Schema = {"description": told, "enum": names}
+    description = "What drives it." + (
+        f" Without it: {kind.default_driver}." if kind.default_driver else " It must be given."
+    )
+    word: Schema = {"description": description, "enum": names}
     whole = {driver.name: _with_driver(keys_schema(driver.keys), word) for driver in drivers}
     if len(drivers) == 1:
         (only,) = whole.values()

@@ -134,8 +134,8 @@ def value_schema(argument: Argument, things: Things) -> Schema:
 def _plain_schema(argument: Argument) -> Schema:
     """Return the schema of a value without a unit."""
     limits = bounds_text(argument)
-    within = {"minimum": argument.low, "maximum": argument.high}
-    limited = {word: bound for word, bound in within.items() if math.isfinite(bound)}
+    bounds = {"minimum": argument.low, "maximum": argument.high}
+    limited = {word: bound for word, bound in bounds.items() if math.isfinite(bound)}
     match argument.kind:
         case "text":
             return {"type": SCALAR, "errorMessage": "needs a text"}
@@ -152,9 +152,9 @@ def _plain_schema(argument: Argument) -> Schema:
         case "choice":
             words = argument.choices
             known = "|".join(map(_escape_pattern, words))
-            told = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
+            keywords = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
             # Words that are booleans in YAML 1.1.
-            return {"type": ["string", "boolean"] if SWITCH_WORDS.keys() & set(words) else "string", **told}
+            return {"type": ["string", "boolean"] if SWITCH_WORDS.keys() & set(words) else "string", **keywords}
         case "new move" | "file":
             return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a name, or the path of a file"}
         case "joint":

@@ -62,7 +62,7 @@ def test_a_workbook_is_read_from_its_first_sheet_or_the_one_that_is_named(
 
 def test_an_old_workbook_is_read_too() -> None:
     assert read_sheet(XLS, "moves").read_numbers("wrist") == [0.25, 0.25, -0.5]
-    assert mistakes(XLS) == [(1, 1, "it needs a row of headings, and rows of numbers under it")]
+    assert mistakes(XLS) == [(1, 1, "it needs a row of headings, and rows of numbers below it")]
 
 
 @pytest.mark.parametrize(("kind", "write"), WRITERS)
@@ -111,9 +111,9 @@ def test_decimal_commas_between_commas_are_cells_too_many(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "found"),
     [
-        ("", [(1, 1, "it needs a row of headings, and rows of numbers under it")]),
-        ("a,b\n", [(1, 1, "it needs a row of headings, and rows of numbers under it")]),
-        ("# a\n# b\n", [(1, 1, "it needs a row of headings, and rows of numbers under it")]),
+        ("", [(1, 1, "it needs a row of headings, and rows of numbers below it")]),
+        ("a,b\n", [(1, 1, "it needs a row of headings, and rows of numbers below it")]),
+        ("# a\n# b\n", [(1, 1, "it needs a row of headings, and rows of numbers below it")]),
         ("a,b,a\n1,2,3\n", [(1, 3, "repeated heading 'a'"), (2, 3, "a cell without a heading")]),
         ("a,0.5\n1,2\n", [(1, 2, "'0.5' is not a heading"), (2, 2, "a cell without a heading")]),
         ("a,b\n1,2\n\n3,4\n", [(3, 1, "an empty row")]),
