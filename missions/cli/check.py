@@ -14,7 +14,7 @@ from missions.cli.names import MISSION
 from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader, mission_files_in
 from missions.language.claims import impossible_alternatives
-from missions.language.outcomes import actions_as_guards, remembered_guards
+from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
 from missions.library.lookups import LOOKUPS
 from missions.library.plugins import find_file_kind, load
@@ -77,7 +77,7 @@ def _check_file(
     summary = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
     hints = [
         *actions_as_guards(plan.tree),
-        *remembered_guards(plan.tree),
+        *find_once_guards(plan.tree),
         *impossible_alternatives(plan.tree, robot, LOOKUPS),
     ]
     return summary, [], [*hints, *confusions(plan.tree, robot)]

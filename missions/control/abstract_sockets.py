@@ -99,7 +99,7 @@ def hold_name(name: AbstractName) -> int:
     return os.memfd_create(name.text)
 
 
-def held_names() -> list[AbstractName]:
+def names_in_memory() -> list[AbstractName]:
     """Return the names in memory files that this user may see. Raises OSError if no file descriptor is free."""
     prefix, found = f"/memfd:{_prefix()}", list[AbstractName]()
     for process in os.listdir("/proc"):  # noqa: PTH208 - some hundreds

@@ -177,7 +177,7 @@ def run_folders(environment: Mapping[str, str] = os.environ, seconds: float = FO
     A home folder that does not respond within ``seconds`` is included.
     """
     uid = os.geteuid()
-    found = [RunFolder(folder) for folder in _own_folders(environment, uid, seconds)]
+    found = [RunFolder(folder) for folder in _iter_own_folders(environment, uid, seconds)]
     if uid == 0:
         found += _other_users_folders(environment, seconds)
     first = dict[Path, RunFolder]()
@@ -186,7 +186,7 @@ def run_folders(environment: Mapping[str, str] = os.environ, seconds: float = FO
     return list(first.values())
 
 
-def _own_folders(environment: Mapping[str, str], uid: int, seconds: float) -> Iterator[Path]:
+def _iter_own_folders(environment: Mapping[str, str], uid: int, seconds: float) -> Iterator[Path]:
     if Path(environment.get("XDG_RUNTIME_DIR", "")).is_absolute():
         yield runtime_folder(environment) / "runs"
     session = _system_root(environment) / "run/user" / str(uid)

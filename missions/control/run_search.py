@@ -218,7 +218,7 @@ def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[Abstra
     names = list[AbstractName]()
     for look, what in (
         (abstract_sockets.listed_names, abstract_sockets.SOCKET_LIST),
-        (abstract_sockets.held_names, "/proc"),
+        (abstract_sockets.names_in_memory, "/proc"),
     ):
         try:
             names += look() if thorough or look is abstract_sockets.listed_names else ()

@@ -290,7 +290,7 @@ def _first_that_decides(children: Sequence[Step]) -> Step | None:
     return None
 
 
-def remembered_guards(tree: Step) -> list[Diagnostic]:
+def find_once_guards(tree: Step) -> list[Diagnostic]:
     """Return a hint for each ``once`` that also stores the result of a guard."""
     found = []
     for step in tree.walk():

@@ -20,8 +20,8 @@ class Step:
     ``leaf``. ``arguments`` belong to a leaf, or are the one ``value`` of a modifier, the ``on`` of a switch, or the
     params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
     ``returns`` are evaluated with the variables of a sub-mission; ``output_variable`` stores the result. ``binds`` are
-    the variables that a for_each sets for its child (the member, and its number), and those that an unread node may
-    set. ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the
+    the variables that a for_each sets for its child (the member, and its number), or that an unread node may set.
+    ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the
     file, for pictures.
 
     Variables and claims of a subtree are cached, since each level above uses them again.

@@ -21,7 +21,7 @@ MAX_FILLED = 20_000
 """Maximum combinations tried for all expressions of a mission; each makes a text that others can use."""
 
 
-def wanted_objects(tree: Step) -> tuple[ThingSpec, ...]:
+def objects_to_find(tree: Step) -> tuple[ThingSpec, ...]:
     """Return the objects that a mission may look for, each once; the object detector needs them before the run."""
     texts: list[str] | None = None
     found: dict[ThingSpec, None] = {}

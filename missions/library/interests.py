@@ -6,7 +6,7 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.api.sensor_sections import CameraKeys
 from missions.language.phrases import all_phrases
 from missions.language.plan import Step
-from missions.language.wanted_objects import wanted_objects
+from missions.language.wanted_objects import objects_to_find
 from perception.api import ThingSpec
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
     """Return the detectors for the behaviours and expressions of a mission; the markers are those of the robot file."""
     senses = tree.senses
     return Interests(
-        objects=wanted_objects(tree) if "things" in senses else (),
+        objects=objects_to_find(tree) if "things" in senses else (),
         markers=_markers(camera) if "markers" in senses else None,
         motion="motion" in senses,
         faces="faces" in senses or "names" in senses,

@@ -5,7 +5,7 @@ import pytest
 from behaviours.catalogue import LEAVES
 from config.diagnostics import SourceText
 from missions.language.document import check_plan
-from missions.language.outcomes import remembered_guards
+from missions.language.outcomes import find_once_guards
 from missions.library.shipped import load_mission, shipped_missions
 
 KEPT = {
@@ -55,7 +55,7 @@ def hints(node: str) -> list[tuple[str, str]]:
     text = f"mission: m\ntree: {{sequence: [{node}, {{wait: 1 s}}], on_failure: succeed, repeat: 9}}\n"
     return [
         (hint.message, hint.suggestion)
-        for hint in remembered_guards(check_plan(SourceText("m.yaml", text), LEAVES, {}).tree)
+        for hint in find_once_guards(check_plan(SourceText("m.yaml", text), LEAVES, {}).tree)
     ]
 
 
@@ -72,4 +72,4 @@ def test_once_around_what_was_done_gets_none(node: str) -> None:
 
 
 def test_the_missions_that_ship_remember_no_guard() -> None:
-    assert not [name for name in shipped_missions() if remembered_guards(load_mission(name).tree)]
+    assert not [name for name in shipped_missions() if find_once_guards(load_mission(name).tree)]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from config.diagnostics import InvalidFileError
-from missions.language.wanted_objects import wanted_objects
+from missions.language.wanted_objects import objects_to_find
 from missions.library.lookups import find_object
 from missions.library.shipped import load_mission
 from perception.api import ThingSpec
@@ -52,7 +52,7 @@ def test_all_that_a_mission_looks_for_is_known_before_it_starts(tmp_path: Path) 
     path = tmp_path / "look.yaml"
     path.write_text(MISSION)
     plan = load_mission(str(path))
-    assert [one.name for one in wanted_objects(plan.tree)] == ["small yellow ball", "apple"]
+    assert [one.name for one in objects_to_find(plan.tree)] == ["small yellow ball", "apple"]
 
 
 def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
 def test_what_an_expression_may_name_is_looked_for(steps: str, names: list[str], tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(f"mission: look\nparams: {{hues: [red, green]}}\ntree: {{{steps}}}\n")
-    assert set(names) <= {one.name for one in wanted_objects(load_mission(str(path)).tree)}
+    assert set(names) <= {one.name for one in objects_to_find(load_mission(str(path)).tree)}
 
 
 def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None
     path = tmp_path / "look.yaml"
     each = '{in: [red, blue], as: hue, do: {mission: seek.yaml, with: {what: "${hue} box"}}}'
     path.write_text(f"mission: look\ntree: {{for_each: {each}}}\n")
-    assert {"red box", "blue box"} <= {one.name for one in wanted_objects(load_mission(str(path)).tree)}
+    assert {"red box", "blue box"} <= {one.name for one in objects_to_find(load_mission(str(path)).tree)}
 
 
 def test_a_mission_that_looks_for_what_nothing_in_it_names_is_refused(tmp_path: Path) -> None:
@@ -99,4 +99,4 @@ def test_a_mission_of_which_a_param_is_missing_may_yet_be_told_what_to_look_for(
         'mission: look\nparams: {what: {type: text}}\ntree: {sequence: [set: {it: "${what}"}, find_object: "${it}"]}\n'
     )
     plan = load_mission(str(path))
-    assert wanted_objects(plan.tree) == ()
+    assert objects_to_find(plan.tree) == ()

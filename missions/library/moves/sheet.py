@@ -324,7 +324,7 @@ def _read_workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, 
     if "error" in answer:
         raise _file_error(path, f"not a valid workbook: {answer['error']}")
     if answer["rows"] is None:
-        raise _file_error(path, f"there is no sheet {quoted_value(tab)}", suggest_from(tab or "", answer["sheets"]))
+        raise _file_error(path, f"unknown sheet {quoted_value(tab)}", suggest_from(tab or "", answer["sheets"]))
     others = [name for name in answer["sheets"] if name != answer["sheet"]] if tab is None else []
     return [[_cell(value) for value in row] for row in answer["rows"]], str(answer["sheet"]), others
 

@@ -243,7 +243,7 @@ def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_with
         here = identity_of(process.pid)
         assert here is not None
         name = AbstractName(os.geteuid(), "1", replace(here, pid=1, namespace=1), "run", local_identity=here)
-        monkeypatch.setattr(abstract_sockets, "held_names", lambda: [name])
+        monkeypatch.setattr(abstract_sockets, "names_in_memory", lambda: [name])
         said = command_broadcast.send_to_all([{"do": "stop"}], "a test")
         assert process.wait(PATIENCE) == -15
     assert [told["do"] for told in namesake.asked] == ["stop"]

@@ -57,7 +57,7 @@ def test_a_workbook_is_read_from_its_first_sheet_or_the_one_that_is_named(
     path = write(tmp_path / f"move.{kind}", {"moves": ROWS, "more": [("wrist",), (1.5,)]})
     assert read_sheet(path).read_numbers("elbow") == [0.0, 0.5, 1.25]
     assert read_sheet(path, "more").read_numbers("wrist") == [1.5]
-    assert mistakes(path, "mor") == [(1, 1, "there is no sheet 'mor'")]
+    assert mistakes(path, "mor") == [(1, 1, "unknown sheet 'mor'")]
 
 
 def test_an_old_workbook_is_read_too() -> None:
