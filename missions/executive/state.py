@@ -119,7 +119,7 @@ def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict
     def scan() -> RangeScan | None:
         return None if robot.ranger_part is None else require_fresh(robot.ranger_part.scan(), "range finder")
 
-    def steered() -> Base | None:
+    def get_base() -> Base | None:
         return robot.base_part
 
     watch = None if guard is None else guard.battery
@@ -133,7 +133,7 @@ def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict
     }
     return {
         "face": PartValues(_make_readers(lambda: _fresh_faces(robot, clock), FACE)),
-        "base": PartValues(_make_readers(report, BASE) | _make_readers(steered, commanded)),
+        "base": PartValues(_make_readers(report, BASE) | _make_readers(get_base, commanded)),
         "battery": PartValues(_make_readers(report, BATTERY) | _make_readers(report, levels)),
         "head": PartValues(_make_readers(pose, HEAD)),
         "range": PartValues(_make_readers(scan, RANGE)),

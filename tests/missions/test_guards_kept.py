@@ -62,7 +62,7 @@ def hints(node: str) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("node", KEPT)
 def test_once_around_a_guard_gets_a_hint(node: str) -> None:
     guard, suggestion = KEPT[node]
-    message = f"'once' also remembers that '{guard}' (line 2) let nothing start, and does not ask it again"
+    message = f"'once' also remembers that '{guard}' (line 2) prevented the start, and does not evaluate it again"
     assert hints(node) == [(message, suggestion)]
 
 

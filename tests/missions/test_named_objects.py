@@ -40,7 +40,7 @@ def test_a_file_of_ones_own_is_an_object(tmp_path: Path) -> None:
         ("appel", "did you mean 'apple'"),
         ("red bal", "did you mean 'ball'"),
         ("cup.yaml", "no such file"),
-        ("brown box", "brown things cannot be told from a room"),
+        ("brown box", "brown things cannot be distinguished from a room"),
     ],
 )
 def test_what_cannot_be_looked_for_is_refused_with_what_to_write(name: str, said: str) -> None:

@@ -260,7 +260,7 @@ def test_opening_and_closing_are_the_devices_own(deck: Deck, answers: TickCache)
 
 def test_a_leafs_robot_is_made_of_proxies_alone() -> None:
     bench = LeafTestBench()
-    with pytest.raises(TypeError, match="behind no proxy"):
+    with pytest.raises(TypeError, match="is not a proxy"):
         robot_for(bench.put(Say("say")), Robot(base_part=bench.base), lambda *_: None)
 
 
@@ -324,7 +324,7 @@ ANSWERED = {
     "voice": {"speaking", "health"},
     "sight": {"faces", "things", "markers", "looked", "scene"},
     "hearing": {"listened", "words", "refused", "level"},
-    "screen": {"shown", "health"},
+    "screen": {"content", "health"},
 }
 """The questions whose answers records hold."""
 
