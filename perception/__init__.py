@@ -1,3 +1,3 @@
-"""Perception: from camera frames to faces, things and markers with a direction and a time; and from sound to phrases."""
+"""Perception: from camera frames to faces, things and markers with direction and time; and from sound to phrases."""
 
 __project__ = "missiontree"

@@ -1,7 +1,7 @@
 """Camera delay, estimated from the shift of the background while the head or the base turns.
 
 Webcams stamp a picture tens of milliseconds after its exposure. The delay depends on the model, and stamps jitter.
-Between two pictures the background shifts by the turn of the camera, whatever people do in front of it. For each
+Between two pictures the background shifts by the turn of the camera; people in front of it have no effect. For each
 possible delay, the recorded poses of head and base give the turn between the two exposures. The most likely delay is
 the one under which both agree best over all pairs of pictures so far (``perception.delay_grid``). A lag of servos
 behind their recorded pose has the same effect, and is included in the delay.
@@ -30,7 +30,7 @@ MIN_TURN = radians(0.4)
 """Radians: below this difference in turn between the delays, a pair of pictures has no information."""
 
 PROBE_INDICES = [0, len(GRID) // 2, len(GRID) - 1]
-"""Indices of the delays of ``GRID`` whose poses tell whether the camera turns."""
+"""Indices of the delays of ``GRID`` whose poses show whether the camera turns."""
 
 MAX_PAIR_INTERVAL = 0.3
 """Seconds between the two pictures of a pair; beyond it, too little overlaps."""
@@ -51,7 +51,7 @@ CONTRADICTION_WINDOW, CONTRADICTION_PROBABILITY = 0.025, 0.01
 """Seconds around a delay, and their total probability, below which the delay is contradicted."""
 
 MIN_INFORMATIVE_PAIRS, MIN_COMPARED_PAIRS = 12, 40
-"""Smallest number of pairs with information about the delay, and of all pairs (a constant turn tells only the jitter).
+"""Smallest number of pairs with information about the delay, and of all pairs (a constant turn shows only the jitter).
 """
 
 CLEAR_DEVIATIONS, MIN_CORRECTION_SHARE = 3.0, 0.1
@@ -190,7 +190,7 @@ class ExposedFrame:
 
 @dataclass(frozen=True, slots=True)
 class _TurnPicture:
-    """A picture taken during a turn: its stamp, the yaw under each delay, and the levelled picture, computed on demand."""
+    """A picture taken during a turn: its stamp, the yaw under each delay, and the levelled picture on demand."""
 
     stamp: float
     yaws: Floats

@@ -210,7 +210,7 @@ def find_unrecorded(yaws: Floats, newest: float, times: Floats, now: float) -> F
 
 
 def _extrapolate(yaws: Floats, missing: int) -> Floats:
-    """Return ``yaws`` with the first ``missing`` ones replaced by the straight line through those that follow."""
+    """Return ``yaws`` with the first ``missing`` ones replaced by the straight line through the next ones."""
     first = min(missing, len(yaws) - 4)
     found = yaws.copy()
     found[:first] = yaws[first] + (yaws[first] - yaws[first + 3]) / 3 * np.arange(first, 0, -1)

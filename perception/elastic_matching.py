@@ -1,11 +1,11 @@
 """Face recognition by elastic matching: each patch of a face is searched near its place in pictures of each person.
 
-Faces differ in pose, expression and framing, so a patch may be a little displaced (elastic matching: Hua and Akbarzadeh,
-2009), and each patch may match a different picture of the same person (image-to-class distance: Boiman, Shechtman and Irani,
-2008). The likeness of a face to a person is 1 minus the mean distance of the best matches, which is less sensitive to a few
-patches changed by glasses or a shadow than the mean square. A face is compared by its box and, if both eyes are found,
-upright; the better view counts. A part of the likeness to the second person is subtracted: a face that is a little like
-everyone is a poor picture, or a stranger (cohort normalisation).
+Faces differ in pose, expression and framing, so a patch may be a little displaced (elastic matching: Hua and
+Akbarzadeh, 2009), and each patch may match a different picture of the same person (image-to-class distance: Boiman,
+Shechtman and Irani, 2008). The likeness of a face to a person is 1 minus the mean distance of the best matches. This
+mean is less sensitive than the mean square to a few patches changed by glasses or a shadow. A face is compared by its
+box and, if both eyes are found, upright; the better view counts. A part of the likeness to the second person is
+subtracted: a face that is a little like everyone is a poor picture, or a stranger (cohort normalisation).
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ Matches = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class PictureDescription:
-    """A picture of a person: the ``views`` to compare with others, and the ``templates`` that others are compared with."""
+    """A picture of a person: ``views`` to compare with others, and ``templates`` for the views of others."""
 
     views: Sequence[Patches]
     templates: Sequence[Patches]
@@ -76,7 +76,7 @@ class GalleryCalibration:
     ``refusal_rate`` is the share 0..1 of looks at known people without their name, ``acceptance_rate`` that of looks at
     strangers with a name; None if unknown. ``look_count`` is the number of looks at known people. A score above
     ``thresholds[name]`` means that person. ``uniform_people`` have nearly identical pictures. ``lookalikes`` maps a
-    person to one who is similar.
+    person to a similar one.
     """
 
     thresholds: Mapping[str, float]
@@ -112,7 +112,7 @@ class Gallery:
         self.calibration = self._calibrate(people)
 
     def match(self, face: Sequence[Patches]) -> FaceMatch:
-        """Return the person who is most like the views of a face.
+        """Return the person most similar to the views of a face.
 
         The margin is in standard deviations of looks at strangers.
         """

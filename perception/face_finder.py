@@ -1,7 +1,7 @@
 """Face detection and tracking over frames, at a small part of the cost of searching each frame.
 
 The whole picture is searched until there is a face: one frame for all but small faces, the next for those, then for
-leaning heads, as the detector's search plan says. After that, optical flow carries the box from frame to frame. Now and
+leaning heads, by the search plan of the detector. After that, optical flow carries the box from frame to frame. Now and
 then a search of the region around it confirms the face, less often the better both agree. The whole picture is searched
 for newcomers now and then. In an empty scene every second frame is searched at first, then every eighth, and fewer
 while nothing changes. A face counts as long as more independent confirmations succeeded than failed.
@@ -45,8 +45,8 @@ MAX_RETURN_ERROR = 1.0  # pixels by which a point may miss its start when it is 
 def track_box(before: Image | GreyImage, after: Image | GreyImage, box: Box) -> Box | None:
     """Return the place of the patch ``box`` of ``before`` in ``after``; None if it cannot be tracked.
 
-    Corners on the inner part of the box are tracked forwards and backwards with pyramidal Lucas-Kanade. Those that do
-    not return to their start are dropped. The median of the rest moves the box, the change of their spread scales it.
+    Corners on the inner part of the box are tracked forwards and backwards with pyramidal Lucas-Kanade. Corners that
+    do not return to their start are dropped. The median of the rest moves the box; their spread scales it.
     """
     if before.shape != after.shape or box.width <= 0:
         return None

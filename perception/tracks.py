@@ -110,7 +110,7 @@ class AngleFilter:
         self._rate_variance += more
 
     def _learn_noise(self, angle: float, after: float, turned: float) -> None:
-        """Update the measurement noise by the distance of the middle of three angles from the line through the others."""
+        """Update the measurement noise by the distance of a middle angle of three from the line of the others."""
         if after <= 0.0 or turned > MAX_STILL_TURN:
             self._recent_angles = [(angle, after)]
             return

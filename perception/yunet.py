@@ -72,7 +72,7 @@ class YuNetFaceDetector:
     ) -> list[Detection]:
         """Return the faces anywhere in the picture, largest first, whose width is about ``smallest``..``largest`` px.
 
-        Leaning faces are included, whatever ``roll`` is. Raises ValueError for an invalid picture, FileNotFoundError
+        Leaning faces are included for any ``roll``. Raises ValueError for an invalid picture, FileNotFoundError
         and ModelFileError for the model's file.
         """
         del roll

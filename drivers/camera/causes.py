@@ -58,7 +58,7 @@ def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected
 
 
 def cause_of_status(status: int, source: Source, has_credentials: bool | None = None) -> Cause:
-    """Return the cause of an HTTP status code; ``has_credentials`` says whether the request had a name and a password."""
+    """Return the cause of an HTTP status code; ``has_credentials``: the request had name and password."""
     text = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
     scheme, rest = str(source).split("://", 1)
     if status == HTTPStatus.UNAUTHORIZED:

@@ -41,7 +41,7 @@ QUIT_TIMEOUT = 0.5
 """Seconds for a reader to release its source."""
 
 START, GRAB, SKIP_TO, RELEASE, QUIT = b"sgfxq"
-"""One-byte commands of a reader: open the source, return a picture, skip, release the source, quit.
+"""Commands of a reader, one byte each: open the source, return a picture, skip, release the source, quit.
 
 ``SKIP_TO`` is followed by the number of the first picture that is needed, counted from the start.
 """

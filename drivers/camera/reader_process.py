@@ -196,7 +196,7 @@ def main() -> None:
 
 
 def _read_commands(reader: SourceReader) -> None:
-    """Pass on the commands; end this process, whatever it does, at the end of standard input."""
+    """Pass on the commands; end this process in any state at the end of standard input."""
     data = b""
     while more := os.read(0, 64):
         data += more

@@ -147,7 +147,7 @@ class HearingTwin(Generic[W]):
     # --- the world ----------------------------------------------------------------------------------------------------
 
     def on_reply(self, reply: PersonReply) -> None:
-        """Queue the reply of a person, to be heard from its time on."""
+        """Queue the reply of a person, to sound from its time on."""
         if self.plug.online and not self.hears_nothing and reply.text.strip():
             self._ongoing_replies.append(_OngoingReply(reply))
 

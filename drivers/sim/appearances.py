@@ -1,4 +1,4 @@
-"""Appearances of the drawn people, different enough for a face recogniser to tell them apart."""
+"""Appearances of the drawn people, different enough for a face recogniser to distinguish them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

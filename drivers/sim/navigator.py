@@ -26,7 +26,7 @@ NO_PROGRESS_ERROR = 105
 
 
 class Navigator:
-    """Drives through ``waypoints`` (x, y, heading) in the frame of the given poses; ``result`` is None while it drives."""
+    """Drives through ``waypoints`` (x, y, heading) in the frame of the poses; ``result`` is None while it drives."""
 
     def __init__(self, waypoints: Sequence[tuple[float, float, float]]) -> None:
         self._waypoints = deque(waypoints)

@@ -25,7 +25,7 @@ _AHEAD_ROTATION = np.array(Viewpoint().rotation())
 def rotate_view(image: Image, view: Viewpoint, field_of_view: float) -> Image:
     """Return ``image`` as seen after a rotation about the lens by the yaw and pitch of ``view``.
 
-    A pure rotation maps pictures by the homography K R K^-1, whatever the distance of the scene (Hartley and Zisserman,
+    A pure rotation maps pictures by the homography K R K^-1 at any distance of the scene (Hartley and Zisserman,
     Multiple View Geometry, 8.4). Outside the source the result has the mean colour, in which detectors find nothing.
     """
     lens = PinholeLens(image.shape[1], image.shape[0], field_of_view)

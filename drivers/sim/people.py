@@ -93,9 +93,9 @@ class Person:
     ``look`` is a key of ``drivers.sim.appearances.APPEARANCES``; ``height`` is that of the eyes above the floor, in
     metres. ``facing`` is an angle about z in radians, ``camera`` (always towards the robot's camera) or ``away``
     (always away from it). From ``start`` seconds on, the person walks through the waypoints of ``path`` (x, y in
-    metres) at ``speed`` m/s, with ``loop`` back to (x, y) and round again. ``acts`` are further actions. The robot is
-    heard within ``hears_within`` metres. Raises BadRequest for an unknown look, a height outside 0.8..2.1 m, a speed of
-    0 or less, and infinite numbers.
+    metres) at ``speed`` m/s, with ``loop`` back to (x, y) and round again. ``acts`` are further actions. The person
+    hears the robot within ``hears_within`` metres. Raises BadRequest for an unknown look, a height outside 0.8..2.1 m,
+    a speed of 0 or less, and infinite numbers.
     """
 
     name: str

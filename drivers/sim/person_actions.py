@@ -61,7 +61,7 @@ class ScheduledAction:
 
 @dataclass(frozen=True, slots=True)
 class RobotUtterance:
-    """Speech of the robot: its time in seconds, and the names of the people who heard it."""
+    """Speech of the robot: its time in seconds, and the names of the people within earshot."""
 
     text: str
     time: float
@@ -78,7 +78,7 @@ class PersonReply:
 
 
 class ActionSchedule:
-    """Actions of one person in the order of time: those with a fixed time, and those that speech has triggered."""
+    """Actions of one person in the order of time: actions with a fixed time, and actions triggered by speech."""
 
     def __init__(self, name: str, actions: Sequence[PersonAction]) -> None:
         self._name = name

@@ -1,8 +1,8 @@
 """The room of a simulated world: four walls and their fixtures, as plain values.
 
-The frame is that of the world: x forward, y left, z up, metres, the floor at z = 0. A robot that starts at (0, 0) along x
-has its odometry in this frame. From the middle of the room the front wall is at +x, the left wall at +y, the back wall at
--x and the right wall at -y.
+The frame is the frame of the world: x forward, y left, z up, metres, the floor at z = 0. A robot that starts at
+(0, 0) along x has its odometry in this frame. From the middle of the room the front wall is at +x, the left wall at
++y, the back wall at -x and the right wall at -y.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ Colour = tuple[int, int, int]
 """Red, green and blue, each 0..255."""
 
 WallName = Literal["front", "left", "back", "right"]
-"""One of the four walls, as seen by an observer who looks along +x."""
+"""Names of the four walls, as seen by an observer that faces +x."""
 
 FixtureKind = Literal["door", "window", "picture"]
 """Kinds of fixtures on a wall."""

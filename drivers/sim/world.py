@@ -243,7 +243,7 @@ class SimulatedWorld:
         return True
 
     def _presences(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
-        """Yield the state of the people who are still there; those who never move only if ``staying``."""
+        """Yield the state of the people who are still there; people who never move only if ``staying``."""
         for person, cues in zip(self.people, self._schedules, strict=True):
             presence = (
                 person.presence_at(time, cues.actions_until(time), self.room)

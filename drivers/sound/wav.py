@@ -1,7 +1,7 @@
 """WAV headers, for recordings and for sounds that are played; and other sound files.
 
 Programs that write to a pipe, or are killed, leave wrong sizes in the header, so a size is limited to that of the file.
-A data size of 0 is refused: the sound after it cannot be told from other chunks.
+A data size of 0 is refused: the sound after it cannot be distinguished from other chunks.
 """
 
 from contextlib import suppress

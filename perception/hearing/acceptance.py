@@ -1,6 +1,6 @@
 """Acceptance score of a recognised phrase: logistic regression on features of its decoding.
 
-Above 0 the phrase was more likely said than not, by the training examples. docs/speech.md describes these;
+Above 0 the phrase was more likely spoken than not, by the training examples. docs/speech.md describes these;
 ``acceptance.json`` beside this file has the trained parameters.
 """
 
@@ -28,7 +28,7 @@ class AcceptanceModel:
     bias: float
 
     def score(self, figures: Mapping[str, float]) -> float:
-        """Return the logarithm of the odds that the phrase was said, from its features by name."""
+        """Return the logarithm of the odds that the phrase was spoken, from its features by name."""
         values = np.array([figures[name] for name in self.names])
         usual = np.clip((values - self.mean) / np.array(self.deviation), -MAX_DEVIATIONS, MAX_DEVIATIONS)
         return float(usual @ np.array(self.weights) + self.bias)

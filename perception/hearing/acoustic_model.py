@@ -286,7 +286,7 @@ _LOG_ZERO = np.float32(-np.inf)
 
 @dataclass(frozen=True, slots=True)
 class WordScore:
-    """Result of one word: the frames of 10 ms in which it was said, and the log likelihood of the whole sound."""
+    """Result of one word: the frames of 10 ms in which it was spoken, and the log likelihood of the whole sound."""
 
     word: str
     frames: int
@@ -294,7 +294,7 @@ class WordScore:
 
 
 class WordContest:
-    """Comparison of single words for one sound. ``pronunciations`` are pairs of a word and its phones. For one thread."""
+    """Comparison of single words for one sound. ``pronunciations`` pairs words with phones. For one thread."""
 
     def __init__(self, model: AcousticModel, pronunciations: Iterable[tuple[str, Sequence[str]]]) -> None:
         pronunciations = list(pronunciations)
@@ -323,7 +323,7 @@ class WordContest:
         return list(found.values())
 
     def _search(self, fits: Floats32, before: Floats, after: Floats) -> tuple[Floats, Floats]:
-        """Return the score of each pronunciation, and in how many frames it was said (Viterbi search)."""
+        """Return the score of each pronunciation, and in how many frames it was spoken (Viterbi search)."""
         score = np.full(len(self._log_stay), _LOG_ZERO)
         begun = np.zeros(len(score), np.int32)
         best, frames = np.full(len(self._last_states), -np.inf), np.zeros(len(self._last_states))

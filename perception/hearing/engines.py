@@ -17,7 +17,7 @@ Judgement = tuple[str, float]
 NO_PHRASE: Judgement = ("", -99.0)
 
 DECOY_TOLERANCE, DECOY_SCALE = 1.4, 0.5
-"""Margin (log per frame) by which a decoy may fit better than a word that was said; margin per unit of score."""
+"""Margin (log per frame) by which a decoy may fit better than a spoken word; margin per unit of score."""
 
 
 def limit_by_decoys(score: float, margin: float | None) -> float:

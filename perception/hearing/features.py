@@ -1,7 +1,7 @@
 """Features of a decoding that distinguish a spoken phrase from other speech that was taken for it.
 
 Beside the best path through the grammar there is one through a loop over all phones, which fits all speech. A phrase
-that was really said fits nearly as well, phone by phone, leaves no loud sound beside its words, and has phones of
+that was really spoken fits nearly as well, phone by phone, leaves no loud sound beside its words, and has phones of
 ordinary length. Scores are logarithms to the base 1.0001, in units of 2**10; frames last 10 ms.
 """
 

@@ -1,4 +1,4 @@
-"""Pronunciations of words: from the robot file, the recogniser's dictionary, or a synthesiser; and confusable phrases."""
+"""Pronunciations of words: from the robot file, the recogniser's dictionary or a synthesiser; and like phrases."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -98,7 +98,7 @@ Phones = tuple[str, ...]
 
 
 def model_folder() -> Path | None:
-    """Return the folder of pocketsphinx's English model, without importing pocketsphinx; None if it is not installed."""
+    """Return the folder of pocketsphinx's English model, without an import of pocketsphinx; None if not installed."""
     spec = find_spec("pocketsphinx")
     return None if spec is None or spec.origin is None else Path(spec.origin).parent / "model" / "en-us"
 

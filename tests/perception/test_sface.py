@@ -101,7 +101,7 @@ def test_portraits_that_show_no_face_and_a_missing_file_say_what_to_do(files: tu
         SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(0)]}).match(shown(200), FACE)
     with files[0].open("wb") as file:
         file.truncate(MAX_MODEL_BYTES + 1)  # of holes alone
-    with pytest.raises(ModelFileError, match=r"sface.onnx is no network: it has 200,000,001 bytes"):
+    with pytest.raises(ModelFileError, match=r"sface.onnx is not a network: 200,000,001 bytes"):
         SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)]}).match(shown(200), FACE)
     files[0].unlink()
     with pytest.raises(FileNotFoundError, match=r"sface.onnx is missing"):

@@ -1,4 +1,4 @@
-"""Pictures of a robot in physics: by MuJoCo's renderer if EGL is available (no screen needed), else as a stick figure."""
+"""Pictures of a robot in physics: by MuJoCo's renderer if EGL is available (without a screen), else a stick figure."""
 
 from contextlib import suppress
 from math import cos, degrees, sin

@@ -114,7 +114,8 @@ def _link_element(link: RigidLink, below: Mapping[str, Iterable[RigidLink]]) -> 
     limbs = "".join(_link_element(each, below) for each in below.get(link.name, ()))
     return (
         f'<body name="{link.name}" pos="{_format_vector(link.offset)}">'
-        f'<joint name="{link.name}" axis="{_format_vector(link.axis)}" range="{_format_number(low)} {_format_number(high)}" damping="{_format_number(motor.damping)}" '
+        f'<joint name="{link.name}" axis="{_format_vector(link.axis)}" '
+        f'range="{_format_number(low)} {_format_number(high)}" damping="{_format_number(motor.damping)}" '
         f'armature="{_format_number(motor.inertia)}" frictionloss="{_format_number(motor.friction)}"/>'
         f"{_inertial_element(link.mass, link.centre, link.spread)}{_shape_elements(link.shapes)}{limbs}</body>"
     )
@@ -122,7 +123,10 @@ def _link_element(link: RigidLink, below: Mapping[str, Iterable[RigidLink]]) -> 
 
 def _inertial_element(mass: float, centre: Vector, spread: Vector) -> str:
     moments = (mass * radius * radius for radius in spread)
-    return f'<inertial mass="{_format_number(mass)}" pos="{_format_vector(centre)}" diaginertia="{_format_vector(moments)}"/>'
+    return (
+        f'<inertial mass="{_format_number(mass)}" pos="{_format_vector(centre)}" '
+        f'diaginertia="{_format_vector(moments)}"/>'
+    )
 
 
 def _shape_elements(shapes: Iterable[RigidShape]) -> str:
@@ -140,7 +144,8 @@ def _shape_attributes(shape: RigidShape) -> str:
         return (
             f'type="box" pos="{_format_vector(shape.at)}" size="{_format_vector(length / 2 for length in shape.size)}"'
         )
-    return f'type="capsule" size="{_format_number(shape.radius)}" fromto="{_format_vector(shape.at)} {_format_vector(shape.to)}"'
+    ends = f"{_format_vector(shape.at)} {_format_vector(shape.to)}"
+    return f'type="capsule" size="{_format_number(shape.radius)}" fromto="{ends}"'
 
 
 def _format_vector(values: Iterable[float]) -> str:

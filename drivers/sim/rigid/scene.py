@@ -39,7 +39,7 @@ def import_mujoco() -> Any:
 
 
 class PhysicsScene:
-    """One robot on a floor, in MuJoCo. ``model`` is MJCF text, or the path of a user's file. For one thread.
+    """Robot on a floor, in MuJoCo. ``model`` is MJCF text, or the path of a user's file. For one thread.
 
     Time is the simulated clock's. Physics advances in steps of ``TIME_STEP`` on an absolute schedule, so the result
     does not depend on the calls of ``advance``. The robot starts at ``start`` with all joints at 0 and torque on.

@@ -121,9 +121,8 @@ class PadTeacher:
             found = self._control_of(self._movement())
             if isinstance(found, Control) and _role(found, {wanted: ""}) is not None:
                 return
-            self._say(
-                f"  {found if isinstance(found, str) else f'that is {describe_control(found)}'}; it was {describe_control(wanted)}"
-            )
+            seen = found if isinstance(found, str) else f"that is {describe_control(found)}"
+            self._say(f"  {seen}; it was {describe_control(wanted)}")
         raise TeachingError(
             "pad: the STOP button was not found again; nothing was saved",
             hint="start again: mission teleop --teach-pad",
@@ -227,7 +226,7 @@ class PadTeacher:
         return abs(value - other) / (span.most - span.least)
 
     def _is_released(self, code: int, values: list[int]) -> bool:
-        """Return whether an axis is at its start, or at an end: a trigger may only now have reported its rest position."""
+        """Return whether an axis is at its start, or at an end: a trigger may have reported its rest only now."""
         span = self._ranges[code]
         whole = self._share(code, max(values), min(values)) >= 1 - MAX_AXIS_NOISE
         at_end = min(self._share(code, values[-1], end) for end in (span.least, span.most)) <= MAX_AXIS_NOISE

@@ -206,7 +206,7 @@ def variable_lines(scene: ViewState) -> Text:
 
 
 def _variable_name(name: str, scene: ViewState) -> str:
-    """Return the display name of a variable; one of a sub-mission has the name of that mission instead of a node key."""
+    """Return the display name of a variable; in a sub-mission, with the name of that mission instead of a node key."""
     key, _, inner = name.rpartition(" ")
     return f"{scene.inside.get(key, key)}: {inner}" if key else name
 
