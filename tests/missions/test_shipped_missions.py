@@ -111,7 +111,7 @@ def test_every_controller_and_gesture_is_found_as_missions_name_it() -> None:
 def test_a_thing_that_is_wrong_says_where_in_its_own_file(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("gesture: bad\nkeyframes:\n  - {at: 1 s, elbow: 90}\n", encoding="utf-8")
-    with pytest.raises(LookupError, match=r"names a gesture that is wrong: .*bad\.yaml:3:22: 'elbow' needs an angle"):
+    with pytest.raises(LookupError, match=r"names a gesture with errors: .*bad\.yaml:3:22: 'elbow' needs an angle"):
         LOOKUPS["gesture"](str(file))
     file.write_text("controller: bad\nleg: {}\n", encoding="utf-8")
     with pytest.raises(LookupError, match=r"bad\.yaml:2:1: a controller file has no key 'leg'"):

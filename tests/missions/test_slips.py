@@ -51,7 +51,7 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
         ),
         ("test ask.yaml", "create it with `tests: ask` and `cases:` (docs/testing.md)\n"),
         ("test home.yaml", "home.yaml is a world: "),
-        ("record info ask.yaml", "try: mission run ask.yaml --record ask.mcap, which makes one\n"),
+        ("record info ask.yaml", "try: mission run ask.yaml --record ask.mcap\n"),
         ("record info home.yaml", "home.yaml is a world: "),
     ],
 )

@@ -229,7 +229,7 @@ def test_what_is_never_reached_and_what_cannot_matter_are_mistakes(folder: Path)
     tree = "  selector:\n    - wait: 1 s\n    - log: never\n"
     assert messages(folder, tree) == ["main.yaml:5: 'log' is never reached: 'wait' (line 4) never fails"]
     tree = "  wait: 1 s\n  retry: 3\n"
-    assert messages(folder, tree) == ["main.yaml:4: 'retry' has no effect here:  'wait' never fails"]
+    assert messages(folder, tree) == ["main.yaml:4: 'retry' has no effect here: 'wait' never fails"]
 
 
 SWITCH = """\
