@@ -93,7 +93,7 @@ def test_a_face_twice_as_small_is_twice_as_far() -> None:
 
 @pytest.mark.parametrize("size", [(0, 480), (640, 0), (-1, 1)])
 def test_a_camera_without_pixels_is_refused(size: tuple[int, int]) -> None:
-    with pytest.raises(ValueError, match="pixels cannot be"):
+    with pytest.raises(ValueError, match="pixels is impossible"):
         Pinhole(*size, radians(60))
 
 
