@@ -57,7 +57,7 @@ TOGETHER = [
         "- turn: {angel: 90 deg}\n- stop:\n  on_failure: succeed\n  retry: 3",
         "'turn' needs 'angle'",
         "'turn' has no argument 'angel'",
-        "'retry' has no effect here:  'stop' never fails",
+        "'retry' has no effect here: 'stop' never fails",
     ),
     several(
         "- listen: {for: [yes please, no thanks]}\n  as: answer\n  timeout: 5\n- say: Hello\n  if: answer == 'yes'",

@@ -223,7 +223,7 @@ def test_a_mission_ticked_by_hand_is_stopped_and_released_and_ended_by_mission_s
         for _ in range(20):
             mission.tick()
         assert speed() == 0.0
-        assert "goes on" in command(capsys, "stop", "--release", "--resume").out
+        assert "resumed" in command(capsys, "stop", "--release", "--resume").out
         for _ in range(20):
             mission.tick()  # it has failed, and begins anew
         assert speed() > 0.05

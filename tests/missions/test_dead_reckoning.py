@@ -41,7 +41,7 @@ def test_a_condition_on_where_it_is_fails_with_that_reason(condition: str, tmp_p
     tree = f"mission: m\ntree:\n  sequence:\n    - drive: {{distance: 50 cm}}\n      {condition}\n"
     result, reason, _ = events_of(tree, tmp_path)
     assert result == "failure"
-    assert "is dead reckoning: this base measures nothing" in reason
+    assert "is dead reckoning, which no condition may use" in reason
 
 
 def test_a_square_is_driven_on_it() -> None:

@@ -155,7 +155,7 @@ def test_dynamixel_workbench_gives_names_and_ids_and_says_what_lacks(mission: Mi
     outcome = mission("servo import bench.yaml --model XL430-W250")
     assert outcome.code == 0, outcome.err
     assert "first: {id: 1, model: XL430-W250}" in outcome.out
-    assert "joint 'first': its limits are in no file" in outcome.err
+    assert "joint 'first': its limits are not in the file" in outcome.err
     assert "'wheel' is left out: operating mode 1" in outcome.err
 
 
@@ -213,7 +213,7 @@ def test_a_servo_that_obeys_what_another_is_sent_is_no_joint() -> None:
     servo.set("shadow_id", 2)
     bus, _, _ = direct_bus(VirtualServoBus([servo]))
     joint = Joint("shoulder", JointSpec(3, "XM430-W350"), MODELS["XM430-W350"])
-    assert "obeys what servo 2 is sent" in find_mismatch(bus, joint)
+    assert "obeys the commands of servo 2" in find_mismatch(bus, joint)
     assert "leave joint shoulder out" in joint.hint
 
 
@@ -281,7 +281,7 @@ def test_a_motion_of_roboplus_moves_no_servos_with_other_steps(mission: Mission,
         (b"name=\n", b"name=Bow\nstep=1 2 3 4 0 1\n", "it has 2 pages ('Nod \xb1', 'Bow')"),
         (b"0.000 0.500", b"x y", "could not convert"),
         (b"0 1 2.0 32", b"0 1 0 32", "played 0 times as fast"),
-        (b"play_param=0 0 1 2.0 32", b"play_param=0", "cannot be understood"),
+        (b"play_param=0 0 1 2.0 32", b"play_param=0", "cannot be parsed"),
     ],
 )
 def test_a_motion_of_roboplus_that_does_not_fit_is_refused(

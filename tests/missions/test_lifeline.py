@@ -14,12 +14,12 @@ ROOT = Path(__file__).parents[2]
 RUN = """
 import re, sys, time
 from missions.executive.signals import Lifeline
-from missions.executive.signals import Signals
-with Signals(lambda word: None) as signals, Lifeline(signals, silence=0.5) as line:
+from missions.executive.signals import SignalHandler
+with SignalHandler(lambda word: None) as signals, Lifeline(signals, timeout=0.5) as line:
     print("ready", flush=True)
     if sys.argv[1] == "stuck":
         re.match("(a+)+$", "a" * 60 + "b")
-    while signals.heard() is None:
+    while signals.first_signal() is None:
         line.beat()
         time.sleep(0.01)
     for _ in range(150):

@@ -11,14 +11,14 @@ CASES = {
         "the order is the cause: write 'timeout' above 'delay' (line 5)",
     ),
     "drive: 1 m\non_failure: succeed\nretry: 3": (
-        "'retry' has no effect here:  'drive' never fails",
+        "'retry' has no effect here: 'drive' never fails",
         "the order is the cause: write 'retry' above 'on_failure' (line 5)",
     ),
     "drive: 1 m\non_success: fail\nname: go\nrepeat: 3": (
-        "'repeat' has no effect here:  'go' never succeeds",
+        "'repeat' has no effect here: 'go' never succeeds",
         "the order is the cause: write 'repeat' above 'on_success' (line 5)",
     ),
-    "wait: 1 s\nretry: 3": ("'retry' has no effect here:  'wait' never fails", ""),
+    "wait: 1 s\nretry: 3": ("'retry' has no effect here: 'wait' never fails", ""),
 }
 
 

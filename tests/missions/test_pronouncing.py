@@ -43,7 +43,7 @@ def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monke
         raise ValueError("phoneme 'q' is not one of the voice en-us")
 
     monkeypatch.setattr(pronunciation, "_phones", silent)
-    with pytest.raises(BadRequest, match="nobody knows how these are pronounced: wheatleyon") as caught:
+    with pytest.raises(BadRequest, match="unknown pronunciation: wheatleyon") as caught:
         lexicon_for(MicrophoneKeys(), ["wheatleyon"], SystemClock())
     assert "pronunciations" in caught.value.hint
 
@@ -52,7 +52,7 @@ def test_letters_beyond_english_are_left_to_the_robot_file_by_the_checker_and_th
     said = MicrophoneKeys(pronunciation_texts={"schön": "SH EH N"})
     assert find_unpronounceable(MicrophoneKeys(), ["schön"]) == ["schön"]
     assert find_unpronounceable(said, ["schön"]) == []
-    with pytest.raises(BadRequest, match="nobody knows how these are pronounced: schön:"):
+    with pytest.raises(BadRequest, match="unknown pronunciation: schön:"):
         lexicon_for(MicrophoneKeys(), ["hello", "schön"], SystemClock())
     assert lexicon_for(said, ["schön"], SystemClock()).pronunciations("schön") == [("SH", "EH", "N")]
 
