@@ -101,7 +101,7 @@ def test_a_calibration_is_printed_as_a_robot_file_has_it_and_kept_on_request(mis
         (("absent", *BOARD), "absent: no such file"),
         (("absent", "--board", "nine", "--square", "25 mm"), "'nine' is not ACROSSxDOWN"),
         (("absent", "--board", "9x6", "--square", "25"), "needs a length such as"),
-        (("absent", "--board", "2x2", "--square", "25 mm"), "3 at least are needed"),
+        (("absent", "--board", "2x2", "--square", "25 mm"), "at least 3 per direction are needed"),
         (("absent", *BOARD, "--keep", "blind.yaml"), "blind has no camera"),
     ],
 )

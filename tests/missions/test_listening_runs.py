@@ -60,7 +60,7 @@ def test_without_what_that_needs_their_words_come_as_text_and_that_is_told(
     assert result.result == "success", reasons(events)
     assert said(events) == ["Coffee?", "You said yes please."]
     (fault,) = (event for event in events if isinstance(event, FaultRaised) and event.status == "fault")
-    assert (fault.part, "come as text" in fault.detail) == ("microphone", True)
+    assert (fault.part, "arrives as text" in fault.detail) == ("microphone", True)
 
 
 @pytest.mark.real_time
