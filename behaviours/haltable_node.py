@@ -12,7 +12,7 @@ from drivers.errors import NotConnected
 IDLE = Status.INVALID
 
 UNPAUSED_PARTS = frozenset({"base", "voice", "screen"})
-"""Parts that need no stop when their leaf is not ticked: a base stops by itself after COMMAND_LIFE."""
+"""Parts that need no stop when their leaf is not ticked: a base stops by itself after COMMAND_TIMEOUT."""
 
 TIME_TOLERANCE = 1e-6
 """Tolerance in seconds for rounding errors in sums of tick periods."""
@@ -52,7 +52,7 @@ class HaltableNode(Node):
         return False
 
     def on_pause(self) -> None:
-        """Stop the driven parts after ``COMMAND_LIFE`` seconds without a tick, or suspended. The next tick resumes.
+        """Stop the driven parts after ``COMMAND_TIMEOUT`` seconds without a tick, or suspended. The next tick resumes.
 
         By default a base (it stops by itself), voice and screen are left alone.
         """
@@ -60,7 +60,7 @@ class HaltableNode(Node):
             self.run.safe_stop(moving)
 
     def _count_unticked_time(self) -> None:
-        """Count the time without a tick, and call ``on_pause`` once after COMMAND_LIFE."""
+        """Count the time without a tick, and call ``on_pause`` once after COMMAND_TIMEOUT."""
         now, tick = self.run.now(), self.run.tick
         if tick - self._unticked > 1:  # it was ticked in between
             self._unticked_since, self._paused = now if self.run.last_tick_at is None else self.run.last_tick_at, False

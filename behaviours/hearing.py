@@ -27,7 +27,7 @@ class HearingLeaf(Leaf):
     phrases: Mapping[str, str]  # as the mission writes them, by how they are listened for
 
     def newest_phrase(self, since: float) -> Words | None:
-        """Return the newest of the phrases that began at ``since`` (s, on the run's clock) or later, or None."""
+        """Return the newest matching phrase that began at ``since`` (s, on the run's clock) or later, or None."""
         words = self.robot.hearing.words()
         return next((each for each in words if each.start >= since and each.phrase in self.phrases), None)
 

@@ -206,7 +206,7 @@ class Leaf(HaltableNode):
         return self.status
 
     def _pass_unticked_time(self) -> None:
-        """Count time without a tick, and pause the leaf after COMMAND_LIFE seconds."""
+        """Count time without a tick, and pause the leaf after COMMAND_TIMEOUT seconds."""
         before, self.run.active_leaf = self.run.active_leaf, self
         self._count_unticked_time()
         self.run.active_leaf = before

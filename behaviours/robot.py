@@ -57,7 +57,7 @@ class Robot:
 
     @property
     def base(self) -> Base:
-        """Base."""
+        """Mobile base; like all part properties, BadRequest if the robot has none."""
         return _require(self.base_part, "base")
 
     @property
@@ -77,7 +77,7 @@ class Robot:
 
     @property
     def head(self) -> Head:
-        """Head."""
+        """Pan/tilt head that carries the camera."""
         return _require(self.head_part, "head")
 
     @property
@@ -87,7 +87,7 @@ class Robot:
 
     @property
     def joint_ranges(self) -> JointRanges:
-        """Joints and groups of the arm with their limits, and those of all other arms."""
+        """Joints and groups of the arm with their limits, including those of all additional arms."""
         others = {name: other for name, other in self.extra_parts.items() if other.kind == "arm"}
         arms = {name: JointRanges(other.part.limits, other.groups) for name, other in others.items()}
         return JointRanges(self.arm.limits, self.groups, arms)
@@ -104,7 +104,7 @@ class Robot:
 
     @property
     def voice(self) -> Voice:
-        """Voice."""
+        """Voice for speech and sounds."""
         return _require(self.voice_part, "voice")
 
     @property

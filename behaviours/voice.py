@@ -61,7 +61,7 @@ class SpeechLeaf(Leaf):
 
     @abstractmethod
     def utter(self, priority: Priority) -> Utterance:
-        """Start playback."""
+        """Start playback and return it."""
 
     @property
     @abstractmethod

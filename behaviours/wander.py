@@ -158,7 +158,7 @@ class Wander(BaseMotion):
         return length * (0.2 + new) * (1.0 - 0.4 * abs(heading) / math.pi)
 
     def _speed(self, off: float, way: float, *, blind: bool) -> float:
-        """Return the speed for a free distance and a heading error."""
+        """Return the speed (m/s) for a free distance (m) and a heading error (rad); ``blind``: no range finder."""
         safe = safe_speed(way, braking=self.braking, reaction=REACTION_TIME)
         return min(self.speed, safe, BLIND_SPEED if blind else math.inf) * max(0.0, 1.0 - abs(off) / MAX_DRIVING_ANGLE)
 

@@ -99,24 +99,24 @@ class RobotConfig:
 
     @property
     def base(self) -> BaseKeys | None:
-        """Section ``base``."""
+        """Section ``base``, or None."""
         return self.keys(BaseKeys)
 
     @property
     def head(self) -> HeadKeys | None:
-        """Section ``head``, not those of additional heads."""
+        """Section ``head``, or None; not those of additional heads."""
         found = self.sections.get("head")
         return None if found is None else found.keys
 
     @property
     def arm(self) -> ArmKeys | None:
-        """Section ``arm``, not those of additional arms."""
+        """Section ``arm``, or None; not those of additional arms."""
         found = self.sections.get("arm")
         return None if found is None else found.keys
 
     @property
     def range(self) -> RangeKeys | None:
-        """Section ``range``."""
+        """Section ``range``, or None."""
         return self.keys(RangeKeys)
 
     @property
@@ -126,22 +126,22 @@ class RobotConfig:
 
     @property
     def camera(self) -> CameraKeys | None:
-        """Section ``camera``."""
+        """Section ``camera``, or None."""
         return self.keys(CameraKeys)
 
     @property
     def microphone(self) -> MicrophoneKeys | None:
-        """Section ``microphone``."""
+        """Section ``microphone``, or None."""
         return self.keys(MicrophoneKeys)
 
     @property
     def voice(self) -> VoiceKeys | None:
-        """Section ``voice``."""
+        """Section ``voice``, or None."""
         return self.keys(VoiceKeys)
 
     @property
     def screen(self) -> ScreenKeys | None:
-        """Section ``screen``."""
+        """Section ``screen``, or None."""
         return self.keys(ScreenKeys)
 
 

@@ -19,7 +19,7 @@ KeyPath = tuple[str | int, ...]
 def read_keys(fields: Fields, cls: type[K]) -> K:
     """Read a section with the keys that ``cls`` declares, and add all errors; invalid values get placeholders.
 
-    Errors that ``cls`` finds between keys (its ``mistakes``) are added if the keys involved are valid.
+    Errors between keys, which ``cls.diagnostics`` yields, are added if the keys involved are valid.
     """
     found = _read(fields, cls)
     fields.report_unknown_keys(getattr(cls, "unknown", ""))

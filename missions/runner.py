@@ -59,7 +59,7 @@ OWN_PACKAGES = frozenset({"behaviours", "config", "drivers", "missions", "percep
 
 
 def end_process(result: Result) -> None:
-    """End this process immediately, whatever other threads do, with the exit code of ``result``."""
+    """End this process immediately, with the exit code of ``result``; other threads are not waited for."""
     os._exit(130 if result.result == "interrupted" else 1)
 
 

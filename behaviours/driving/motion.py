@@ -334,7 +334,7 @@ def obstacle_reason(state: BaseState, direction: MotionDirection, steering: Stee
 
 
 def override_reason(steering: Steering) -> str:
-    """Return who has control of the base instead of the mission, or an empty text."""
+    """Return the name of the source that has control of the base instead of the mission, or an empty text."""
     if steering.source is Source.TELEOP:
         return "teleoperation has control"
     if steering.source is Source.SAFETY:

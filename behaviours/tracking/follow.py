@@ -30,7 +30,7 @@ class Offset:
 
 
 class OffsetSource(Protocol):
-    """Source of the offset of a target."""
+    """Source of a target's offset: a prediction, or the newest picture."""
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
         """Return the offset of the target from ``aim`` at ``time``, for a base in the state ``base``.
@@ -198,7 +198,7 @@ class Follower:
         known: dict[str, float],
         limits: HeadLimits,
     ) -> float:
-        """Advance the head's goal, and return the turn rate of the base."""
+        """Advance the head's goal for the time ``now``, and return the turn rate of the base in rad/s."""
         rules, goal = self._rules, self._goal
         # A head has come to its goal for the most part of the time until the next one: it is meant for the middle.
         time = now + HEAD_LAG - span / 2

@@ -120,7 +120,7 @@ class LagEstimator:
             self._update_costs(means, (state.heading - before.heading) / span)
 
     def _update_costs(self, rates: Sequence[float], reported: float) -> None:
-        """Add the error of each candidate's turn rate to its cost, and update the estimate."""
+        """Add the error of each candidate's turn rate in ``rates`` to its cost, and update the estimate."""
         self.reports += 1
         self.learnt = True
         for number, rate in enumerate(rates):

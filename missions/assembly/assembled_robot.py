@@ -28,7 +28,7 @@ class RunEyes(Protocol):
     """Eyes as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
 
     may_rest: bool
-    """True if the eyes may pause while nobody asks for percepts; always False in simulated time."""
+    """True if the eyes may pause while no percepts are requested; always False in simulated time."""
 
     @property
     def looked(self) -> Callable[[], float | None]:
@@ -61,7 +61,7 @@ class AssembledRobot:
 
     @property
     def stoppable_parts(self) -> tuple[str, ...]:
-        """Parts that a stop reaches: those that move, and a voice, which is silenced."""
+        """Parts that a stop reaches: moving parts, and a voice, which is silenced."""
         others = (name for name, other in self.robot.extra_parts.items() if other.kind in STOPPABLE_KINDS)
         return tuple(part for part in (*STOPPABLE_KINDS, *others) if part in self.devices)
 

@@ -34,7 +34,7 @@ LENS = Lens(640, 480, 1.0471975512)
 
 
 def drawn_gallery(people: Sequence[PersonConfig], report: StatusCallback) -> FaceRecogniser:
-    """Return a recogniser for the people of a world, except those who are not ``known``."""
+    """Return a recogniser for the people of a world whose key ``known`` is true."""
     known = [person for person in people if person.known]
     alike = defaultdict[str, list[str]](list)
     for person in known:

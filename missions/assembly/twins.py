@@ -47,12 +47,12 @@ class Twins:
 
     @property
     def base(self) -> BaseTwin | None:
-        """Base."""
+        """Twin of the base, or None."""
         return self._of("base", BaseTwin)
 
     @property
     def legs(self) -> "LegsTwin | None":
-        """Base with legs."""
+        """Twin of a base with legs, or None."""
         if self.base is not None or "base" not in self.parts:
             return None
         from drivers.legs.twin import LegsTwin  # noqa: PLC0415 - see above
@@ -61,34 +61,34 @@ class Twins:
 
     @property
     def arms(self) -> "Mapping[str, JointsTwin]":
-        """All arms by the names of their parts."""
+        """Twins of all arms by the names of their parts."""
         from drivers.servos.twin import JointsTwin  # noqa: PLC0415 - see above
 
         return {part: twin for part, twin in self.parts.items() if isinstance(twin, JointsTwin)}
 
     @property
     def microphone(self) -> HearingTwin[Words] | None:
-        """Ears."""
+        """Twin of the ears, or None."""
         return self._of("microphone", HearingTwin)
 
     @property
     def voice(self) -> VoiceTwin | None:
-        """Voice."""
+        """Twin of the voice, or None."""
         return self._of("voice", VoiceTwin)
 
     @property
     def screen(self) -> ScreenTwin | None:
-        """Face."""
+        """Twin of the screen, or None."""
         return self._of("screen", ScreenTwin)
 
     @property
     def camera(self) -> CameraTwin | None:
-        """Camera."""
+        """Twin of the camera, or None."""
         return self._of("camera", CameraTwin)
 
     @property
     def head(self) -> TrueHead | None:
-        """Head."""
+        """Twin of the head, or None."""
         return self.parts.get("head")
 
     def pose(self) -> Pose2D:

@@ -97,7 +97,7 @@ def test_what_is_wrong_with_it_is_told(mast: str, told: str) -> None:
 
 def test_its_board_must_be_there() -> None:
     (told,) = faults_of(MAST, "robot: bare\n")
-    assert told.startswith("'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino'")
+    assert told.startswith("'driver: arduino_second' needs a 'head' with 'driver: arduino'")
 
 
 def test_both_heads_are_driven_over_one_board_each_under_its_name() -> None:
