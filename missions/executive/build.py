@@ -1,4 +1,4 @@
-"""Builds the nodes that are ticked from a checked plan."""
+"""Builds the tree of py_trees nodes of a mission from its checked plan."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -28,7 +28,7 @@ Scope = dict[str, object]
 
 
 def keep_leaf(step: Step, leaf: Leaf | None) -> Leaf | None:
-    """Replace nothing."""
+    """Return None: build each step as the plan says, without a substitute."""
     del step
     return leaf
 
@@ -50,11 +50,11 @@ NODES: Mapping[str, type[Parent]] = {
     FOR_EACH: ForEach,
     MISSION: Submission,
 }
-"""Node classes by word."""
+"""Node class of each word of the mission language."""
 
 
 class TreeBuilder:
-    """Builds nodes for one run; all missions of the run can read ``shared_variables``."""
+    """Builds the nodes of one run; all missions of the run can read ``shared_variables``."""
 
     def __init__(
         self, run: RunState, robot_for: RobotFor, shared_variables: Scope, substitute: Substitute = keep_leaf
@@ -75,7 +75,7 @@ class TreeBuilder:
         return self._set_position(self._node(step, children, inner), step, key, scope)
 
     def _set_position(self, node: Node, step: Step, key: str, scope: Scope) -> Node:
-        """Set the key, the place in the file, the run and the scope of a node."""
+        """Set the key, the place in the mission file, the run and the scope of a node; return the node."""
         node.key, node.kind, node.line, node.file = key, step.kind, step.mark.line, step.source.name
         node.run, node.scope = self._run, scope
         if isinstance(node, Leaf):

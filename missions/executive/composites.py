@@ -245,4 +245,4 @@ COMPOSITES: Mapping[str, type[Composite]] = {
     "random_sequence": RandomSequence,
     "random_selector": RandomSelector,
 }
-"""Classes of the composites with a list of children, by word."""
+"""Classes of the composites with a list of children, by their word in the mission language."""

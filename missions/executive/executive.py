@@ -81,7 +81,7 @@ def _is_same_value(one: object, other: object) -> bool:
 
 
 SAMPLE_INTERVAL_TICKS = 10
-"""Ticks between two samples of the parts that the mission does not read."""
+"""Ticks between two samples of those parts of the robot that the mission does not read."""
 
 MOVING_SAMPLE_INTERVAL_TICKS = 3
 """Ticks between two samples of moving joints; a leg makes a step in less than a second.

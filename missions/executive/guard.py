@@ -9,10 +9,10 @@ from missions.executive.events import ReflexFired
 from missions.executive.stream import EventStream
 
 CONFIRM_TIME = 2.0
-"""Seconds between two readings that must agree: under load the voltage dips, and the percentage with it."""
+"""Seconds between two battery readings that must agree: under load the voltage dips, and the percentage with it."""
 
 HYSTERESIS_PERCENT = 3.0
-"""Percent above a threshold at which it is released."""
+"""Percent of charge above a battery threshold at which the threshold is released."""
 
 
 class BatteryWatch:
@@ -49,7 +49,7 @@ class BatteryWatch:
 
 
 class _Threshold:
-    """Threshold of the battery."""
+    """Threshold of the battery charge, with confirmation and hysteresis."""
 
     def __init__(self, percent: float) -> None:
         self._percent = percent

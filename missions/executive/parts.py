@@ -13,7 +13,7 @@ from drivers.api.kinds import KINDS
 from missions.executive.events import Event, ReflexFired
 
 Level = Literal["OK", "WARN", "ERROR", "STALE"]
-"""Health levels: fine; needs attention; disconnected or refusing; silent for too long."""
+"""Health level of a part: fine; needs attention; disconnected or refusing commands; silent for too long."""
 
 MISSES_WINDOW = 2.0
 """Seconds over which missed replies are counted."""

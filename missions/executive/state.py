@@ -27,7 +27,7 @@ AHEAD_SECTOR = radians(60)
 
 
 ValueReader = Callable[[], object]
-"""Returns a value."""
+"""Returns the present value of one part of the robot's state."""
 
 
 class PartValues:

@@ -180,7 +180,7 @@ def test_a_line_that_takes_no_more_bytes_is_gone(bare: tuple[int, str]) -> None:
     _, path = bare  # nobody reads at the other end
     line = open_transport("arm", path, 1_000_000, SystemClock())
     try:
-        with pytest.raises(NotConnected, match="takes no more bytes"):
+        with pytest.raises(NotConnected, match="accepts no more bytes"):
             line.send(bytes(1_000_000))
     finally:
         line.close()

@@ -19,7 +19,7 @@ from tests.missions.command import command
         (("if",), "if: "),
         (("party",), "To draw it: mission show party"),
         (("world", "party"), "To draw it: mission show party"),
-        (("stroll",), "within its soles"),
+        (("stroll",), "support margin"),
         (("1",), "drive"),
     ],
 )

@@ -32,7 +32,7 @@ def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable
         return awake[0]
 
     sight = OnDemandSight(bench.sight, ask, lambda: awake[0])
-    with pytest.raises(NotConnected, match="not searched for a while"):
+    with pytest.raises(NotConnected, match="detection was paused"):
         question(sight)
     awake[0] = True
     assert question(sight) == question(bench.sight)
@@ -44,7 +44,7 @@ def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() ->
     leaf = bench.put(FaceSeenLeaf("face_seen"))
     leaf.robot = replace(bench.robot, sight_part=OnDemandSight(bench.sight, lambda: awake[0], lambda: awake[0]))
     assert bench.tick(leaf) is RUNNING
-    assert "camera: its pictures were not searched" in leaf.feedback_message
+    assert "camera: detection was paused" in leaf.feedback_message
     awake[0] = True
     assert bench.tick(leaf) is FAILURE
 

@@ -191,7 +191,7 @@ def test_hostile_questions_are_refused_and_change_nothing(fleet: FleetKeys, tmp_
     [
         ("tcp/0.0.0.0:7450", "open to the network"), ("tcp/192.168.1.5:7450", "open to the network"),
         ("tcp/robot.local:7450", "open to the network"), ("tls/0.0.0.0:7450", "needs the keys"),
-        ("ws/127.0.0.1:7450", "no endpoint"), ("7450", "no endpoint"), ("tcp/127.0.0.1", "no endpoint"),
+        ("ws/127.0.0.1:7450", "not an endpoint"), ("7450", "not an endpoint"), ("tcp/127.0.0.1", "not an endpoint"),
     ],
 )  # fmt: skip
 def test_without_keys_nothing_leaves_this_computer(endpoint: str, why: str, tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def test_a_record_that_is_none_is_told_of(show: Show) -> None:
     outcome = show("broken.mcap")
     assert outcome.code == 2
     assert "broken.mcap: " in outcome.err
-    assert "no record" in outcome.err
+    assert "not a record" in outcome.err
     assert show("missing.mcap").code == 2
 
 
