@@ -65,7 +65,7 @@ FAULTS = (
     Planted(
         "nan let through to the base", "drivers/base/limits.py", "if not (isfinite(", "if False and not (isfinite("
     ),
-    Planted("a velocity lives for 30 s", "drivers/api/steering.py", "COMMAND_LIFE = 0.3", "COMMAND_LIFE = 30.0"),
+    Planted("a velocity lives for 30 s", "drivers/api/steering.py", "COMMAND_TIMEOUT = 0.3", "COMMAND_TIMEOUT = 30.0"),
     Planted(
         "a driver's error swallowed",
         LEAF,
@@ -90,7 +90,7 @@ FAULTS = (
     Planted(
         "pause does not hold",
         EXECUTIVE,
-        "self.run.safe_stop(self.root.claims - SOUNDING)",
+        "self.run.safe_stop(self.root.claims - SOUND_KINDS)",
         "pass",
     ),
     Planted(
@@ -102,8 +102,8 @@ FAULTS = (
     Planted(
         "leaf that raises at its end not stopped",
         STOPPING,
-        'log.exception("%s raised while it stopped", self.place)\n            self._stop_safely()',
-        'log.exception("%s raised while it stopped", self.place)',
+        'log.exception("%s raised while it stopped", self.label)\n            self._stop_safely()',
+        'log.exception("%s raised while it stopped", self.label)',
     ),
     Planted(
         "leaf without a terminate not stopped",
@@ -114,8 +114,8 @@ FAULTS = (
     Planted(
         "arm not held at the end",
         "drivers/servos/twin.py",
-        "self._telling.unrested(self._settle(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest)",
-        "pass",
+        "self._hold_or_relax(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest",
+        "(), stiff=self._stiff_at_rest",
     ),
     Planted(
         "head goes on after a halt", "behaviours/head.py", "            self.robot.head.stop()", "            pass"
@@ -130,10 +130,10 @@ FAULTS = (
     Planted(
         "what was decided before an absence goes on",
         "missions/executive/proxied_robot.py",
-        "leaf.since < returned:",
-        "leaf.since < returned - 1e9:",
+        "leaf.started_at < returned:",
+        "leaf.started_at < returned - 1e9:",
     ),
-    Planted("nobody looks at the base during a pause", EXECUTIVE, "                self._keep_watch(due)\n", ""),
+    Planted("nobody looks at the base during a pause", EXECUTIVE, "                self._guard_paused(due)\n", ""),
     Planted(
         "tasks not synced",
         "missions/plugins/tasks/queue_database.py",
@@ -144,29 +144,29 @@ FAULTS = (
     Planted(
         "record not synced",
         "missions/plugins/records/recording/writer.py",
-        "os.fdatasync(self._number)",
+        "os.fdatasync(self._fd)",
         "pass",
         by=POWER,
     ),
     Planted(
         "a record loses an answer",
         "missions/executive/tick_cache.py",
-        "            if answers.kept:\n",
-        "            if answers.kept and len(answers.said) != 3:\n",
+        "            if answers.is_recording:\n",
+        "            if answers.is_recording and len(answers.answers) != 3:\n",
     ),
     Planted(
         "a thread left behind",
         "missions/runner.py",
-        "            self.executive.tell_end(result)\n            self.stream.close()\n        return",
-        "            self.executive.tell_end(result)\n            self.stream.close()\n"
+        "            self.executive.emit_end(result)\n            self.stream.close()\n        return",
+        "            self.executive.emit_end(result)\n            self.stream.close()\n"
         "            __import__('threading').Thread(target=__import__('time').sleep, args=(99,), daemon=True).start()\n"
         "        return",
     ),
     Planted(
         "an open file left behind",
         "missions/runner.py",
-        "            self.executive.tell_end(result)\n            self.stream.close()\n        return",
-        "            self.executive.tell_end(result)\n            self.stream.close()\n"
+        "            self.executive.emit_end(result)\n            self.stream.close()\n        return",
+        "            self.executive.emit_end(result)\n            self.stream.close()\n"
         "            __import__('os').open('/dev/null', 0)\n"
         "        return",
     ),
