@@ -39,7 +39,7 @@ def test_a_recorder_keeps_commands_that_nobody_wrote_for_it_and_knows_no_answers
     recorder.trouble = NotConnected("gone")
     with pytest.raises(NotConnected, match="gone"):
         base.hush()
-    with pytest.raises(NotConnected, match="no test has set its pitch"):
+    with pytest.raises(NotConnected, match="its pitch is not set"):
         base.pitch()
     with pytest.raises(NotConnected, match="no test has set its loud"):
         _ = base.loud

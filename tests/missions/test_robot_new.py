@@ -465,7 +465,7 @@ def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Wo
     assert nano.max_step <= 10
 
 
-@pytest.mark.parametrize(("grey", "told"), [(0, "the pictures are black"), (128, "all of one colour")])
+@pytest.mark.parametrize(("grey", "told"), [(0, "the pictures are black"), (128, "have a single colour")])
 def test_a_camera_that_shows_nothing_is_told(
     bench: Workbench, capsys: pytest.CaptureFixture[str], tmp_path: Path, grey: int, told: str
 ) -> None:

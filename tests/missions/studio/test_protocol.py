@@ -67,7 +67,7 @@ def test_a_command_comes_back_as_it_was_written() -> None:
         ('{"do": "start", "mission": "greet", "params": {"a": 5}}', "bad_field", "'params.a'"),
         ('{"do": "start", "mission": 7}', "bad_field", "a text"),
         ('{"do": "start", "mission": "a\\u0000"}', "bad_field", "without NUL"),
-        ('{"do": "start", "mission": "a", "params": {"\\ud800": "b"}}', "bad_field", "halves of letters"),
+        ('{"do": "start", "mission": "a", "params": {"\\ud800": "b"}}', "bad_field", "surrogates"),
         (f'{{"do": "stop", "id": 1{"0" * 400}}}', "bad_field", "whole number"),
         (f'{{"do": "release", "run": "1", "stop": -1{"0" * 400}}}', "bad_field", "whole number"),
         (json.dumps({"do": "hello", "version": "x" * MAX_COMMAND_BYTES}), "too_large", "65536 bytes"),

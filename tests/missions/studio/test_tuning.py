@@ -114,7 +114,7 @@ def test_nothing_goes_beyond_the_robot_file(tuning: TunableValues, runner: Runne
         with pytest.raises(BadMessage, match=f"{name}: .* is not within"):
             tuning.tune(name, value)
     tuning.tune("arm.joints.elbow.lower", radians(90))
-    with pytest.raises(BadMessage, match="leave nothing"):
+    with pytest.raises(BadMessage, match="are outside of"):
         tuning.tune("arm.joints.elbow.upper", radians(80))
     with pytest.raises(BadMessage, match=r"nothing is called 'head\.pan\.trimm'"):
         tuning.tune("head.pan.trimm", 0.0)

@@ -93,7 +93,7 @@ def test_behaviours_are_taken_from_the_option_and_from_the_folder_beside_the_mis
     write(tmp_path, {"eye.test.yaml": "tests: eye\ncases: [{case: it blinks, expect: {result: success}}]\n"})
     outcome = command(capsys, "test", "eye.test.yaml")
     assert outcome.code == USAGE
-    assert "your own go into behaviours/NAME.py beside the mission" in outcome.err
+    assert "put your own into behaviours/NAME.py beside the mission" in outcome.err
     assert command(capsys, "test", "eye.test.yaml", "-j", "1", "--behaviours", "eyes.py").code == SUCCESS
     Path("behaviours").mkdir()
     Path("eyes.py").rename("behaviours/eyes.py")

@@ -141,7 +141,7 @@ def test_parts_say_their_level_in_words_with_their_age_and_what_to_try() -> None
         assert [line.split() for line in shown.said("parts").splitlines()] == [
             ["✓", "OK", "base", "0.1", "s", "battery", "92", "%", "x", "0.00", "29°"],
             ["!", "WARN", "arm", "0.0", "s", "3", "replies", "missed", "within", "2", "s"],
-            ["…", "STALE", "head", "3.3", "s", "nothing", "new"],
+            ["…", "STALE", "head", "3.3", "s", "no", "new", "reading"],
             ["✗", "ERROR", "voice", "/dev/snd:", "no", "such", "device"],
             ["try:", "plug", "it", "in"],
         ]
