@@ -10,10 +10,10 @@ from config.file_io import open_regular, read_regular, regular_opener, save_file
 from missions.library.folders import state_folder
 
 MAX_AGE_DAYS = 30
-"""Maximum age of a record in days."""
+"""Maximum age in days of a record made by default."""
 
 MAX_TOTAL_BYTES = 2_000_000_000
-"""Maximum size of all records together."""
+"""Maximum size in bytes of all records made by default together."""
 
 SECONDS_PER_DAY = 24 * 3600.0
 

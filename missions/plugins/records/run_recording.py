@@ -137,7 +137,7 @@ class RunRecording:
 
     @property
     def path(self) -> Path:
-        """Path of the record; another one if it is incomplete and an earlier record keeps its name."""
+        """Path of the record; not the requested one if it is incomplete and an earlier record keeps that name."""
         return self._recorder.path
 
     def _report(self, notice: DeviceStatus) -> None:
@@ -146,6 +146,6 @@ class RunRecording:
 
 
 def record_run(options: RecordOptions, session: RunSession) -> AbstractContextManager[object]:
-    """Return a context that records a run as the options say. Raises click.UsageError."""
+    """Return a context that records the run of ``session`` according to ``options``. Raises click.UsageError."""
     wish = record_settings(options, session.request)
     return nullcontext() if wish is None else RunRecording(wish, session)

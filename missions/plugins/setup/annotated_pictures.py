@@ -13,7 +13,7 @@ from missions.cli.outputs import report_write_errors
 
 
 class AnnotatedPictures:
-    """Annotated pictures in a folder; never overwrites an input or another picture of this run."""
+    """Writer of annotated pictures to a folder; never overwrites an input or another picture of this run."""
 
     def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
         try:
@@ -25,7 +25,7 @@ class AnnotatedPictures:
         self._names: dict[Path, str] = {}
 
     def write(self, path: Path, number: int, image: Image) -> None:
-        """Write one picture: frame ``number`` of the file at ``path``."""
+        """Write the annotated ``image`` of frame ``number`` of the file at ``path``."""
         stem = self._stem(path)
         target = self._folder / (
             f"{stem}.png" if source_kind(path) is SourceKind.PICTURE else f"{stem}_{number:05d}.png"
@@ -40,7 +40,7 @@ class AnnotatedPictures:
             save_file(target, packed.tobytes(), PRIVATE_MODE)
 
     def _stem(self, path: Path) -> str:
-        """Return a unique name for each input file: "astro", then "astro-2"."""
+        """Return a file name stem for the pictures of an input file, unique to it: "astro", then "astro-2"."""
         if path not in self._names:
             taken = set(self._names.values())
             tries = (path.stem if n == 1 else f"{path.stem}-{n}" for n in itertools.count(1))

@@ -33,7 +33,7 @@ RETRY_COMMAND = "mission robot camera calibrate SOURCE --board 9x6 --square '25 
 
 
 def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: Sequence[float]) -> dict[str, str]:
-    """Return the keys of the camera section and their values as text."""
+    """Return the lens keys of a robot file's camera section, and their values as text."""
     bent = ", ".join(f"{name}: {value:.5f}" for name, value in zip(COEFFICIENTS, distortion, strict=True))
     return {
         "field_of_view": quantity_text(field_of_view, "angle"),
@@ -44,7 +44,7 @@ def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: 
 
 
 def picture_size(path: Path) -> tuple[int, int]:
-    """Return the picture width and height of a robot file whose lens is to be written.
+    """Return the width and height of a robot's camera pictures, from a robot file whose lens is to be written.
 
     Call it before the calibration. Raises NotEditableError for a file that cannot be written, InvalidFileError for an
     invalid robot file.
@@ -83,7 +83,7 @@ def _camera(robot: RobotConfig) -> CameraKeys:
 
 
 def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, str]) -> bool:
-    """Return whether the new text differs from the old robot by the lens only: an anchor may be used elsewhere too."""
+    """Return whether the new text changes only the lens of the old robot: a YAML anchor may be used elsewhere too."""
     try:
         new = parse_robot(source)
     except InvalidFileError:  # the edit removed an anchor
@@ -103,10 +103,10 @@ def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, 
 
 
 MAX_VIEWS = 20
-"""Number of different views of the board after which a live calibration ends."""
+"""Number of different views of the chessboard after which a live calibration ends."""
 
 MAX_PIXEL_ERROR = 1.0
-"""Maximum reprojection error of a good lens, in pixels."""
+"""Maximum reprojection error of a good lens calibration, in pixels."""
 
 
 @click.group(epilog="Example: mission robot camera list")

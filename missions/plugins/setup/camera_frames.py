@@ -19,13 +19,13 @@ from missions.assembly.assemble import RealPartFactory
 from missions.assembly.part_factory import Hooks, Overrides, order_parts
 
 PICTURE_TIMEOUT = 8.0
-"""Maximum seconds until the first picture; a network camera reports its error within 5 s."""
+"""Maximum seconds until a camera's first picture; a network camera reports its error within 5 s."""
 
 FAILURE_TIMEOUT = 2.0
 """Maximum seconds until the first picture after the camera has reported an error."""
 
 RETURN_TIMEOUT = 30.0
-"""Maximum seconds without a picture after the first one."""
+"""Maximum seconds without a picture of a camera after the first one."""
 
 
 def camera_frames(
@@ -55,7 +55,7 @@ def robot_camera_frames(config: RobotConfig, seconds: float) -> Iterator[tuple[f
 
 
 def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -> Iterator[tuple[float, Image]]:
-    """Yield frames for ``seconds`` after the first one."""
+    """Yield time since opening (s) and picture of a camera for ``seconds`` after the first picture."""
     begin = clock.now()
     camera.open()
     end = inf

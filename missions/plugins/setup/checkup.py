@@ -54,10 +54,10 @@ def check_installation() -> Iterator[Finding]:
 
 
 PROBE_EXTRA_TIMEOUT = 0.02
-"""Extra seconds to wait for a reply, so that a device is not taken for silent on a busy computer."""
+"""Extra seconds to wait for a device's reply to a probe, since a busy computer may be slow."""
 
 VIRTUAL_PORT_PREFIX = "/dev/pts/"
-"""Path prefix of virtual devices, which reply late."""
+"""Path prefix of the serial ports of virtual devices, which reply late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator
 
 
 def _check_extra(section: Section) -> Iterator[Finding]:
-    """Yield a finding if packages of the driver are missing; a voice works without."""
+    """Yield a finding if packages that a part's driver needs are missing; a voice works without them."""
     extra = section.driver.extra
     if extra and section.driver.kind != "voice" and (missing := missing_distributions(extras().get(extra, ()))):
         what = f"{', '.join(missing)}: not installed, but its driver needs it"
@@ -130,7 +130,7 @@ def _check_device(
     *,
     resets: bool,
 ) -> Iterator[Finding]:
-    """Yield the findings on a part: its port, then its check-up or probe."""
+    """Yield the findings on a part's device: its port, then its check-up or probe."""
     wired, keys = isinstance(section.keys, SerialKeys), section.keys
     port = (
         known_ports.get(port_name)
@@ -158,14 +158,14 @@ def _check_device(
 
 
 def _may_reset(section: Section, port: SerialPortInfo) -> bool:
-    """Return whether opening a port may reset a board; a head may be behind an unknown adapter."""
+    """Return whether opening a port may reset a board; an unknown adapter may belong to the board of a head."""
     if port.usb is None:
         return False
     return port.usb.resets_on_open or (section.driver.kind == "head" and port.usb.ids not in ADAPTERS)
 
 
 def _run_checkup(section: Section, keys: object, site: DriverContext) -> Iterator[Finding]:
-    """Yield the findings of a driver's check-up, and a finding for an exception in it."""
+    """Yield the findings of a driver's check-up; an exception in the check-up is a finding too."""
     found: Iterable[Finding] = ()
     try:
         found = resolve_name(section.driver.checkup)(keys, site)

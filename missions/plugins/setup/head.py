@@ -39,7 +39,7 @@ from perception.delay import MAX_STEADY_JITTER
 # Trimming with arrow keys.
 
 TRIM_STEPS = (0.5, 1.0, 2.0, 5.0)
-"""Degrees per key press; the sketch accepts whole degrees."""
+"""Selectable steps of a trim, in degrees per key press; a Rodney sketch accepts whole degrees."""
 
 TRIM_HELP = (
     "Arrow keys turn the head, + and - change the step, 0 removes the trims.\n"
@@ -88,7 +88,7 @@ def trim_by_hand(
 
 
 def _turn(head: Trimmable, turn: tuple[int, int], signs: tuple[int, int], step: float) -> None:
-    """Turn the head in the direction of the key, up to the limit of a trim."""
+    """Turn the head by one trim step in the direction of an arrow key, up to the limit of the trim."""
     pan, tilt = (trim + way * sign * step for trim, way, sign in zip(head.trim(), turn, signs, strict=True))
     try:
         head.trim(pan=pan, tilt=tilt)
@@ -102,10 +102,10 @@ BOOT_NOTICES: Mapping[BootState, str] = MappingProxyType(
         BootState.UNKNOWN: "its board does not report its pose: it is the last one, or the pose in its sketch",
     }
 )
-"""Notices about the pose of a Rodney head, by boot state; it may not know its pose."""
+"""Notices about the pose of a Rodney head by boot state: after a reset, or if its board does not report the pose."""
 
 KEEP_COMMAND = "mission head trim --robot FILE --keep"
-"""Command for a hint, with a copy of a robot file that cannot be written."""
+"""Command suggested if a robot file cannot be written: FILE is the user's copy of it."""
 
 SWING_ANGLE, SWING_RATE = radians(15), 2.5
 """Phase rate in rad/s of the swing by ``SWING_ANGLE`` (rad) to both sides: at most 38 degrees a second."""
@@ -253,7 +253,7 @@ def _set_trims(bench: OpenHead, pan: float | None, tilt: float | None) -> tuple[
 
 
 def _trim_with_keys(bench: OpenHead) -> tuple[float, float] | None:
-    """Let the user set the trims; return None if they cancelled."""
+    """Let the user trim the head with keys; return the trims, or None if they cancelled."""
     signs = _axis_sign(bench.config.pan), _axis_sign(bench.config.tilt)
     click.echo(TRIM_HELP)
     with KeyReader(sys.stdin.fileno()) as keys:
@@ -265,5 +265,5 @@ def _trim_with_keys(bench: OpenHead) -> tuple[float, float] | None:
 
 
 def _axis_sign(axis: ServoKeys | NeckJointKeys) -> int:
-    """Return -1 for a servo that turns opposite to the head."""
+    """Return -1 for an axis whose servo turns opposite to the head, else 1."""
     return -1 if isinstance(axis, ServoKeys) and axis.flip else 1

@@ -38,13 +38,13 @@ DEFAULT_HEAD = "head"
 """Part name of the head that carries the camera."""
 
 POLL_INTERVAL = 0.02
-"""Seconds between two checks of the head."""
+"""Seconds between two checks whether the head has arrived."""
 
 ARRIVAL_TOLERANCE = radians(0.51)
-"""Arrival tolerance in radians of a servo with whole degrees."""
+"""Distance in radians from the goal at which a head has arrived; some servos take whole degrees only."""
 
 TURN_TIMEOUT = 15.0
-"""Maximum seconds of a turn."""
+"""Maximum seconds until the head has turned to a pose."""
 
 
 def robot_options(command: Any) -> Any:
@@ -76,7 +76,7 @@ def head_keys(config: RobotConfig, head: str) -> HeadKeys:
 
 @dataclass(frozen=True, slots=True)
 class OpenHead:
-    """A connected head."""
+    """A connected head, for commands on the terminal."""
 
     head: Head
     trimmer: Trimmable
@@ -188,5 +188,5 @@ def _print_warning(notice: DeviceStatus) -> None:
 
 
 def pause() -> None:
-    """Wait ``POLL_INTERVAL`` for the head's own thread."""
+    """Wait ``POLL_INTERVAL``, while the head's driver works on its own thread."""
     threading.Event().wait(POLL_INTERVAL)

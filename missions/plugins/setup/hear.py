@@ -45,7 +45,7 @@ STEP_TIME, TRAILING_SILENCE = 2.0, 2.0
 """Seconds of silence after a recording, which end its last words; ``STEP_TIME`` is the step through it."""
 
 RECOGNITION_TIMEOUT = 20.0
-"""Maximum seconds for the start of the recogniser, and for a recognition."""
+"""Maximum seconds to wait for the speech recogniser to start, and for it to recognise a phrase."""
 
 
 def _check_threshold(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
@@ -190,13 +190,13 @@ def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) 
 
 
 def _new_words(ears: MicrophoneEars, shown: int) -> Iterator[Words]:
-    """Return the words after number ``shown``, in order."""
+    """Return the utterances, recognised or refused, after number ``shown``, in order."""
     recent = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
     return (words for words in recent if words.id > shown)
 
 
 def _result_line(words: Words, threshold: float) -> str:
-    """Return the output line of an utterance."""
+    """Return the output line for an utterance: time, verdict, phrase and score."""
     if not words.phrase:
         return f"{words.start:7.1f} s  refused   no similar phrase"
     verdict = "accepted" if words.score >= threshold else "refused "
@@ -204,7 +204,7 @@ def _result_line(words: Words, threshold: float) -> str:
 
 
 def _level_bar(level: float) -> str:
-    """Return a level in dBFS as a bar."""
+    """Return a microphone level in dBFS as a text bar."""
     signs = round(BAR_WIDTH * min(max(1 - level / MIN_LEVEL, 0.0), 1.0))
     return f"{level:6.1f} dB  {'#' * signs}"
 

@@ -26,7 +26,7 @@ from missions.library.drivers import DriverTable, load_robot
 from missions.plugins.setup.checkup import check_part
 
 POLL_INTERVAL = 0.3
-"""Seconds between two scans while devices are plugged."""
+"""Seconds between two scans while the user plugs and unplugs devices."""
 
 Pause = Callable[[], object]
 
@@ -37,7 +37,7 @@ root_option = click.option(
     metavar="DIR",
     help="Root folder of a recorded computer, instead of this one's.",
 )
-"""Root of the /sys, /proc and /dev that are read."""
+"""Adds ``--root``, the folder whose /sys, /proc and /dev are read."""
 
 
 @click.command(epilog="Example: mission ports --find")
@@ -220,14 +220,14 @@ def _names(port: SerialPortInfo) -> set[str]:
 
 
 def _port_problems(plug: ScannedPort) -> list[DeviceProblem]:
-    """Return the problems of a port, and the reason if it was not probed."""
+    """Return the problems of a serial port, and the reason if it was not probed."""
     heard = plug.scan or PortScan()
     said = [trouble for trouble in (plug.port.shut or heard.skip_reason, heard.trouble) if trouble is not None]
     return [*said, *plug.port.troubles]
 
 
 def find_problems(scan: HardwareScan) -> Iterator[DeviceProblem]:
-    """Yield all problems; a port that was not probed for lack of consent is none."""
+    """Yield all problems of connected devices; a port not probed for lack of consent is none."""
     for plug in scan.ports:
         consent = None if plug.scan is None else plug.scan.skip_reason
         yield from (trouble for trouble in _port_problems(plug) if trouble is not consent or trouble is plug.port.shut)

@@ -49,10 +49,10 @@ from perception.tracks import MARKER_FAMILIES, MarkerSet
 # Perception of pictures and videos without a robot.
 
 DEFAULT_CAMERA = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
-"""Camera of pictures without a robot."""
+"""Assumed camera of pictures if no robot is named."""
 
 FRAME_INTERVAL = 0.04
-"""Assumed seconds between two frames."""
+"""Assumed seconds between two frames of a video."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +148,10 @@ class FrameAnalyser:
 
 
 FrameShot = tuple[str, int, float, Image]
-"""Source, frame number, time (s) and picture."""
+"""A picture to analyse: source, frame number, time (s) and image."""
 
 FILM_RATE = 12.5
-"""Frames per second of a film."""
+"""Frames per second at which annotated videos are exported."""
 
 EYE_TEXTS = ("", ", one eye", ", both eyes")
 
@@ -393,7 +393,7 @@ def _heading_text(marker: Marker) -> str:
 
 
 def _labelled_boxes(contents: FrameContents) -> Iterator[tuple[Box, str]]:
-    """Yield boxes with labels to draw."""
+    """Yield the box and label of each percept of a frame, to be drawn."""
     for face in contents.faces:
         yield face.box, f"{face.name or 'face'}{_distance_text(face)}"
         yield from ((eye, "") for eye in face.eyes)

@@ -1,1 +1,1 @@
-"""Commands that read records."""
+"""Subcommands of ``mission record``, which read recorded runs."""

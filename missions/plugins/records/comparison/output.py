@@ -31,7 +31,7 @@ PATH_COLUMNS = ("path", "A", "B")
 LEFT_ALIGNED_COLUMNS = frozenset({"leaf", "joint", "path", "run with"})
 
 MAX_VALUE_LENGTH = 60
-"""Maximum number of characters of a printed value."""
+"""Maximum number of characters of a printed name, reason or setting."""
 
 
 def lines_of(comparison: RunComparison) -> Iterator[str]:
@@ -156,7 +156,7 @@ def _path_lines(comparison: RunComparison) -> Iterator[str]:
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield a table and an empty line; nothing without rows."""
+    """Yield the lines of a text table and an empty line; nothing without rows."""
     if rows:
         yield from format_columns(headings, rows, left=LEFT_ALIGNED_COLUMNS).splitlines()
         yield ""

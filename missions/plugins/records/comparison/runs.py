@@ -22,7 +22,7 @@ from missions.plugins.records.report.traces import BaseRoute
 from missions.trees.drawing import TreeBox
 
 DISTANCE_SAMPLES = 2000
-"""Number of times at which the distance of the two bases is sampled."""
+"""Number of times at which the distance between the bases of the two runs is sampled."""
 
 
 T = TypeVar("T")
@@ -33,7 +33,7 @@ class IncomparableError(ValueError):
 
 
 class RunPair(NamedTuple, Generic[T]):
-    """A value of each run; None if that run lacks it."""
+    """The values of one quantity in both runs, ``a`` and ``b``; None if a run lacks the quantity."""
 
     a: T | None
     b: T | None
@@ -41,7 +41,7 @@ class RunPair(NamedTuple, Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class FirstDifference:
-    """The first different decision: a node, its place, and its status change in each run."""
+    """The first different decision: a node of the behaviour tree, and its status change in each run."""
 
     place: NodePlace
     changes: RunPair[NodeChanged]
@@ -49,7 +49,7 @@ class FirstDifference:
 
 @dataclass(frozen=True, slots=True)
 class LeafComparison:
-    """A leaf in both runs: number of runs, and total running time (s)."""
+    """A leaf that ran in at least one of the runs: number of times, and total running time (s) in each run."""
 
     place: NodePlace
     runs: RunPair[int]
@@ -112,7 +112,7 @@ def compare_runs(one: RunRecord, other: RunRecord) -> RunComparison:
 
 
 def _differing_settings(one: RunRecord, other: RunRecord) -> Iterator[tuple[str, RunPair[str]]]:
-    """Yield the settings, params and files that differ."""
+    """Yield the name and both values of each setting, param and file that differs between the runs."""
     heads = one.header, other.header
     for word in ("world", "simulate", "eyes", "seed", "rate"):
         values = [str(getattr(head, word)) for head in heads]
@@ -138,7 +138,7 @@ def _changes(record: RunRecord) -> list[NodeChanged]:
 def _find_first_difference(
     one: Iterable[NodeChanged], other: Iterable[NodeChanged], places: Mapping[str, NodePlace], pairs: Mapping[str, str]
 ) -> FirstDifference | None:
-    """Return the earliest difference; of several in one tick, the most likely cause."""
+    """Return the earliest different status change of two runs; of several in one tick, the most likely cause."""
     order = {key: number for number, key in enumerate(places)}
     a, b = _changes_by_node(one), _changes_by_node(other)
     differences = []
@@ -150,7 +150,7 @@ def _find_first_difference(
             differences.append(FirstDifference(places[key], became))
 
     def rank(split: FirstDifference) -> tuple[float, bool, bool, int]:
-        """Return a sort key: earlier first, then not only halted, then leaves, then nodes further up."""
+        """Return the sort key of a difference: earlier first, then not only halted, then leaves, then upper nodes."""
         changes = [change for change in split.changes if change is not None]
         halted = all(change.status == "idle" for change in changes)
         return min(change.t for change in changes), halted, not split.place.is_leaf, order[split.place.key]
@@ -188,7 +188,7 @@ def _compare_leaves(
 
 
 def _nodes_of_second_tree(root: TreeBox, back: Mapping[str, str]) -> Mapping[str, tuple[None, str]]:
-    """Return the nodes that only the second tree has."""
+    """Return the nodes that only the second tree has: (None, key) by a label that no key of the first tree has."""
     return {f"b {box.key}": (None, box.key) for box in root.walk() if box.key not in back}
 
 
@@ -220,5 +220,5 @@ def _find_max_distance(a: RecordStudy, b: RecordStudy) -> tuple[float, float] | 
 
 
 def end_distance(one: BasePath, other: BasePath) -> float:
-    """Return the distance between the ends of two paths (m)."""
+    """Return the distance (m) between the final positions of two paths of a base."""
     return dist(one.end[:2], other.end[:2])

@@ -40,7 +40,7 @@ MAX_EXPANSION_RATIO, EXPANSION_ALLOWANCE = 100, 256 * 1024 * 1024
 
 
 class DamagedError(ValueError):
-    """A range of the file is damaged."""
+    """A range of an MCAP file is damaged."""
 
 
 class RecordSpan(NamedTuple):
@@ -60,11 +60,11 @@ class McapMessage(NamedTuple):
 
 
 DamageCallback = Callable[[RecordSpan], None]
-"""Called with each record that cannot be read."""
+"""Function that is called with the position of each MCAP record that cannot be read."""
 
 
 def ignore_damage(span: RecordSpan) -> None:
-    """Ignore a damaged record."""
+    """Do nothing about a damaged record: the default DamageCallback."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class McapContainer:
         return {table.name: table.metadata for _, table in self.read(Opcode.METADATA, Metadata.read)}
 
     def attachments(self, on_damage: DamageCallback = ignore_damage) -> Iterator[Attachment]:
-        """Yield the attached files."""
+        """Yield the files attached to the MCAP file."""
         for _, attachment in self.read(Opcode.ATTACHMENT, Attachment.read, on_damage):
             yield attachment
 
@@ -139,7 +139,7 @@ class McapContainer:
 
     @property
     def chunk_spans(self) -> Sequence[RecordSpan]:
-        """Positions of the chunks."""
+        """Positions of the chunks in the MCAP file."""
         return [span for span in self.spans if span.opcode == Opcode.CHUNK]
 
     def last_time(self) -> int | None:
@@ -167,7 +167,7 @@ class McapContainer:
     def read(
         self, opcode: Opcode, parse: Callable[[ReadDataStream], T], on_damage: DamageCallback = ignore_damage
     ) -> Iterator[tuple[RecordSpan, T]]:
-        """Yield the records of one opcode with their positions."""
+        """Yield the parsed MCAP records of one opcode, each with its position."""
         with self.path.open("rb") as file:
             for span in self.spans:
                 if span.opcode != opcode:
@@ -217,7 +217,7 @@ class _StrictStream(ReadDataStream):
 
 
 def decompress_chunk(chunk: Chunk) -> bytes:
-    """Return the decompressed records of a chunk. Raises DamagedError."""
+    """Return the decompressed content of a chunk, a sequence of MCAP records. Raises DamagedError."""
     size = chunk.uncompressed_size
     if size > MAX_RECORD_SIZE:
         raise DamagedError(f"a chunk of {size} bytes")
@@ -243,7 +243,7 @@ def _decompress_zstd(data: bytes, size: int) -> bytes:
 
 
 def split_records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the content of each record in ``data``, up to the first invalid one."""
+    """Yield opcode, start and end of the content of each MCAP record in ``data``, up to the first invalid one."""
     at = 0
     while at + RECORD_HEADER.size <= len(data):
         opcode, length = RECORD_HEADER.unpack_from(data, at)

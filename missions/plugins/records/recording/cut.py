@@ -18,7 +18,10 @@ from missions.plugins.records.recording.tick_codec import TickDecoder, TickEncod
 from missions.plugins.records.recording.validation import parse_message, reject_malformed
 
 STATE_KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
-"""Fields that identify a state, by topic: of messages with equal fields the last one holds. Also all ``/state/...``."""
+"""Topics whose last messages are the state at a time, with the fields that tell nodes or variables apart.
+
+All topics ``/state/...`` belong to them too.
+"""
 
 
 def cut_record(record: RunRecord, start: float, end: float, output: Path, *, force: bool = False) -> int:
@@ -32,7 +35,7 @@ def cut_record(record: RunRecord, start: float, end: float, output: Path, *, for
 
 
 class _Excerpt:
-    """The range of ``record`` from ``start`` to ``end`` (s)."""
+    """The part of ``record`` from ``start`` to ``end`` (s), as a new record."""
 
     def __init__(self, record: RunRecord, start: float, end: float) -> None:
         self._record = record
@@ -44,7 +47,7 @@ class _Excerpt:
         self._encoder = TickEncoder()
 
     def write(self, file: BinaryIO) -> int:
-        """Write the range; return the number of messages."""
+        """Write the excerpt to ``file`` as a record; return the number of messages."""
         container = self._record.container
         held = [message._replace(time=max(message.time, self._first)) for message in self._initial_state()]
         # Every chunk was read, so all channels are known. Any: the mcap writer is only partly typed.
@@ -73,7 +76,7 @@ class _Excerpt:
         return count
 
     def _initial_state(self) -> list[McapMessage]:
-        """Return the messages that describe the state at the beginning, the header of the record first."""
+        """Return the messages that describe the state at the start of the excerpt, the record header first."""
         held: dict[tuple[str, ...], McapMessage] = {}
         with reject_malformed(self._record.path):
             for message in self._record.container.messages():
@@ -86,7 +89,7 @@ class _Excerpt:
         return list(held.values())
 
     def _chunks(self) -> Iterator[list[McapMessage]]:
-        """Yield the messages of the range, chunk by chunk."""
+        """Yield the messages within the time range of the excerpt, chunk by chunk."""
         container = self._record.container
         for _, _, data in container.chunks():
             messages = [message for message in container.messages_in(data) if message.topic != "/mission"]
@@ -95,7 +98,7 @@ class _Excerpt:
                 yield [kept for message in messages if (kept := self._convert(message)) is not None]
 
     def _convert(self, message: McapMessage) -> McapMessage | None:
-        """Return a message as it is in the range; None outside of the range.
+        """Return a message as the excerpt contains it; None if its time is outside of the excerpt.
 
         A tick record is encoded again: its replies may refer to an earlier tick of its chunk.
         """

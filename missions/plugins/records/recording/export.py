@@ -113,7 +113,7 @@ def _messages(record: RunRecord) -> Iterator[tuple[str, float, Any]]:
 
 
 def _row(topic: str, data: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
-    """Return the cells of a message by column name."""
+    """Return the cells of a message by column name of the CSV table."""
     cells: dict[str, object] = {}
     for name, value in data.items():
         if isinstance(value, dict):

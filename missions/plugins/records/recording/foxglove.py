@@ -47,7 +47,7 @@ class Epoch:
 
 
 def log_message(stamp: Json, level: str, text: str, file: str) -> Json:
-    """Return a log line; its name is the speaker, or "mission" for a log level."""
+    """Return a Foxglove log message; its name is the speaker, or "mission" for a log level."""
     name = level if level not in LOG_LEVELS else "mission"
     return {
         "timestamp": stamp,
@@ -60,13 +60,13 @@ def log_message(stamp: Json, level: str, text: str, file: str) -> Json:
 
 
 def image_message(stamp: Json, jpeg: bytes) -> Json:
-    """Return a picture."""
+    """Return a camera picture as a Foxglove image message."""
     data = base64.b64encode(jpeg).decode()
     return {"timestamp": stamp, "frame_id": CAMERA_FRAME, "data": data, "format": "jpeg"}
 
 
 def annotations_message(stamp: Json, view: View) -> Json:
-    """Return the percepts of a picture as boxes with labels."""
+    """Return the percepts in a picture as Foxglove annotations: boxes with labels."""
     coloured = [
         *((face, getattr(face, "name", "") or "face", _FACE_COLOUR) for face in view.faces),
         *((thing, _title(thing), _THING_COLOUR) for thing in view.things),
@@ -115,12 +115,12 @@ def _label(stamp: Json, box: Box, text: str) -> Json:
 
 
 def pose_message(stamp: Json, pose: Pose2D) -> Json:
-    """Return the pose of the base."""
+    """Return the pose of the base as a Foxglove message."""
     return {"timestamp": stamp, "frame_id": ODOMETRY_FRAME, "pose": _pose((pose.x, pose.y, 0.0), pose.heading, 0.0)}
 
 
 def base_transform(stamp: Json, pose: Pose2D) -> Json:
-    """Return the transform from the odometry frame to the base."""
+    """Return the transform from the odometry frame to the base as a Foxglove message."""
     return _transform(stamp, ODOMETRY_FRAME, BASE_FRAME, _pose((pose.x, pose.y, 0.0), pose.heading, 0.0))
 
 
@@ -130,7 +130,7 @@ def camera_transform(stamp: Json, eye: tuple[float, float, float], gaze: Gaze) -
 
 
 def scan_message(stamp: Json, scan: RangeScan) -> Json:
-    """Return a scan of the range finder; ranges that are not finite become 0, which Foxglove does not draw."""
+    """Return a range finder scan as a Foxglove message; infinite and NaN ranges become 0, which is not drawn."""
     ranges = [each if isfinite(each) else 0.0 for each in scan.ranges.tolist()]
     return {
         "timestamp": stamp,
@@ -159,7 +159,7 @@ def _transform(stamp: Json, parent: str, child: str, pose: Json) -> Json:
 
 
 def _pose(place: tuple[float, float, float], yaw: float, pitch: float) -> Json:
-    """Return a pose, rotated by ``yaw`` about z, then by ``pitch`` about the new y (rad)."""
+    """Return Foxglove's pose of a position, rotated by ``yaw`` about z, then by ``pitch`` about the new y (rad)."""
     (sy, cy), (sp, cp) = (sin(yaw / 2), cos(yaw / 2)), (sin(pitch / 2), cos(pitch / 2))
     x, y, z = place
     return {

@@ -16,18 +16,18 @@ from missions.executive.tick_record import TickRecord
 from perception.api import Gaze, View
 
 BATCH_HEADER = struct.Struct("<Q")
-"""Header of a batch of items in the pipe: its number of bytes."""
+"""Header of a batch of items in the pipe to the writer process: the batch's number of bytes."""
 
 
 class ViewItem(NamedTuple):
-    """Percepts, and the time of their report (s)."""
+    """Item of the percepts in a picture, with the time (s) at which perception reported them."""
 
     t: float
     view: View
 
 
 class PictureItem(NamedTuple):
-    """A searched frame as JPEG, its time (s), and the camera's direction if known."""
+    """Item of a camera picture in which perception searched: JPEG, time (s), and the camera's direction if known."""
 
     t: float
     jpeg: bytes
@@ -42,7 +42,7 @@ class HealthItem(NamedTuple):
 
 
 class FeedbackItem(NamedTuple):
-    """New message of a node that is still running: time (s), tick, node key and message."""
+    """Item of a new message of a node that is still running: time (s), tick, node key and message."""
 
     t: float
     tick: int
@@ -58,7 +58,7 @@ class LossItem(NamedTuple):
 
 
 class OpaqueValue:
-    """A value of a class that is not imported here, with its fields as attributes."""
+    """An unpickled value of a class that the writer process does not import, with its fields as attributes."""
 
     def __new__(cls, *_args: object) -> Self:
         """Create a value without calling the original constructor."""
@@ -70,17 +70,17 @@ class OpaqueValue:
                 vars(self).update(part)
 
     def append(self, _item: object) -> None:
-        """Ignore list content."""
+        """Ignore an element of an unpickled subclass of list."""
 
     def __setitem__(self, _key: object, _item: object) -> None:
-        """Ignore mapping content."""
+        """Ignore an entry of an unpickled subclass of dict."""
 
     def __str__(self) -> str:
         return f"<{type(self).__name__}>"
 
 
 class PlainNumber(float):
-    """A number that had more attributes, such as a unit."""
+    """A number of a class that the writer process does not import, without its other attributes, such as a unit."""
 
     def __new__(cls, value: float, *_more: object) -> Self:
         """Create a number; further constructor arguments are ignored."""
@@ -97,7 +97,7 @@ EVENT_TOPICS: Mapping[str, str] = {
     "Notified": "/notices",
     "Ended": "/end",
 }
-"""Topic of each recorded event; the record header, tick records and views contain all others."""
+"""Topic in the record by class name of each recorded event; other items contain the remaining events."""
 
 ITEM_TOPICS: Mapping[type, str] = {
     TickRecord: "/moments",
@@ -106,18 +106,18 @@ ITEM_TOPICS: Mapping[type, str] = {
     HealthItem: "/state/devices",
     FeedbackItem: "/feedback",
 }
-"""Main topic of each item that is not an event."""
+"""Main topic in the record of each item that is not an event."""
 
 
 def topic_of(item: object) -> str:
-    """Return the topic of an item; losses are counted under it."""
+    """Return the topic of an item in the record; if the item is lost, it is counted under this topic."""
     return ITEM_TOPICS.get(type(item)) or EVENT_TOPICS[type(item).__name__]
 
 
 def pack_items(items: Sequence[object]) -> bytes:
     """Return items as bytes. Raises any exception of a class that cannot be pickled.
 
-    The global dispatch table is not used: libraries register reducers there, such as Dask for exceptions.
+    Pickle's global dispatch table is not used: libraries register reducers there, such as Dask for exceptions.
     """
     file = io.BytesIO()
     pickler = pickle.Pickler(file, pickle.HIGHEST_PROTOCOL)
@@ -127,7 +127,7 @@ def pack_items(items: Sequence[object]) -> bytes:
 
 
 def unpack_items(data: bytes) -> list[Any]:
-    """Return the items of bytes from ``pack_items``. Unsafe for data of other programs."""
+    """Return the items that ``pack_items`` has packed into ``data``. Unsafe for data of other programs."""
     found: list[Any] = _Unpickler(io.BytesIO(data)).load()
     return found
 

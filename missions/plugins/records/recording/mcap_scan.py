@@ -43,7 +43,7 @@ MAX_SEARCHED_BYTES = 4 * 1024**3
 """Maximum number of bytes searched for valid chunks after damage; data behind them are lost."""
 
 MAX_SPANS = 5_000_000
-"""Maximum number of records in a file: three times those of a week's run."""
+"""Maximum number of MCAP records in a file: three times as many as the record of a week's run has."""
 
 
 def scan_file(path: Path) -> McapContainer | None:
@@ -89,7 +89,7 @@ def _read_by_index(path: Path, file: BinaryIO, size: int) -> McapContainer | Non
 
 
 def _spans_in_index(found: McapContainer, index: bytes) -> Iterator[RecordSpan]:
-    """Yield the positions in the index; add channels, schemas and chunk times to ``found``."""
+    """Yield the positions of the MCAP records in the index; add channels, schemas and chunk times to ``found``."""
     for opcode, start, end in split_records(index):
         data = index[start:end]
         match opcode:
@@ -108,7 +108,7 @@ def _spans_in_index(found: McapContainer, index: bytes) -> Iterator[RecordSpan]:
 
 
 def _read_by_walking(path: Path, file: BinaryIO, size: int) -> McapContainer:
-    """Walk from record to record, and skip damaged ranges."""
+    """Return the container of a file without a valid index: walk from record to record, and skip damaged ranges."""
     spans: list[RecordSpan] = []
     spoilt: list[RecordSpan] = []
     at, search = len(MCAP_MAGIC), _ChunkSearch(file, size)
@@ -127,7 +127,7 @@ def _read_by_walking(path: Path, file: BinaryIO, size: int) -> McapContainer:
 
 
 def _walk(file: BinaryIO, size: int, at: int = len(MCAP_MAGIC)) -> Iterator[RecordSpan]:
-    """Yield the records from ``at`` on, up to the end of the data or the first invalid record."""
+    """Yield the positions of MCAP records from ``at`` on, up to the end of the data or the first invalid record."""
     opcode = 0
     while opcode != Opcode.DATA_END and at + RECORD_HEADER.size <= size:
         file.seek(at)

@@ -25,7 +25,7 @@ from missions.trees.drawing_builder import drawing_of
 from perception.model_files import MAX_MODEL_BYTES
 
 FILE_KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
-"""Kinds of files of a run; the first of these words that a file has as a key is its kind."""
+"""Kinds of the YAML files of a run: a file is of the first kind that is one of its top-level keys."""
 
 
 class RecordedRequest(Protocol):
@@ -38,17 +38,17 @@ class RecordedRequest(Protocol):
 
     @property
     def behaviours(self) -> Sequence[Path]:
-        """Files of leaves on the command line."""
+        """Python files with user leaves, named on the command line."""
         ...
 
     @property
     def params(self) -> Mapping[str, str]:
-        """Params as typed."""
+        """Mission parameters by name, as typed on the command line."""
         ...
 
     @property
     def seed(self) -> int:
-        """Random seed."""
+        """Random seed of the run."""
         ...
 
     @property
@@ -135,7 +135,7 @@ def _name_files(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tupl
 
 
 def _file_kind(path: Path, data: bytes) -> str:
-    """Return the kind of a file, by its keys."""
+    """Return the kind of a file of a run, by its name ending or its top-level keys; "file" if unknown."""
     if path.suffix.lower() in SHEET_SUFFIXES:
         return "move"
     try:

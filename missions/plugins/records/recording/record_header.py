@@ -18,7 +18,7 @@ FILES_METADATA = "files"
 """Name of the metadata with the original path of each attached file."""
 
 LIMIT_METADATA = "limit"
-"""Name of the metadata that marks a record which reached its size limit, with the time."""
+"""Name of the metadata of a record that reached its size limit; it holds the time at which that happened."""
 
 TREE_ATTACHMENT = "tree.json"
 """Name of the attachment with the drawing of the mission's tree."""

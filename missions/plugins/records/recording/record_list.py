@@ -16,7 +16,7 @@ from missions.plugins.records.replay.frames import STAMP_TOLERANCE
 Json = dict[str, object]
 
 MAX_SEARCH_BYTES = 16_000_000
-"""Maximum number of bytes before a time that are searched for the state at that time."""
+"""Maximum number of bytes of a record that are searched back from a time for the state at that time."""
 
 END_CHUNKS = 4
 """Number of chunks at the end of a record that are searched for its result."""
@@ -71,7 +71,7 @@ class ChunkedRecord:
 
 
 def list_entry(path: Path) -> Json:
-    """Return the list entry of a record; its key `trouble` says why a record cannot be read."""
+    """Return the entry of a record in a record list; its key `trouble` says why a record cannot be read."""
     entry: Json = {"name": path.name, "bytes": path.stat().st_size}
     if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
         trouble = "the file name is not UTF-8, so the studio cannot link to it: rename the file"

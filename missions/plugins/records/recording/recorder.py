@@ -122,19 +122,19 @@ class PictureEncoder:
 
 
 BATCH_INTERVAL = 0.15
-"""Seconds between two batches; each wakes two processes."""
+"""Seconds between two batches to the writer process; each batch wakes two processes."""
 
 MAX_BATCH_ITEMS = 150
-"""Maximum number of items in a batch: packing them holds the GIL for about a millisecond."""
+"""Maximum number of items in a batch to the writer process: packing holds the GIL for about a millisecond."""
 
 MAX_QUEUED_ITEMS = 20_000
-"""Maximum length of the queue: at least 30 s of a run."""
+"""Maximum number of items queued for the writer process: at least 30 s of a run."""
 
 MAX_QUEUED_PICTURE_BYTES = 64_000_000
-"""Maximum size of the queued pictures in bytes."""
+"""Maximum size in bytes of the pictures queued for the writer process."""
 
 FEEDBACK_INTERVAL = 0.2
-"""Seconds of the run between two checks for new messages of running nodes, so that the median tick has none."""
+"""Seconds of the run between two checks for new messages of running nodes; most ticks have no check."""
 
 HEALTH_INTERVAL = 2.0
 """Seconds between two checks of the devices' health."""
@@ -193,7 +193,7 @@ class Recorder:
 
     @property
     def path(self) -> Path:
-        """Path of the record; another one if it is incomplete and an earlier record keeps its name."""
+        """Path of the record; not the requested one if it is incomplete and an earlier record keeps that name."""
         return self._writer.path
 
     # --- from beginning to end ----------------------------------------------------------------------------------------
@@ -218,11 +218,11 @@ class Recorder:
         self._thread.start()
 
     def watch_tree(self, root: Node) -> None:
-        """Also record the messages of this tree's nodes while they run."""
+        """Also record the messages of the nodes below ``root`` while they run."""
         self._nodes = {node.key: node for node in root.iterate() if isinstance(node, Node)}
 
     def close(self) -> RecordLoss:
-        """Close the record and end the process; return the losses. Safe in any state, idempotent."""
+        """Close the record and end the writer process; return the losses. Safe in any state, idempotent."""
         self._pictures.close()
         self._open = False
         self._closing.set()
@@ -243,7 +243,7 @@ class Recorder:
 
     @property
     def loss(self) -> RecordLoss:
-        """Known losses."""
+        """Messages known to be missing from the record, and the reason."""
         outlet = self._writer
         with self._lock:
             missed = dict(self._unreported_losses)
@@ -266,7 +266,7 @@ class Recorder:
     # --- called by the run, from any thread ---------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Record an event, unless another item contains it."""
+        """Record an event, unless the record header, a tick record or a view contains it."""
         if type(event).__name__ in EVENT_TOPICS:
             self._enqueue(event)
             if isinstance(event, NodeChanged):
@@ -276,7 +276,7 @@ class Recorder:
                     self._running_reasons.pop(event.node, None)
 
     def on_tick(self, tick_record: TickRecord) -> None:
-        """Record a tick record, and report problems on this thread."""
+        """Record a tick record, and report problems of the writer process on the calling thread."""
         self._enqueue(tick_record)
         if tick_record.t >= self._feedback_at:
             self._feedback_at = tick_record.t + FEEDBACK_INTERVAL
@@ -292,7 +292,7 @@ class Recorder:
             self._report_problems()
 
     def on_view(self, view: View) -> None:
-        """Record percepts."""
+        """Record the percepts of a picture."""
         self._enqueue(ViewItem(0.0 if self._clock is None else self._clock.now(), view))
 
     def on_frame(self, frame: Frame, gaze: Gaze | None = None) -> None:
@@ -334,7 +334,7 @@ class Recorder:
             self._unreported_losses[reason] = self._unreported_losses.get(reason, Counter()) + Counter({topic: 1})
 
     def _report_problems(self) -> None:
-        """Report new problems of the writer."""
+        """Report new problems of the writer process."""
         while self._writer.problems:
             hint = f"mission record info {shlex.quote(str(self.path))}"
             self._report(DeviceStatus("record", "fault", self._writer.problems.popleft(), hint))
@@ -358,7 +358,7 @@ class Recorder:
             self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.now(), health_check()))
 
     def _send_queue(self) -> None:
-        """Send the queue and the losses, then receive the status."""
+        """Send the queued items and losses to the writer process, then receive its status."""
         outlet = self._writer
         while self._queue and outlet.accepts_items:
             items = [self._queue.popleft() for _ in range(min(len(self._queue), MAX_BATCH_ITEMS))]

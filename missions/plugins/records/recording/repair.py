@@ -47,7 +47,7 @@ from missions.plugins.records.recording.validation import InvalidRecordError
 
 
 class RepairError(InvalidRecordError):
-    """The file cannot be repaired, or not now; the message has the reason."""
+    """A record cannot be repaired, or not now; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ def repair_record(path: Path) -> RepairResult:
 
 
 def _mark_damaged(file: BinaryIO, gaps: Sequence[RecordSpan], damaged: Sequence[RecordSpan]) -> None:
-    """Overwrite opcodes so that readers skip gaps and damaged records."""
+    """Overwrite the opcodes of gaps and damaged records in an MCAP file, so that readers skip them."""
     for span in gaps:
         file.seek(span.start)
         file.write(RECORD_HEADER.pack(FIRST_PRIVATE_OPCODE, span.end - span.start - RECORD_HEADER.size))
@@ -102,7 +102,7 @@ def _mark_damaged(file: BinaryIO, gaps: Sequence[RecordSpan], damaged: Sequence[
 
 
 class _IndexBuilder:
-    """Builder of the index at the end of the file; ``end`` is its position."""
+    """Builder of the index of an MCAP file; ``end`` is the position of the index in the file."""
 
     def __init__(self, container: McapContainer) -> None:
         self.end = container.end
@@ -115,7 +115,7 @@ class _IndexBuilder:
         self._tables: list[MetadataIndex] = []
 
     def scan(self, file: BinaryIO) -> None:
-        """Read the file and collect the index."""
+        """Read the MCAP file, and collect the entries of its index."""
         container, damaged = self._container, self.damaged.append
         self._attachments = [
             _attachment_index(*it) for it in container.read(Opcode.ATTACHMENT, Attachment.read, damaged)
@@ -139,7 +139,7 @@ class _IndexBuilder:
             self.chunks.append(_chunk_index(span, chunk, places, offsets, len(written)))
 
     def encode(self) -> bytes:
-        """Return the bytes to write at ``end``."""
+        """Return the index as bytes, to be written at ``end`` of the MCAP file."""
         before = self._last_message_index + _encode_records([DataEnd(data_section_crc=0)])
         index = _encode_records(self._records())
         start = self.end + len(before)
@@ -168,7 +168,7 @@ class _IndexBuilder:
 
 
 MessageOffsets = Mapping[int, list[tuple[int, int]]]
-"""Times and positions within the chunk of the messages of each channel."""
+"""Time and position of each message of a chunk, by channel; positions are within the chunk."""
 
 
 def _message_offsets(data: bytes) -> MessageOffsets:

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 # Identification of record files.
 
 MCAP_PROFILE = "missiontree"
-"""MCAP profile of our records."""
+"""MCAP profile in the header of records of runs."""
 
 FIRST_YEAR, LAST_YEAR = 1970, 2200
 """Latest plausible start year of a run, as ``FIRST_YEAR`` is the earliest."""
@@ -245,7 +245,7 @@ class RunRecord:
 
     @cached_property
     def end_time(self) -> float:
-        """Time of the last message or event. Messages are stamped in whole nanoseconds, events exactly."""
+        """Time (s) of the last message or event. Messages are stamped in whole nanoseconds, events exactly."""
         return max([self._last_message_time, *(event.t for event in self.events[-1:])])
 
     @cached_property
@@ -320,7 +320,7 @@ class RunRecord:
         return counts
 
     def run_end(self) -> Ended | None:
-        """Return the result of the run; None if the record does not hold it."""
+        """Return the final event of the run, with its result; None if the record lacks it."""
         return next((event for event in reversed(self.events) if isinstance(event, Ended)), None)
 
     @cached_property
@@ -368,7 +368,7 @@ def _known_values(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, fl
 
 
 def _sort_key(event: Event) -> tuple[float, int]:
-    """Return a sort key: by time, ticks after their effects, the end last."""
+    """Return the sort key of an event: by time, ticks after the events that they cause, the end of the run last."""
     return event.t, isinstance(event, Ticked) + 2 * isinstance(event, Ended)
 
 

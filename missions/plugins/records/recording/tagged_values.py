@@ -28,7 +28,7 @@ from missions.codec import Coder, Rules, coder, decode, encode, identity, number
 T = TypeVar("T")
 
 TAG = "$"
-"""Key of the type of a value."""
+"""Key of an encoded JSON object that holds the type of the value."""
 
 TYPES_BY_NAME: Mapping[str, type[Any]] = {
     name: found
@@ -58,12 +58,12 @@ def from_json(data: object, kind: type[T]) -> T:
 
 
 def decode_view(message: Mapping[str, object]) -> perception.api.View:
-    """Return the view of a message on /percepts. Raises ValueError."""
+    """Return the percepts of a message on /percepts as a view. Raises ValueError."""
     return from_json({name: value for name, value in message.items() if name != "t"}, perception.api.View)
 
 
 def tag_value(value: object) -> object:
-    """Return a value of any type as JSON that ``untag_value`` decodes; unknown types become text."""
+    """Return a value of any type as JSON that ``untag_value`` decodes; values of unknown types become text."""
     kind: Any = type(value)
     return _tagger(kind)(value)
 
@@ -134,7 +134,7 @@ def _plain_number(value: object) -> object:
 
 
 _JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False, default=_plain_number)
-"""Encoder without a check for cycles: its input has none."""
+"""JSON encoder that does not check for reference cycles: tagged values have none."""
 
 
 def _encode_array(value: Any) -> object:
@@ -183,7 +183,7 @@ _CONTAINER_DECODERS: Mapping[str, Callable[[Any], Any]] = {
     "float": float,
     "text": str,
 }
-"""Decoders of tags that are not class names."""
+"""Decoders of tagged values by tag, for tags that are not class names."""
 
 _ARRAY, _TAGGED = Coder(_encode_array, _decode_array), Coder(tag_value, untag_value)
 

@@ -17,7 +17,7 @@ TICK_KINDS = frozenset(get_args(TickKind))
 """Kinds of tick records."""
 
 QUESTION_LENGTH = 3
-"""Length of an encoded reply of which only the query is written."""
+"""Number of elements of an encoded reply that has not changed: only its query is written."""
 
 
 class TickEncoder:

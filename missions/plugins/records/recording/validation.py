@@ -9,7 +9,7 @@ from typing import Any
 from config.diagnostics import InvalidInputError
 
 MAX_SECONDS = 1e9
-"""Upper bound of any time (s) and any figure of a robot in a record: thirty years."""
+"""Upper bound of times (s) in a record, and of other measured values: thirty years."""
 
 
 class InvalidRecordError(InvalidInputError):

@@ -50,18 +50,18 @@ from perception.api import Gaze, View
 # ``UNCHANGED_INTERVAL`` seconds apart while a part repeats the same state.
 
 STATE_INTERVAL = 0.1
-"""Minimum seconds between two states of one part."""
+"""Minimum seconds between two recorded states of one part of the robot."""
 
 TRANSFORM_INTERVAL = 0.05
-"""Minimum seconds between two transforms of one frame."""
+"""Minimum seconds between two recorded transforms of one coordinate frame."""
 
 
 UNCHANGED_INTERVAL = 0.5
-"""Minimum seconds between two equal states."""
+"""Minimum seconds between two recorded states of one part that are equal."""
 
 
 class PartStateMessage(NamedTuple):
-    """A message to write: topic, time (s) and content."""
+    """A state message of a part to write to the record: topic, time (s) and content."""
 
     topic: str
     t: float
@@ -69,7 +69,7 @@ class PartStateMessage(NamedTuple):
 
 
 class StateSampler:
-    """Samples the states of a robot's parts from tick records. ``eye`` is the position of its camera (m)."""
+    """Samples the states of a robot's parts from tick records. ``eye`` is the position of the robot's camera (m)."""
 
     def __init__(self, epoch: Epoch, eye: tuple[float, float, float]) -> None:
         self._epoch = epoch
@@ -82,7 +82,7 @@ class StateSampler:
         self._head_goal: HeadPose | None = None
 
     def sample(self, tick_record: TickRecord) -> Iterator[PartStateMessage]:
-        """Yield the state messages that a tick record causes."""
+        """Yield the state messages to write for the replies of the parts in a tick record."""
         newest: dict[tuple[str, str], object] = {}
         for part, what, arguments, value in tick_record.answers:
             newest[part, what] = value
@@ -105,7 +105,7 @@ class StateSampler:
         yield from self._arm_messages(tick_record.t, joints)
 
     def _track_command(self, t: float, part: str, name: str, arguments: tuple[object, ...], value: object) -> None:
-        """Store the setpoint of a command."""
+        """Store the setpoint that a command sends to a part, for later state messages."""
         match part, name, value:
             case "base", "drive", Velocity():
                 argument = arguments[0]
@@ -207,7 +207,8 @@ class ChunkSink(BytesIO):
     """Buffer that ``flush`` writes to the file descriptor ``fd`` completely or not at all.
 
     After a full disk, a size limit or an I/O error the file is as after the last successful flush, ``error`` has the
-    exception of the newest flush, and the buffer is lost. Positions are those in the file. It does not own the file.
+    exception of the newest flush, and the buffer is lost. Positions are those in the file. The sink never closes
+    ``fd``.
     """
 
     def __init__(self, fd: int) -> None:
@@ -272,14 +273,14 @@ TOPIC_SCHEMAS: Mapping[str, str] = {
     "/state/arm": "missiontree.ArmState",
     "/state/devices": "missiontree.DeviceStates",
 }
-"""Schema name of every topic."""
+"""Name of the JSON Schema of the messages on each topic."""
 
 MAX_KEPT_VIEWS = 16
-"""Number of views kept for their pictures, which arrive later because they are encoded first."""
+"""Number of recent views that are kept until their pictures arrive, which takes longer because of JPEG encoding."""
 
 
 class RecordMessage(NamedTuple):
-    """A message to write: topic, time (s) and bytes."""
+    """A message to write to the record: topic, time (s) and bytes."""
 
     topic: str
     t: float
@@ -287,7 +288,7 @@ class RecordMessage(NamedTuple):
 
 
 class MessageBuilder:
-    """Builds the messages of the items of one run."""
+    """Builds the messages of a record from the items that a run sends."""
 
     def __init__(self, header: RecordHeader) -> None:
         self.epoch = Epoch(round(datetime.fromisoformat(header.started).timestamp() * 1e6) * 1000)
@@ -356,20 +357,21 @@ class MessageBuilder:
 
 
 MAX_CHUNK_BYTES = 1_000_000
-"""Size of messages in bytes after which a chunk is written."""
+"""Size of the messages of a chunk, in bytes, from which on the chunk is written."""
 
 MESSAGE_OVERHEAD = 64
-"""Bytes of a message besides its content; also of each topic of a chunk in the index."""
+"""Estimated bytes of a message besides its content; also of each topic of a chunk in the file's index."""
 
 LOST_TOPIC = "/lost"
-"""Topic of lost message counts."""
+"""Topic of messages that count lost messages."""
 
 
 @dataclass(frozen=True, slots=True)
 class WriteResult:
     """Result of writing a record: counts of written and lost messages by topic, and reason of losses.
 
-    ``whole`` tells whether it was closed. ``ended`` is the time (s) at which it reached its size limit, or None.
+    ``whole`` tells whether the record was closed. ``ended`` is the time (s) at which it reached its size limit, or
+    None.
     """
 
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -382,9 +384,9 @@ class WriteResult:
 class RecordWriter:
     """Writes one record of at most ``limit`` bytes. Not thread-safe.
 
-    ``limit_reached_at`` is the time (s) at which it reached the limit; ``lost`` counts lost messages. It ``is_failing``
-    while the disk fails. Only ``begin`` raises for disk errors. A record that lost a chunk has no index and needs a
-    repair.
+    ``limit_reached_at`` is the time (s) at which the record reached its limit; ``lost`` counts lost messages.
+    ``is_failing`` is True while the disk fails. Only ``begin`` raises for disk errors. A record that lost a chunk has
+    no index and needs a repair.
     """
 
     def __init__(self, sink: ChunkSink, contents: RecordContents, *, limit: float = float("inf")) -> None:
@@ -409,11 +411,11 @@ class RecordWriter:
 
     @property
     def loss_reason(self) -> str:
-        """All reasons of losses, each once."""
+        """All reasons for which messages were lost, each once."""
         return "; ".join(self._reasons)
 
     def begin(self) -> None:
-        """Write the contents and schemas. Raises OSError."""
+        """Write the files, header and schemas of the record. Raises OSError."""
         writer, head = self._writer, self._contents.header
         writer.start(profile="missiontree", library="missiontree")
         began = self._builder.epoch.nanoseconds(0.0)
@@ -435,7 +437,7 @@ class RecordWriter:
             raise self._sink.error
 
     def add(self, item: object) -> None:
-        """Write an item; ignored after the limit is reached."""
+        """Write the messages of an item of the run; ignored after the size limit is reached."""
         if isinstance(item, LossItem):
             self._count_losses(Counter(item.counts), item.reason)
         elif self.limit_reached_at is None:
@@ -449,7 +451,7 @@ class RecordWriter:
         self._count_losses(Counter({topic_of(item): 1}), reason)
 
     def sync(self) -> None:
-        """Wait until written chunks are on the disk; errors appear again in the next flush."""
+        """Wait until all written chunks are on the disk; the next flush reports errors."""
         with suppress(OSError):
             self._sink.sync()
 

@@ -49,16 +49,16 @@ class RecordLoss:
 
 
 class WriterState(Enum):
-    """State of a writer process. ABORTED: it never began its file; STOPPED: it takes nothing more; CLOSED: it is done.
+    """State of a writer process. ABORTED: it began no record; STOPPED: it accepts no more items; CLOSED: it is done.
 
-    A pair that TRANSITIONS lacks changes nothing.
+    An event without an entry for the state in TRANSITIONS changes nothing.
     """
 
     NEW, STARTING, RECORDING, ABORTED, STOPPED, CLOSED = range(6)
 
 
 class WriterEvent(Enum):
-    """Event of a writer process; END is any end of its work except that of a complete record."""
+    """Event of a writer process. CLOSE: the record is complete; END: writing ended for another reason."""
 
     START, READY, END, CLOSE = range(4)
 
@@ -72,10 +72,10 @@ TRANSITIONS: Final = {
 }
 
 POLL_INTERVAL = 0.1
-"""Seconds between two checks for ``abandon`` while the pipe is full."""
+"""Seconds between two checks for ``abandon`` while the pipe to the writer process is full."""
 
 PIPE_BYTES = 1 << 20
-"""Requested capacity of the pipe in bytes, so that a picture does not fill it."""
+"""Requested capacity in bytes of the pipe to the writer process: more than a picture."""
 
 _READ_BYTES = 1 << 16
 
@@ -116,7 +116,7 @@ class RecordWriterClient:
 
     @property
     def accepts_items(self) -> bool:
-        """Whether the process accepts items."""
+        """Whether the writer process accepts items."""
         return self.state in (WriterState.STARTING, WriterState.RECORDING)
 
     @property
@@ -125,7 +125,7 @@ class RecordWriterClient:
         return None if self._process is None else self._process.pid
 
     def open(self, contents: RecordContents) -> None:
-        """Start the process, and wait until the contents are in its file. Raises CannotRecordError."""
+        """Start the writer process, and wait until the contents are in its file. Raises CannotRecordError."""
         if find_spec("mcap") is None:
             raise CannotRecordError("records need mcap, which is missing", hint="pip install 'missiontree[records]'")
         if self.path.exists() and not self.path.is_file():
@@ -168,7 +168,7 @@ class RecordWriterClient:
         self._advance(WriterEvent.START)
 
     def send(self, batch: bytes) -> bool:
-        """Send a batch, blocking until the process accepts it; return whether it did."""
+        """Send a batch of items, blocking until the writer process accepts it; return whether it did."""
         left = memoryview(BATCH_HEADER.pack(len(batch)) + batch)
         while left and self.accepts_items and not self._abandon_reason:
             if select.select([], [self._input_fd], [], POLL_INTERVAL)[1]:
@@ -218,7 +218,7 @@ class RecordWriterClient:
                     )
 
     def _stop(self, reason: str) -> None:
-        """Record that the process accepts no more items, though the run goes on."""
+        """Store the reason for which the writer process accepts no more items, though the run goes on."""
         was_recording, self.reason = self.state is WriterState.RECORDING, reason
         self._advance(WriterEvent.END)
         if was_recording:
@@ -233,11 +233,11 @@ class RecordWriterClient:
         return f"{killed}: {self._last_output}" if self._last_output else killed
 
     def abandon(self, reason: str) -> None:
-        """Stop waiting for the process: ``send`` returns, ``finish`` kills it. Idempotent."""
+        """Stop waiting for the writer process: ``send`` returns, ``finish`` kills the process. Idempotent."""
         self._abandon_reason = self._abandon_reason or reason
 
     def finish(self) -> None:
-        """Let the process write its queue, and wait for its exit. Idempotent."""
+        """Let the writer process write its queue, and wait for its exit. Idempotent."""
         process, self._process = self._process, None
         if process is None or process.stdin is None or process.stdout is None:
             return

@@ -35,7 +35,7 @@ URGENT_FLUSH_INTERVAL = 0.3
 """``FLUSH_INTERVAL`` of a chunk with an urgent event, which then survives a power cut half a second later."""
 
 URGENT_EVENTS = frozenset(EVENT_TOPICS) - {"CommandSent"}
-"""Class names of rare events, which are flushed early."""
+"""Class names of rare events that are written to the disk early."""
 
 RETRY_INTERVAL = 2.0
 """Seconds between two attempts to write a chunk after a failure."""
@@ -44,13 +44,13 @@ POLL_INTERVAL = 1.0
 """Seconds between two checks for the end of the run, once the record reached its size limit."""
 
 NICENESS = 5
-"""Niceness of the process relative to the run."""
+"""Niceness of the writer process relative to the run's process."""
 
 UNREADABLE_TOPIC = "(unread)"
-"""Topic under which an undecodable batch is counted."""
+"""Topic under which a batch of items that cannot be decoded is counted as lost."""
 
 REPORTED_PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")
-"""Packages whose versions are recorded."""
+"""Packages whose versions are stored in the record."""
 
 _READ_BYTES = 1 << 18
 
@@ -90,7 +90,7 @@ class WriterProcess:
         self._reported_losses = 0
 
     def run(self) -> None:
-        """Write the record from beginning to end."""
+        """Write the record from beginning to end of the run."""
         waiting = deque[bytes]()
         while not waiting and self._reader.is_open:
             waiting += self._reader.batches(FLUSH_INTERVAL)
@@ -139,7 +139,7 @@ class WriterProcess:
         return written
 
     def _report_losses(self, writer: RecordWriter) -> None:
-        """Report losses since the last call."""
+        """Send the run the counts of messages lost since the last call."""
         lost = writer.lost.total()
         if lost != self._reported_losses:
             send_status(lost=dict(writer.lost), why=writer.loss_reason)
@@ -154,7 +154,7 @@ class WriterProcess:
             return EarlierFile(self._path)
 
     def _repair(self) -> None:
-        """Write the missing index; if the disk has no room for it, the user can repair the record later."""
+        """Write the missing index of the record; if the disk has no room for it, the user can repair it later."""
         from missions.plugins.records.recording.repair import RepairError, repair_record  # noqa: PLC0415 - rarely needed
 
         try:
@@ -215,7 +215,7 @@ def _write_batch(writer: RecordWriter, batch: bytes) -> bool:
 
 
 def send_status(**what: Any) -> None:
-    """Send a status line to the run; ignored if the run has closed the pipe."""
+    """Send a JSON status line with the given keys to the run; ignored if the run has closed the pipe."""
     try:
         os.write(sys.stdout.fileno(), json.dumps(what).encode() + b"\n")
     except OSError:
@@ -223,7 +223,7 @@ def send_status(**what: Any) -> None:
 
 
 def main() -> int:
-    """Write a record for the parent process."""
+    """Write a record for the parent process; return the exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the run handles signals; this process ends with its stdin
     os.set_blocking(sys.stdout.fileno(), False)  # never block on a run that does not read

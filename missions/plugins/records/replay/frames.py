@@ -22,7 +22,7 @@ from perception.api import Box, View
 
 
 class RecordedFace:
-    """Content of the robot's screen over time, from commands and from reported states."""
+    """Face and text on the robot's screen over time, from recorded commands and screen states."""
 
     def __init__(self, record: RunRecord) -> None:
         changes: list[tuple[float, ScreenContent | Mapping[str, object]]] = [
@@ -48,18 +48,18 @@ class RecordedFace:
             self._states.append((time, state))
 
     def __bool__(self) -> bool:
-        """Return whether the record has a face."""
+        """Return whether the record has commands to the robot's screen, or states of it."""
         return bool(self._states)
 
     def at(self, time: float, size: tuple[int, int]) -> Image:
-        """Return the face at ``time`` (s) as an image of ``size`` (width, height): (height, width, 3) BGR."""
+        """Return the robot's face at ``time`` (s) as an image of ``size`` (width, height): (height, width, 3) BGR."""
         place = bisect_right(self._states, time, key=lambda state: state[0]) - 1
         shown = self._states[place][1] if place >= 0 else ScreenContent()
         return face_image(face_expression(shown, time), shown.text, size)
 
 
 CAPTION_HEIGHT = 28
-"""Height of the caption in pixels."""
+"""Height in pixels of the caption below a picture."""
 
 CAPTION_SCALE = 0.45
 """Font scale of the caption, as OpenCV defines it."""
@@ -89,7 +89,7 @@ def annotate_frames(record: RunRecord) -> Iterator[tuple[float, Image]]:
 
 
 def resample_frames(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Image]:
-    """Yield pictures at a constant ``rate`` (Hz); each one is repeated until the next."""
+    """Yield pictures at a constant ``rate`` (Hz); each one is repeated until the time of the next."""
     shown, begun, number = None, 0.0, 0
     for stamp, picture in pictures:
         if shown is None:
@@ -113,7 +113,7 @@ def labelled_boxes(view: View) -> Iterator[tuple[Box, str]]:
 
 
 class _CaptionSource:
-    """Captions with time, tick and running leaves."""
+    """Captions of a record's pictures: time, tick and running leaves."""
 
     def __init__(self, record: RunRecord) -> None:
         self._record = record

@@ -30,9 +30,9 @@ MIN_FOUND_SHARE = 0.5
 
 @dataclass(slots=True)
 class ComparedTrack:
-    """A tracked percept: label, number of pictures, and number of those in which the other search has it too.
+    """A tracked percept: label, number of pictures with it, and number of those in which the other search finds it too.
 
-    ``start`` is the time of its first picture (s).
+    ``start`` is the time of the first picture with it (s).
     """
 
     label: str
@@ -42,12 +42,12 @@ class ComparedTrack:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether it is in more pictures than the tracker needs for a confirmation."""
+        """Whether the track is in more pictures than the tracker needs for a confirmation."""
         return self.picture_count > MIN_DETECTIONS
 
     @property
     def is_missed(self) -> bool:
-        """Whether the other search lacks it."""
+        """Whether the track is confirmed, and the other search finds it in too few of its pictures."""
         return self.is_confirmed and self.found_count < MIN_FOUND_SHARE * (self.picture_count - MIN_DETECTIONS + 1)
 
 
@@ -61,12 +61,12 @@ class PerceptionComparison:
 
     @property
     def lost_tracks(self) -> tuple[ComparedTrack, ...]:
-        """Recorded tracks that are not found now."""
+        """Recorded tracks that today's perception does not find."""
         return tuple(track for track in self.recorded if track.is_missed)
 
     @property
     def new_tracks(self) -> tuple[ComparedTrack, ...]:
-        """Current tracks that were not found then."""
+        """Tracks that today's perception finds and the recorded run did not."""
         return tuple(track for track in self.current if track.is_missed)
 
 
@@ -89,7 +89,7 @@ def rerun_perception(record: RunRecord, camera: CameraKeys, interests: Interests
 
 
 class _TrackCollector:
-    """Collects the tracks of one search from its views."""
+    """Collects the tracks of percepts in the views of one search, recorded or current."""
 
     def __init__(self) -> None:
         self._tracks: dict[tuple[str, int], ComparedTrack] = {}
@@ -98,7 +98,7 @@ class _TrackCollector:
         return iter(self._tracks.values())
 
     def add(self, view: View, other: View) -> None:
-        """Add the percepts of one view, compared with the view of the ``other`` search."""
+        """Add the percepts of one view, compared with the view of the same picture by the ``other`` search."""
         others = list(_visible_percepts(other))
         for percept in _visible_percepts(view):
             what = _percept_label(percept)
@@ -118,7 +118,7 @@ class _Frame:
 
 
 def _current_views(record: RunRecord, camera: CameraKeys, interests: Interests) -> Iterator[View]:
-    """Yield the view of each picture, by today's perception."""
+    """Yield the view of each recorded picture, as today's perception finds it."""
     clock, found, gaze = ManualClock(), list[View](), _GazeHistory(record)
     vision = make_vision(
         gaze.at,
@@ -154,7 +154,7 @@ class _GazeHistory:
 
 
 def _interpolate(times: Sequence[float], values: Sequence[float], time: float) -> float:
-    """Return the value at ``time``, linearly interpolated; 0 without values."""
+    """Return the value of a time series at ``time``, linearly interpolated; 0 without values."""
     place = bisect_left(times, time)
     if not 0 < place < len(times):
         return values[min(place, len(values) - 1)] if values else 0.0

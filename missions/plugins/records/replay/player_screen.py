@@ -1,4 +1,4 @@
-"""Terminal screen of the player: the tree with statuses, variables, and the last events."""
+"""Terminal screen of the record player: the tree with statuses, variables, and the last events."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ SHOWN_COMMANDS = frozenset({"latch", "enable", "tune", "tone", "light", "relax",
 
 
 class PlayerScreen:
-    """Draws a record at any time."""
+    """Draws the state of a recorded run at any time on the terminal."""
 
     def __init__(self, record: RunRecord) -> None:
         self._record = record
@@ -62,7 +62,7 @@ class PlayerScreen:
         return Text.assemble((f"{self._record.header.mission}  ", "bold"), place)
 
     def _tree(self, time: float) -> tuple[list[Text], int]:
-        """Return a line for each node, and the index of the last running one."""
+        """Return a text line for each node of the tree, and the index of the last running one."""
         now = node_states(self._record, time)
         scene = ViewState(t=time, nodes={key: replace(each, reason=one_line(each.reason)) for key, each in now.items()})
         rows = list(_rows(self._drawing.root))
@@ -77,7 +77,7 @@ class PlayerScreen:
         return [Text(line, style="cyan") for line in lines[:MAX_VARIABLES] + more]
 
     def _event_lines(self, time: float) -> list[Text]:
-        """Return a line for each of the last events."""
+        """Return a text line for each of the last events at ``time`` (s)."""
         end = bisect_right(self._notable_events, time, key=lambda event: event.t)
         return [
             Text(f"  {event.t:8.2f} s  {event_text(event)}")
@@ -91,9 +91,9 @@ class PlayerScreen:
 
 
 def event_lines(record: RunRecord, start: float) -> Iterator[str]:
-    """Yield a line for each status change and notable event from ``start`` (s) on.
+    """Yield a line for each status change and notable event of a record from ``start`` (s) on.
 
-    A variable that holds a percept is printed again only when its name changes.
+    A variable that holds a percept is printed again only when the percept's name changes.
     """
     held: dict[tuple[str, str], str] = {}
     for event in record.events:
@@ -116,12 +116,12 @@ def event_lines(record: RunRecord, start: float) -> Iterator[str]:
 
 
 def node_states(record: RunRecord, time: float) -> Mapping[str, NodeState]:
-    """Return the status of each node at ``time`` (s), as drawings use it."""
+    """Return the status of each node at ``time`` (s) by its key, in the form that tree drawings take."""
     return {key: state_after(change) for key, change in record.statuses(time).items()}
 
 
 def variables_at(events: Sequence[VariableSet], time: float) -> Mapping[str, object]:
-    """Return the values of variables at ``time`` (s); those of a sub-mission begin with the key of its node."""
+    """Return the values of variables at ``time`` (s); names in a sub-mission begin with the key of its node."""
     values: dict[str, object] = {}
     for event in events:
         if event.t > time:
@@ -154,7 +154,7 @@ def event_text(event: Event) -> str:
 
 
 def _log_text(line: Logged) -> str:
-    """Return a log line; of speech, the speaker and the words."""
+    """Return the text of a log line, or speaker and words if it is speech."""
     speaker, separator, words = line.text.partition(": ")
     if line.level == "voice":
         return f'robot: "{line.text}"'

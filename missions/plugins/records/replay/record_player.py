@@ -1,4 +1,4 @@
-"""Player state: current time, speed, and the action of each key."""
+"""State of the record player: current time, speed, and the action of each key."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ JUMP_TIME = 5.0
 """Seconds skipped by an arrow key."""
 
 SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-"""Speeds that the arrow keys select, relative to real time."""
+"""Playback speeds that the arrow keys select, relative to real time."""
 
 KEY_HELP = "space play  ←→ jump  ↑↓ speed  , . tick  f F failure  / n N search  0-9 tenth  q quit"
 
@@ -52,7 +52,7 @@ class RecordPlayer:
         }
 
     def advance(self, seconds: float) -> None:
-        """Advance by ``seconds`` of real time; pauses at the end."""
+        """Advance playback by ``seconds`` of real time; pauses at the end of the record."""
         if self.playing:
             self.time = self._clamp(self.time + seconds * self.speed)
             self.playing = self.time < self.end
@@ -91,7 +91,7 @@ class RecordPlayer:
             self.speed = others[0 if faster else -1]
 
     def _jump(self, times: Sequence[float], what: str, *, back: bool = False) -> None:
-        """Pause at the next or the previous one of some rising ``times``, other than the current time."""
+        """Pause playback at the next (or previous) one of ``times``, which rise; if there is none, note that."""
         if back:
             place = bisect_left(times, self.time - TIME_TOLERANCE) - 1
         else:

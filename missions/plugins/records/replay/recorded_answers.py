@@ -13,14 +13,14 @@ from missions.executive.tick_record import Answer, Question
 
 @dataclass(frozen=True, slots=True)
 class RecordedCommand:
-    """A command to a part, and its result."""
+    """A recorded command to a part of the robot, and its result."""
 
     name: str
     arguments: tuple[object, ...]
     result: object = None
 
     def matches(self, name: str, arguments: tuple[object, ...]) -> bool:
-        """Return whether it is the same command."""
+        """Return whether the recorded command has this name and these arguments."""
         # Compare the text too: NaN is not equal to itself.
         return self.name == name and (self.arguments == arguments or repr(self.arguments) == repr(arguments))
 
@@ -36,7 +36,7 @@ class NoRecordedAnswerError(DriverError):
 
 
 class RecordedAnswers:
-    """Replies for the parts of a robot, tick by tick.
+    """Recorded replies of the parts of a robot, tick by tick.
 
     Repeated queries within a tick get their recorded replies in order; a query that was not recorded in the tick gets
     the last known reply. ``on_unanswered(query)`` is called for a query without any reply, and
@@ -59,7 +59,7 @@ class RecordedAnswers:
         self._commands: dict[str, deque[RecordedCommand]] = {}
 
     def begin_tick(self, answers: Iterable[Answer]) -> None:
-        """Load the replies of a tick."""
+        """Load the recorded replies of a tick."""
         self._answers, self._commands = defaultdict(deque), defaultdict(deque)
         for part, what, arguments, value in answers:
             if what in command_names(self._other_kinds.get(part, part)):
@@ -68,7 +68,7 @@ class RecordedAnswers:
                 self._answers[part, what, arguments].append(value)
 
     def end_tick(self) -> None:
-        """End the tick: report recorded commands that were not repeated, and keep unused replies."""
+        """End the tick: report recorded commands that were not repeated, and keep the last unused replies."""
         for part, left in self._commands.items():
             for command in left:
                 self._on_different_command(part, command, None)

@@ -45,7 +45,7 @@ from missions.trees.drawing_builder import drawing_of
 # A robot without devices that replies from a record.
 
 JointGroups = Mapping[str, tuple[str, ...]]
-"""Joint names by group."""
+"""Names of the joints in each joint group of an arm, by the name of the group."""
 
 NO_PARTS: Mapping[str, tuple[str, JointGroups]] = MappingProxyType({})
 
@@ -53,7 +53,7 @@ SECONDS_PER_LETTER = 0.06
 """Estimated speaking time of a letter, for speech that is not recorded."""
 
 SOUND_DURATION = 1.0
-"""Estimated duration in seconds of a sound that is not recorded."""
+"""Estimated duration in seconds of a sound whose playback is not recorded."""
 
 
 def recorded_robot(
@@ -105,13 +105,13 @@ class ReplayedPart:
                     setattr(self, each.name, partial(self._command, each.name, each.command.default_reply))
 
     def open(self) -> None:
-        """Do nothing."""
+        """Do nothing: a replayed part has no device."""
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: a replayed part has no device."""
 
     def __getattr__(self, name: str) -> Any:
-        """Return the recorded value of a property."""
+        """Return the recorded value of a property of the part."""
         if name not in self._properties:
             raise AttributeError(f"{self.name} has no {name}")
         return self._answers.answer(self._part, name)
@@ -130,7 +130,7 @@ class ReplayedVoice(ReplayedPart):
         self._now = now
 
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Say nothing; return an utterance with the recorded, else an estimated, duration."""
+        """Say nothing; return an utterance with the recorded duration, or an estimated one if there is none."""
         return self._utterance(
             self._command("say", reply_none, text, *non_default_manner(manner, priority)),
             SECONDS_PER_LETTER * len(text),
@@ -151,7 +151,7 @@ class ReplayedVoice(ReplayedPart):
 
 
 class _RecordedUtterance:
-    """A recorded utterance, by its number."""
+    """An utterance of the recorded run, by its number."""
 
     def __init__(self, answers: RecordedAnswers, number: int) -> None:
         self._number = number
@@ -180,7 +180,7 @@ class _RecordedUtterance:
 
 
 class _EstimatedUtterance:
-    """An utterance that is not recorded: starts at once, and ends after ``seconds``."""
+    """An utterance that the record lacks: it starts at once, and ends after ``seconds``."""
 
     mouth: Sequence[MouthShape] = ()
     cancelled = False
@@ -208,12 +208,12 @@ class RerunSource(Protocol):
 
     @property
     def tick_records(self) -> Sequence[TickRecord]:
-        """All tick records, with their replies."""
+        """All tick records, with the recorded replies of the robot's parts."""
         ...
 
     @property
     def events(self) -> Sequence[Event]:
-        """All events."""
+        """All events of the recorded run."""
         ...
 
 
@@ -228,7 +228,7 @@ class TreeSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CommandDifference:
-    """A command that differs from the record: ``recorded`` or ``current`` is None if missing; ``place`` is its leaf."""
+    """A command that differs between rerun and record, None where it is missing; ``place`` is the leaf that sent it."""
 
     tick: int
     t: float
@@ -284,7 +284,7 @@ def rerun(
 
 
 class _Rerun:
-    """The current tree, with the comparison of its statuses and commands."""
+    """The tree of a rerun, with the comparison of its statuses and commands with the recorded ones."""
 
     def __init__(
         self,
@@ -333,7 +333,7 @@ class _Rerun:
 
     @property
     def is_over(self) -> bool:
-        """Whether the rerun can go no further."""
+        """Whether the rerun cannot go on: a status differs, or a query has no recorded reply."""
         return self.result.difference is not None or bool(self.result.unanswered)
 
     def repeat_tick(self, tick_records: Sequence[TickRecord]) -> None:

@@ -23,7 +23,7 @@ from missions.plugins.records.recording.record_header import RecordHeader
 from missions.plugins.records.recording.validation import InvalidRecordError
 
 IGNORED_PREFIXES = ("world/", "test/")
-"""Files that do not affect decisions: a record has the inputs of the robot, so worlds and tests do not matter."""
+"""Folders in a record whose files do not affect a rerun: worlds and tests, since inputs of the robot are recorded."""
 
 NEW_FILES_FOLDER = "new"
 """Folder for files that a mission writes during a rerun."""
@@ -84,7 +84,7 @@ class RerunFiles:
         ]
 
     def changed_files(self) -> Iterator[str]:
-        """Yield a line for each file that has changed or is gone."""
+        """Yield a line for each recorded file that is different or missing today."""
         for name, data in self._files.items():
             path = self._header.paths.get(name)
             if path is None or name.startswith(IGNORED_PREFIXES):
@@ -95,7 +95,10 @@ class RerunFiles:
                 yield f"{path} has changed since the run"
 
     def robot(self) -> RobotConfig:
-        """Return the robot. Raises InvalidFileError, or UnknownNameError if neither file nor name is found."""
+        """Return the robot of the run.
+
+        Raises InvalidFileError, or UnknownNameError if neither file nor name is found.
+        """
         name = next((name for name in self._files if name.startswith("robot/")), None)
         return load_robot(find_file("robots", self._header.robot) if name is None else self._path_of(name))
 
@@ -118,7 +121,7 @@ class RerunFiles:
         )
 
     def display_name(self, file: str) -> str:
-        """Return the name of a mission file for people."""
+        """Return the name of a mission file as shown to the user."""
         path = Path(file)
         return f"{path.relative_to(self._folder)} as recorded" if path.is_relative_to(self._folder) else file
 
@@ -148,7 +151,7 @@ class RerunFiles:
             return found
 
     def _lookups(self) -> Mapping[str, Lookup]:
-        """Return the lookups of files by kind; new moves do not overwrite recorded ones."""
+        """Return the lookups of files by kind; new moves get paths in the folder for new files."""
         held = {kind: partial(self._find_thing, LOOKUPS[kind], holders) for kind, holders in FOLDERS_BY_KIND.items()}
         new = {"new move": lambda name: new_move_file(str(self._folder / NEW_FILES_FOLDER / Path(name).name))}
         return {**LOOKUPS, **held, **new, "file": Path}  # paths are only passed on

@@ -8,7 +8,7 @@ from missions.plugins.records.replay.rerun_files import RerunFiles
 from missions.plugins.records.replay.status_comparison import NodePlace, StatusDifference
 
 FileNamer = Callable[[str], str]
-"""Returns the name of a mission file for people."""
+"""Function that returns the name of a mission file as shown to the user."""
 
 END_OF_RECORD_NOTE = "Later inputs are not recorded for a robot that behaves differently."
 

@@ -15,7 +15,7 @@ from missions.trees.drawing import TreeDrawing
 
 @dataclass(frozen=True, slots=True)
 class NodePlace:
-    """A node of a tree: its key, and its file and line. A modifier has no name of its own."""
+    """A node of a behaviour tree: its key in the tree, kind, name, file and line. A modifier has no name of its own."""
 
     key: str
     kind: str
@@ -26,7 +26,7 @@ class NodePlace:
 
     @property
     def identity(self) -> tuple[str, str]:
-        """Kind and name, which identify a node wherever it stands."""
+        """Kind and name, which identify a node even if it has moved to another place in the tree."""
         return self.kind, self.name
 
     def __str__(self) -> str:
@@ -35,7 +35,7 @@ class NodePlace:
 
 
 def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
-    """Return the places of a tree in the order of the file, the root first."""
+    """Return the places of all nodes of a tree in the order of the mission file, the root first."""
     places = []
     for box in drawing.root.walk():
         places += [NodePlace(badge.key, badge.kind, "", box.file, badge.line) for badge in box.badges]
@@ -44,7 +44,7 @@ def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
 
 
 def pair_nodes(recorded: Sequence[NodePlace], current: Sequence[NodePlace]) -> Mapping[str, str]:
-    """Return the current key of each recorded key; nodes that only one tree has are left out.
+    """Return the current node key of each recorded node key; nodes that only one tree has are left out.
 
     The trees are compared as two sequences of nodes, so an inserted, removed or wrapped node shifts no other. A renamed
     node in a sequence of equal length is the same node.
@@ -66,7 +66,7 @@ IDLE = "idle"
 
 @dataclass(frozen=True, slots=True)
 class NodeStatus:
-    """A status and its reason."""
+    """A status of a node, and the reason that the node gives for it."""
 
     status: str
     reason: str = ""
@@ -77,7 +77,7 @@ class NodeStatus:
 
 @dataclass(frozen=True, slots=True)
 class StatusDifference:
-    """A node with another status: tick, time (s), and its place in each tree."""
+    """A node whose status differs from the record: tick, time (s), and the node's place in each tree."""
 
     tick: int
     t: float
@@ -110,7 +110,7 @@ class StatusComparison:
         self._last_states: dict[str, NodeStatus] = {}
 
     def __call__(self, event: Event) -> None:
-        """Collect a current status change."""
+        """Collect a status change of the current tree."""
         if isinstance(event, NodeChanged):
             self._current_changes.append(event)
 
@@ -144,7 +144,7 @@ class StatusComparison:
     def _first_difference(
         self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus], tick: int, t: float
     ) -> StatusDifference:
-        """Return the first difference of one node; the side without a change keeps its status."""
+        """Return the first difference of a node's statuses; the tree without a change in this tick keeps its status."""
         node = self._nodes[self.pairs[key]]
         stays = recorded[-1] if recorded else self._last_states.get(key, NodeStatus(IDLE))
         stands = NodeStatus(plain_status(status_word(node)), node.reason)
@@ -154,7 +154,7 @@ class StatusComparison:
         return StatusDifference(tick, t, self._recorded_places[key], self._current_places[node.key], was, does)
 
     def _rank(self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus]) -> tuple[bool, bool, int]:
-        """Return a sort key: likely causes first, so not only halted nodes, leaves, and nodes further up."""
+        """Return the sort key of a node's difference: not only halted first, then leaves, then nodes further up."""
         only_halted = all(state.status == IDLE for state in (*recorded, *current))
         return only_halted, not self._recorded_places[key].is_leaf, self._order[key]
 

@@ -1,1 +1,1 @@
-"""Report of a recorded run on one page."""
+"""Report of a recorded run as one HTML page."""

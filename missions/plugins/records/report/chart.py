@@ -11,13 +11,13 @@ from missions.plugins.records.report.slider import SliderTimes
 from missions.plugins.records.report.traces import BaseRoute, Chart, ChartLine, Points, split_at_gaps, thin_points
 
 GRID_STEPS = (1.0, 2.0, 5.0, 10.0)
-"""Steps of a grid, times a power of ten."""
+"""Allowed distances between the grid lines of a chart, times a power of ten."""
 
 GRID_ROWS, GRID_COLUMNS = 3, 6
 """Approximate number of vertical grid lines, as ``GRID_ROWS`` is of horizontal ones."""
 
 VIEW_SIZE = 1000
-"""Width and height of the view box of a plot."""
+"""Width and height of the SVG view box of a chart."""
 
 
 def round_numbers(low: float, high: float, count: int) -> list[float]:
@@ -35,12 +35,12 @@ def round_numbers(low: float, high: float, count: int) -> list[float]:
 
 
 def percent_along(time: float, slider: SliderTimes) -> str:
-    """Return the horizontal position of a time, such as "12.5%"."""
+    """Return the horizontal position of a time on the charts, such as "12.5%"."""
     return f"{100 * (time - slider.start) / slider.span:.3f}%"
 
 
 def time_axis(slider: SliderTimes) -> Markup:
-    """Return the time axis of a chart."""
+    """Return the time axis of a chart as SVG."""
     times = round_numbers(slider.start, slider.end, GRID_COLUMNS)
     marks = [
         tag(
@@ -56,7 +56,7 @@ def time_axis(slider: SliderTimes) -> Markup:
 
 
 def chart_figure(chart: Chart, slider: SliderTimes) -> Markup:
-    """Return a chart with title and legend; the script writes current values into its ``output`` elements."""
+    """Return a chart with title and legend; the page's script writes current values into its ``output`` elements."""
     low, high = _value_range(chart)
     legend = [
         tag(
@@ -141,7 +141,7 @@ def to_plan_view(pose: tuple[float, float, float]) -> tuple[float, float, float]
 
 
 def _robot_transform(pose: tuple[float, float, float]) -> str:
-    """Return the SVG transform of the robot symbol; the script computes the same."""
+    """Return the SVG transform of the robot symbol for a pose of the base; the page's script computes the same."""
     x, y, angle = to_plan_view(pose)
     return f"translate({x} {y}) rotate({angle})"
 
@@ -164,7 +164,7 @@ def _line_path(line: ChartLine, slider: SliderTimes, low: float, high: float) ->
 
 
 def _path_data(points: Points, span: float, low: float, high: float) -> str:
-    """Return the path of one segment; a single value becomes a dot, by its round line caps."""
+    """Return the SVG path data of one segment of a chart line; a single value becomes a dot, by its round line caps."""
     places = [
         f"{VIEW_SIZE * time / span:.1f} {VIEW_SIZE * (high - value) / (high - low):.1f}" for time, value in points
     ]
@@ -172,7 +172,7 @@ def _path_data(points: Points, span: float, low: float, high: float) -> str:
 
 
 def _grid_line(value: float, low: float, high: float) -> Markup:
-    """Return a horizontal grid line with its number."""
+    """Return a horizontal grid line of a chart with its number."""
     height = f"{100 * (high - value) / (high - low):.2f}%"
     return join(
         tag("line", x1=0, x2="100%", y1=height, y2=height, class_="zero" if value == 0 else "grid"),
@@ -181,7 +181,7 @@ def _grid_line(value: float, low: float, high: float) -> Markup:
 
 
 def _legend_line(line: ChartLine) -> Markup:
-    """Return a sample of a line for the legend."""
+    """Return a short sample of a chart line for the legend."""
     stroke = tag("line", x1=0, x2=28, y1=5, y2=5, class_=_line_class(line))
     return tag("svg", stroke, width=28, height=10, aria_hidden="true")
 
@@ -196,12 +196,12 @@ def _line_summary(line: ChartLine, unit: str) -> str:
 
 
 def _text_anchor(place: float) -> str:
-    """Return the text anchor at a position from 0 to 1, so that the text stays inside."""
+    """Return the SVG text anchor of a label at a position from 0 to 1, so that the label stays inside the chart."""
     return "start" if place < 0.03 else "end" if place > 0.97 else "middle"
 
 
 def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, float, float]:
-    """Return left, right, top and bottom of the points; at least half a metre, and not too narrow."""
+    """Return left, right, top and bottom of a route's points; at least half a metre apart, and not too narrow."""
     (left, right), (top, bottom) = ((min(each), max(each)) for each in zip(*points, strict=True))
     width, height = max(right - left, 0.5, 0.8 * (bottom - top)), max(bottom - top, 0.5, 0.5 * (right - left))
     x, y = (left + right) / 2, (top + bottom) / 2
@@ -209,7 +209,7 @@ def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, 
 
 
 def _thin_route(points: Sequence[tuple[float, float]], min_distance: float) -> list[tuple[float, float]]:
-    """Return the points that are more than ``min_distance`` (m) from the one before."""
+    """Return the points of a route that are more than ``min_distance`` (m) from the previous one returned."""
     kept = [points[0]]
     for point in points[1:]:
         if dist(point, kept[-1]) > min_distance:

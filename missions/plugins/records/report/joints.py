@@ -25,19 +25,19 @@ from missions.trees.value_text import seconds_text
 JOINT_TOPIC = "/state/arm"
 
 PHYSICS_OPTION = "--physics"
-"""Option with which simulated servos have a real load; without it, reported loads are invented."""
+"""Option that simulates the load of servos; without it, the loads that simulated servos report are invented."""
 
 MAX_JOINTS = 100
-"""Maximum number of joints: more than any robot has, but a damaged file may claim more."""
+"""Maximum number of joints read from a record: more than any robot has, but a damaged file may claim more."""
 
 MAX_CHARTS = 24
-"""Maximum number of joint charts; joints that moved most are chosen."""
+"""Maximum number of joint charts in a report; the joints that moved most get one."""
 
 MAX_NAME_LENGTH = 40
-"""Maximum number of characters of a joint name."""
+"""Maximum number of characters of a joint name in a report."""
 
 MIN_CHART_TRAVEL = 0.5
-"""Minimum travel of a joint with a chart, in degrees."""
+"""Minimum travel in degrees from which on a joint gets a chart."""
 
 
 class JointLogSample(NamedTuple):
@@ -56,11 +56,11 @@ class JointLogSample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
-    """Statistics of one joint: angles in degrees, None for unknown values.
+    """Statistics of one joint over a run: angles in degrees, None for unknown values.
 
-    ``rms`` is the root mean square of its error, ``worst`` the largest error (position minus goal), at ``worst_at``
-    (s). ``energy`` is the work of its motor (J), ``load`` the largest one in -1..1 of the stall torque, ``hottest`` in
-    degC.
+    ``rms`` is the root mean square of the joint's error, ``worst`` the largest error (position minus goal), at
+    ``worst_at`` (s). ``energy`` is the work of its motor (J), ``load`` the largest one in -1..1 of the stall torque,
+    ``hottest`` in degC.
     """
 
     name: str
@@ -137,7 +137,7 @@ def total_energy(joints: Sequence[JointFigures]) -> float | None:
 
 
 def joint_sentences(joints: Sequence[JointFigures]) -> Iterator[str]:
-    """Yield sentences about all joints together."""
+    """Yield sentences about all joints together, for the summary of the run."""
     rms, worst, energy = combined_rms(joints), worst_joint(joints), total_energy(joints)
     if rms is not None and worst is not None:
         yield (
@@ -155,7 +155,7 @@ def short_name(name: str) -> str:
 
 
 def _samples(data: Any) -> Iterator[tuple[str, JointLogSample]]:
-    """Yield the valid samples of a message; implausible numbers are left out."""
+    """Yield joint name and sample of each valid joint state in a message; implausible numbers are left out."""
     for name, state in islice(data["joints"].items(), MAX_JOINTS):
         if state["quality"] != "good":
             continue
@@ -215,7 +215,7 @@ def _stall_torques(record: RunRecord) -> Mapping[str, float]:
 
 
 def _file_stem(name: str, number: int) -> str:
-    """Return a safe file name stem for a joint; a record may hold any name."""
+    """Return a safe file name stem for the chart of a joint; a record may hold any name."""
     return f"joint_{name}" if re.fullmatch(r"[a-z0-9_.]{1,40}", name) else f"joint_number_{number}"
 
 

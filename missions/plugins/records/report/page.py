@@ -43,7 +43,7 @@ from missions.trees.value_text import node_names, seconds_text
 # Plan of the world with the path of the base; simulated runs only.
 
 WORLD_PREFIX = "world/"
-"""Prefix of world files in a record."""
+"""Prefix of the names of world files in a record."""
 
 
 def recorded_world(record: RunRecord) -> WorldConfig | None:
@@ -81,10 +81,10 @@ def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
 PLAY_LABEL = "\N{BLACK RIGHT-POINTING TRIANGLE} Play"
 
 SPEEDS = (1, 2, 5, 20)
-"""Playback speeds relative to real time."""
+"""Playback speeds of the report page, relative to real time."""
 
 ASSET_FOLDER = files(__name__.rpartition(".")[0])
-"""Folder of ``report.css`` and ``report.js``."""
+"""Folder of the page's ``report.css`` and ``report.js``."""
 
 
 def report_page(study: RecordStudy) -> str:
@@ -159,7 +159,7 @@ def _timebar(positions: SliderTimes) -> Markup:
 
 
 def _floor_section(study: RecordStudy) -> Markup:
-    """Return the section with plan and path; empty for a run in the real world."""
+    """Return the section with the plan of the world and the path of the base; empty for a run in the real world."""
     drawn = floor_plan(study.record, study.route)
     return _section("Path", drawn) if drawn else drawn
 
@@ -169,7 +169,7 @@ def _section(title: str, *content: str) -> Markup:
 
 
 def _current_picture(pictures: Sequence[ReportPicture]) -> Markup:
-    """Return the picture at the selected time."""
+    """Return the figure for the picture at the selected time; without the page's script, of the last picture."""
     if not pictures:
         return join()
     newest = pictures[-1]
@@ -225,7 +225,7 @@ def _motion_section(study: RecordStudy) -> Markup:
 
 
 def _joint_section(study: RecordStudy) -> Markup:
-    """Return the section of the joints; empty for a robot without joints."""
+    """Return the section with charts and table of the joints; empty for a robot without joints."""
     if not study.joints:
         return join()
     drawn = [chart_figure(each, study.slider) for each in study.joint_charts]
@@ -234,7 +234,7 @@ def _joint_section(study: RecordStudy) -> Markup:
 
 
 def _mission_source(study: RecordStudy) -> Markup:
-    """Return the mission file, collapsed."""
+    """Return the text of the mission file, collapsed; empty if the record lacks it."""
     data = study.record.files.get(study.record.header.file)
     if data is None:
         return join()
@@ -262,7 +262,7 @@ def _failure_rows(study: RecordStudy) -> list[tuple[int, str, str]]:
 
 
 def _script_data(study: RecordStudy, texts: TextTable) -> Mapping[str, object]:
-    """Return the data of the script; report.js documents them."""
+    """Return the data for the page's script; report.js documents them."""
     moments = study.slider
     lines = {
         f"{drawn.key}/{number}": [

@@ -17,7 +17,7 @@ from missions.trees.drawing import Status
 DPI = 300
 
 FIGURE_WIDTH = 6.3
-"""Width in inches: the text width of an A4 page."""
+"""Width of a plot in inches: the text width of an A4 page."""
 
 REQUESTED_COLOUR, MEASURED_COLOUR, GRID_COLOUR = "#b3400a", "#0067a8", "#8a8f98"
 
@@ -29,7 +29,7 @@ BAR_STYLES: dict[Status, tuple[str, str]] = {
     "skipped": ("#56616d", ""),
     "idle": ("#8a8f98", "\\\\\\\\"),
 }
-"""Colour and hatching of a bar by outcome, also readable in black and white."""
+"""Colour and hatching of a timeline bar by outcome, also readable in black and white."""
 
 OUTCOME_LABELS: dict[Status, str] = {
     "success": "success",
@@ -41,7 +41,7 @@ OUTCOME_LABELS: dict[Status, str] = {
 }
 
 MAX_NAME_LENGTH = 34
-"""Maximum number of characters of a node name."""
+"""Maximum number of characters of a node name in a plot."""
 
 
 def draw_plots(study: RecordStudy, folder: Path) -> Iterator[Path]:
@@ -121,7 +121,7 @@ def _new_figure(height: float) -> tuple[Figure, Axes]:
 
 
 def _simplify_axes(axes: Axes) -> None:
-    """Remove frame lines, and add a light grid."""
+    """Remove the frame lines of a plot, and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="both", color=GRID_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

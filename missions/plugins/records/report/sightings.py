@@ -16,13 +16,13 @@ from perception.annotate import annotate
 from perception.api import UNKNOWN, Box, Face, Percept, View
 
 Views = Sequence[tuple[float, View]]
-"""Views, with the times of their reports (s)."""
+"""Views of perception, each with the time (s) at which it was reported."""
 
 MAX_PICTURE_WIDTH = 320
-"""Maximum width of a picture in pixels."""
+"""Maximum width in pixels of a picture in a report."""
 
 JPEG_QUALITY = 80
-"""JPEG quality in percent."""
+"""JPEG quality in percent of the pictures in a report."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class ReportPicture:
 
 @dataclass(frozen=True, slots=True)
 class SightingSummary:
-    """A tracked percept: first and last time (s), number of views, and smallest distance (m, or None).
+    """A tracked percept in a run: first and last time (s), number of views with it, and smallest distance (m, or None).
 
     ``count`` is the number of appearances. ``person`` marks a person with a known name, ``face`` a face without a name.
     """
@@ -109,7 +109,7 @@ def summarise_sightings(views: Views) -> list[SightingSummary]:
 
 
 def _merge_by_name(sightings: Iterable[SightingSummary]) -> list[SightingSummary]:
-    """Merge the sightings of each name."""
+    """Return the sightings with those of one name merged into one."""
     named: dict[str, SightingSummary] = {}
     for each in sightings:
         before = named.get(each.name)

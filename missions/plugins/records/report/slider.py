@@ -14,10 +14,10 @@ from missions.trees.drawing_builder import one_line
 from missions.trees.value_text import variable_text
 
 ChangeRows = dict[str, list[tuple[int, ...]]]
-"""New values by key, each with its slider position."""
+"""Changes of values by key of a node: rows that begin with the slider position of a change."""
 
 _STATUS_NUMBERS: Mapping[str, int] = {status: number for number, status in enumerate(SIGNS)}
-"""Number of each status in the script."""
+"""Number that stands for each node status in the data of the report's script."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +39,11 @@ class SliderTimes:
 
     @property
     def span(self) -> float:
-        """Duration in seconds, at least 1 ms, so that it can divide."""
+        """Duration of the record in seconds, at least 1 ms, since it is used as a divisor."""
         return max(self.end - self.start, 1e-3)
 
     def position(self, time: float) -> int:
-        """Return the first position at or after ``time``, or the last one."""
+        """Return the first slider position at or after ``time`` (s), or the last one."""
         return min(bisect_left(self.times, time), len(self.times) - 1)
 
 
@@ -65,7 +65,7 @@ class TextTable:
 def slider_times(record: RunRecord) -> SliderTimes:
     """Return the slider positions of a record: its beginning, every tick, every other status change, and its end.
 
-    It begins with the first tick, since getting the robot ready may take long.
+    The slider begins with the first tick or status change, since getting the robot ready may take long.
     """
     ticks = {event.t: event.tick for event in record.events if isinstance(event, Ticked)}
     other = [event.t for event in record.events if isinstance(event, NodeChanged)]
@@ -80,7 +80,7 @@ def slider_times(record: RunRecord) -> SliderTimes:
 
 
 def status_changes(record: RunRecord, slider: SliderTimes, texts: TextTable) -> ChangeRows:
-    """Return the status and reason numbers of each node and modifier, by position."""
+    """Return the changes of each node and modifier: slider position, number of the status, and number of the reason."""
     rows: ChangeRows = {}
     for time, change in record.status_history:
         row = slider.position(time), _STATUS_NUMBERS[change.status], texts.index(one_line(change.reason))
@@ -89,7 +89,7 @@ def status_changes(record: RunRecord, slider: SliderTimes, texts: TextTable) -> 
 
 
 def failure_positions(record: RunRecord, slider: SliderTimes) -> list[tuple[int, NodeChanged]]:
-    """Return each position with failures, and the first failure there."""
+    """Return each slider position at which nodes failed, with the first failure there."""
     found: dict[int, NodeChanged] = {}
     for change in record.failures():
         found.setdefault(slider.position(change.t), change)
@@ -98,7 +98,7 @@ def failure_positions(record: RunRecord, slider: SliderTimes) -> list[tuple[int,
 
 @dataclass(frozen=True, slots=True)
 class VariableHistory:
-    """Values of a variable of the mission, or of ``submission``; ``rows`` are positions and text numbers."""
+    """Values of a variable of the mission, or of ``submission``; ``rows`` are slider positions and text numbers."""
 
     submission: str
     name: str
@@ -108,7 +108,7 @@ class VariableHistory:
 def variable_histories(
     record: RunRecord, drawing: TreeDrawing, slider: SliderTimes, texts: TextTable
 ) -> list[VariableHistory]:
-    """Return all variables with their values as text numbers by position."""
+    """Return the history of each variable; its values are added to ``texts``."""
     inner = {box.key: box.mission for box in drawing.root.walk() if box.mission}
     found: dict[tuple[str, str], list[tuple[int, ...]]] = {}
     for event in record.events:
@@ -123,7 +123,7 @@ def variable_histories(
 
 
 def value_at(rows: Sequence[tuple[int, ...]], position: int) -> tuple[int, ...] | None:
-    """Return the last row up to a position; None without one."""
+    """Return the last of ``rows`` whose slider position is not after ``position``; None without one."""
     return next((row for row in reversed(rows) if row[0] <= position), None)
 
 

@@ -38,7 +38,7 @@ MAX_PICTURES = 60
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """All results of the analysis of a ``record``; see the modules of these types."""
+    """All results of the analysis of a ``record``, from which reports are made."""
 
     record: RunRecord
     drawing: TreeDrawing
@@ -77,10 +77,10 @@ def study_record(record: RunRecord, *, max_pictures: int = 0) -> RecordStudy:
 
 
 MIN_MOTION = 0.01
-"""Minimum sum of metres and radians that counts as motion: odometry is noisy."""
+"""Minimum motion of the base, as a sum of metres and radians, that the summary mentions: odometry is noisy."""
 
 MAX_START_DELAY = 2.0
-"""Start delay in seconds above which the summary mentions it."""
+"""Delay of the first tick in seconds above which the summary mentions it."""
 
 RESULT_PHRASES = {
     "success": "It succeeded",
@@ -88,14 +88,14 @@ RESULT_PHRASES = {
     "interrupted": "It was stopped",
     "error": "It ended with an error",
 }
-"""Beginning of the sentence about each result."""
+"""Beginning of the summary's sentence about a run with each result."""
 
 MAX_NAMES = 4
-"""Maximum number of names in a sentence."""
+"""Maximum number of names of percepts in a sentence of the summary."""
 
 
 def verdict(record: RunRecord) -> tuple[str, str]:
-    """Return the result as a word, empty if not recorded, and as a sentence."""
+    """Return the result of a run as a word, empty if not recorded, and as a sentence."""
     end = record.run_end()
     if end is None:
         piece = f"This record was cut at {seconds_text(record.cut_start)}" if record.cut_start else ""
@@ -243,7 +243,7 @@ def _people_text(number: int) -> str:
 
 
 def _names_text(sightings: Sequence[SightingSummary]) -> str:
-    """Return names with their numbers of appearances; of too many, the most frequent."""
+    """Return the names of percepts with numbers of appearances; if they are too many, only the most frequent."""
     chosen = sightings if len(sightings) <= MAX_NAMES else sorted(sightings, key=lambda each: -each.count)[:MAX_NAMES]
     names = [each.name + (f" ({_count_text(each.count)})" if each.count > 1 else "") for each in chosen]
     return ", ".join(names) + (f", {len(sightings) - len(chosen)} more" if len(sightings) > len(chosen) else "")

@@ -19,11 +19,11 @@ from missions.plugins.records.report.summary import reported_faults
 from missions.trees.value_text import count_text, seconds_text
 
 MAX_ROWS = 400
-"""Maximum number of rows, so that the page stays fast; `mission record replay` shows all."""
+"""Maximum number of rows of a table, so that the page stays fast; `mission record replay` shows all."""
 
 
 LogRow = tuple[float, str, str]
-"""Time (s), subject, and text."""
+"""Row of a table of events: time (s), subject, and text."""
 
 
 def faults_table(record: RunRecord, slider: SliderTimes) -> Markup:
@@ -51,7 +51,7 @@ def log_table(record: RunRecord, slider: SliderTimes) -> Markup:
 
 
 def _speaker_and_text(event: Logged | Notified) -> tuple[str, str]:
-    """Return the speaker, or the log level, and the text."""
+    """Return the speaker of a log line, or its log level without a speaker, and its text."""
     match event:
         case Logged(level="voice"):
             return "the robot", event.text
@@ -85,7 +85,7 @@ def sightings_table(sightings: Sequence[SightingSummary], slider: SliderTimes) -
 
 
 def record_facts(record: RunRecord) -> Markup:
-    """Return mission, robot, settings and versions of a record."""
+    """Return mission, robot, settings and versions of a record as an HTML list."""
     terms = (join(tag("dt", name), tag("dd", text)) for name, text in _facts(record) if text)
     return tag("dl", *terms, class_="about")
 

@@ -8,15 +8,15 @@ from missions.trees.drawing import ACTIVE, Status, TreeBox, TreeDrawing
 from missions.trees.states import STATUSES
 
 MAX_BARS = 400
-"""Maximum number of distinguishable bars of a leaf; shorter neighbours are merged."""
+"""Maximum number of bars of a leaf side by side on the timeline; shorter neighbours are merged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A run of a leaf from ``start`` to ``end`` (s); both are equal if it returned at once.
+    """A bar of the timeline: a run of a leaf from ``start`` to ``end`` (s), which are equal if it returned at once.
 
-    ``outcome`` is its result: "idle" if it was interrupted, "running" if the record ends before. Time in which the leaf
-    was suspended is included. ``count`` is the number of merged runs; merged runs failed if any of them did.
+    ``outcome`` is the result of the run: "idle" if it was interrupted, "running" if the record ends before. Time in
+    which the leaf was suspended is included. ``count`` is the number of merged runs; merged runs failed if any did.
     """
 
     start: float
@@ -28,7 +28,7 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A leaf and its runs; ``submission`` is the name of its sub-mission, if any."""
+    """A row of the timeline: a leaf and its runs; ``submission`` is the name of its sub-mission, if any."""
 
     box: TreeBox
     submission: str
@@ -36,14 +36,14 @@ class Lane:
 
     @property
     def busy_seconds(self) -> float:
-        """Total running time (s)."""
+        """Total running time of the leaf (s)."""
         return sum(bar.end - bar.start for bar in self.bars)
 
 
 def leaf_lanes(
     drawing: TreeDrawing, changes: Iterable[NodeChanged], last: Mapping[str, NodeChanged], end: float
 ) -> list[Lane]:
-    """Return a lane for each leaf that was ticked, in the order of the tree.
+    """Return a row of the timeline for each leaf that was ticked, in the order of the tree.
 
     ``end`` is the end of the record (s), ``last`` the final change of each node.
     """
@@ -58,7 +58,7 @@ def leaf_lanes(
 
 
 def merge_bars(bars: Sequence[Bar], span: float) -> list[Bar]:
-    """Return bars for a chart of ``span`` seconds, with indistinguishable ones merged."""
+    """Return the bars for a timeline of ``span`` seconds, with indistinguishable neighbours merged."""
     found: list[Bar] = []
     for bar in bars:
         last = found[-1] if found else None
@@ -72,7 +72,7 @@ def merge_bars(bars: Sequence[Bar], span: float) -> list[Bar]:
 
 
 def count_outcomes(bars: Sequence[Bar]) -> Mapping[Status, int]:
-    """Return the number of runs by outcome."""
+    """Return the number of ``bars`` by outcome."""
     counts: dict[Status, int] = {}
     for bar in bars:
         counts[bar.outcome] = counts.get(bar.outcome, 0) + 1

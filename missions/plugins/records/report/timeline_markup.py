@@ -17,14 +17,14 @@ OUTCOME_LABELS = {
     "skipped": "skipped",
     "failure": "failure",
 }
-"""Label of each outcome of a bar."""
+"""Label of a timeline bar by its outcome."""
 
 SIGN_WIDTH = 0.028
-"""Width of a sign as a share of the timeline; overlapping signs are left out."""
+"""Width of the sign of an outcome as a share of the timeline; overlapping signs are left out."""
 
 
 def timeline_markup(lanes: Sequence[Lane], slider: SliderTimes) -> Markup:
-    """Return the timeline table."""
+    """Return the timeline as an HTML table."""
     head = tag(
         "tr",
         tag("th", "Node", scope="col"),
@@ -74,5 +74,5 @@ def _bar_markup(bars: Sequence[Bar], slider: SliderTimes) -> Iterator[Markup]:
 
 
 def _end_sign(outcome: Status) -> str:
-    """Return the sign at the end of a bar; empty if the outcome is unknown."""
+    """Return the sign at the end of a timeline bar: for success and failure, else empty."""
     return SIGNS[outcome] if outcome in ("success", "failure") else ""

@@ -26,14 +26,14 @@ FOLLOWED_PERCEPTS = {
     "track_object": "things",
     "track_robot": "markers",
 }
-"""Leaves that track a percept, and the field of a view with their candidates."""
+"""Leaves that follow a percept with the camera, and the field of a view that holds their possible targets."""
 
 _VARIABLE = re.compile(r"\$\{\s*(\w+)\s*\}")
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingError:
-    """Angle of a tracked percept from the camera axis at ``time`` (s), in degrees; left and down are positive."""
+    """Angle from the camera axis to the followed percept at ``time`` (s), in degrees; left and down positive."""
 
     time: float
     horizontal: float
@@ -41,12 +41,12 @@ class TrackingError:
 
     @property
     def largest(self) -> float:
-        """The larger absolute value of both."""
+        """The horizontal or vertical error, whichever is larger, as an absolute value."""
         return max(abs(self.horizontal), abs(self.vertical))
 
 
 def tracking_errors(record: RunRecord, views: Views, lanes: Sequence[Lane]) -> list[TrackingError]:
-    """Return the tracking error of each view that shows the target."""
+    """Return the tracking error in each view that shows the percept which a running leaf follows."""
     following = sorted(
         ((bar.start, bar.end, lane.box) for lane in lanes if lane.box.kind in FOLLOWED_PERCEPTS for bar in lane.bars),
         key=lambda each: each[:2],
@@ -68,12 +68,12 @@ def tracking_errors(record: RunRecord, views: Views, lanes: Sequence[Lane]) -> l
 
 
 def tracking_rms(errors: Sequence[TrackingError]) -> float:
-    """Return the root mean square of the errors, in degrees; 0 without any."""
+    """Return the root mean square of tracking errors, in degrees; 0 without errors."""
     return sqrt(fsum(miss.largest**2 for miss in errors) / len(errors)) if errors else 0.0
 
 
 def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float) -> int | None:
-    """Return the percept id of the argument that names the target, such as ``face: ${person}``; None without one."""
+    """Return the percept id of the argument with a leaf's target, such as ``face: ${person}``; None without."""
     for text in box.arguments.values():
         named = _VARIABLE.fullmatch(text)
         known = [
@@ -92,7 +92,7 @@ def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float
 
 
 def _followed_percept(box: TreeBox, view: View, target: int | None) -> Percept | None:
-    """Return the target in a view; the first candidate if there is no target yet."""
+    """Return the percept that a leaf follows in a view: ``target``, or the first candidate if that is None."""
     fresh = [percept for percept in _candidates(box, view) if percept.stamp == view.looked]
     tracked = next((percept for percept in fresh if percept.id == target), None)
     return tracked or (fresh[0] if fresh and target is None else None)
@@ -108,19 +108,19 @@ def _candidates(box: TreeBox, view: View) -> Iterator[Percept]:
 
 
 Points = Sequence[tuple[float, float]]
-"""Times (s) and values, in order of time."""
+"""Points of a chart line: times (s) and values, in order of time."""
 
 MAX_GAP = 1.0
-"""Seconds without a value after which a line is interrupted."""
+"""Seconds without a value after which a chart line is interrupted."""
 
 CHART_COLUMNS = 600
-"""Horizontal resolution of a chart."""
+"""Number of columns of a chart for which points are kept: its horizontal resolution."""
 
 MIN_ROUTE_LENGTH = 0.05
-"""Minimum path length with a picture, in metres: odometry of a base that turns on the spot is noisy."""
+"""Minimum length in metres of a drawn path of the base: odometry of a base that turns on the spot is noisy."""
 
 MIN_VALUE_RANGE = 1e-6
-"""Minimum range of values with a chart."""
+"""Minimum difference between largest and smallest value of a chart; constant values have no chart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ class BaseRoute:
 
     @property
     def rotation(self) -> float:
-        """Total rotation in both directions, in radians."""
+        """Total rotation of the base in both directions, in radians."""
         return sum(abs(remainder(other[2] - one[2], tau)) for one, other in pairwise(self.poses))
 
 
@@ -201,7 +201,7 @@ def base_route(record: RunRecord) -> BaseRoute:
 
 
 def split_at_gaps(points: Points) -> Iterator[Points]:
-    """Yield the segments of a line between its gaps."""
+    """Yield the segments of a chart line between its gaps."""
     stretch: list[tuple[float, float]] = []
     for point in points:
         if stretch and point[0] - stretch[-1][0] > MAX_GAP:
@@ -213,7 +213,7 @@ def split_at_gaps(points: Points) -> Iterator[Points]:
 
 
 def thin_points(points: Points, begin: float, span: float) -> list[tuple[float, float]]:
-    """Return the points that affect the drawing: first, last, lowest and highest of each column."""
+    """Return the points that affect a chart: first, last, lowest and highest of each column."""
     found: list[tuple[float, float]] = []
     for _, column in groupby(points, key=lambda point: int((point[0] - begin) / span * CHART_COLUMNS)):
         inside = list(column)
@@ -241,7 +241,7 @@ def _requested_and_measured(
 
 
 def _series_points(record: RunRecord, name: str, convert: Callable[[float], float], begin: float) -> Points:
-    """Return a series from ``begin`` (s), starting with the value valid at that time."""
+    """Return a time series of a record from ``begin`` (s) on, starting with the value valid at that time."""
     times, values = record.series(name)
     first = max(0, bisect_right(times, begin) - 1)
     return [(max(time, begin), convert(value)) for time, value in zip(times[first:], values[first:], strict=True)]

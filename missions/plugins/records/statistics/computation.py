@@ -23,7 +23,7 @@ MOTION_COMMANDS = frozenset({("base", "drive"), ("head", "look"), ("arm", "move"
 _COUNTERS: Any = Mapping[str, Mapping[str, int]]
 
 BASE_COMMAND = ("base", "command")
-"""Bus operation of base commands, which wait for the next report; other commands are sent at once."""
+"""Operation in the bus statistics that sends base commands: these wait for the base's next report, others do not."""
 
 DURATION_PREFIX, TIME_SUFFIX = "longest_", "_us"
 """Prefix of maximum times, and suffix of times, in counter names; see ``drivers.transport.history``."""
@@ -143,7 +143,7 @@ def _wire_figures(
 def _counter_totals(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield the device counters that are neither times nor values with a unit."""
+    """Yield device, counter name and growth of the device counters that are neither times nor values with a unit."""
     for device, name, counted in _counter_growth(devices, since_begin=since_begin):
         if not name.endswith((TIME_SUFFIX, ")")) and f"{name.removesuffix('s')}{TIME_SUFFIX}" not in counted:
             yield (device, name), counted[name]
@@ -152,7 +152,7 @@ def _counter_totals(
 def _counter_growth(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[str, str, Mapping[str, int]]]:
-    """Yield device, counter name, and the growth of all counters of the device."""
+    """Yield for each counter of each device: device, counter name, and the growth of all counters of the device."""
     if not devices:
         return
     for device, last in devices[-1].items():

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 Times = npt.NDArray[np.float64]
-"""Seconds, float64, shape (n,)."""
+"""Durations or delays in seconds, float64, shape (n,)."""
 
 NO_TIMES: Times = np.empty(0)
 
@@ -23,7 +23,7 @@ class RunKind(NamedTuple):
 
 
 MAX_KEY_DIGITS = 9
-"""Maximum number of digits plus one of each number in a node key."""
+"""Number of digits from which on a number in a node key is invalid."""
 
 
 class NodeLabel(NamedTuple):
@@ -44,7 +44,7 @@ class NodeLabel(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TimeQuantiles:
-    """Quantiles of times, in seconds."""
+    """Quantiles of durations or delays, in seconds."""
 
     count: int
     median: float
@@ -69,12 +69,12 @@ class NodeFigures:
 
     @property
     def runs(self) -> int:
-        """Number of runs."""
+        """Number of runs of the node, with any result."""
         return self.success + self.failure + self.halted + self.unended
 
     @property
     def seconds(self) -> float:
-        """Total running time (s)."""
+        """Total running time of the node (s)."""
         return float(self.durations.sum())
 
 
@@ -88,7 +88,7 @@ class WireFigures:
 
     @property
     def mean(self) -> float:
-        """Mean time (s); 0 without operations."""
+        """Mean time of an operation (s); 0 without operations."""
         return self.seconds / self.count if self.count else 0.0
 
 
@@ -113,7 +113,7 @@ class Stats:
 
 
 def time_quantiles(times: Times) -> TimeQuantiles:
-    """Return the quantiles of at least one time."""
+    """Return the quantiles of times; there must be at least one time."""
     median, p95, p99 = (float(each) for each in np.quantile(times, [0.5, 0.95, 0.99]))
     return TimeQuantiles(len(times), median, p95, p99, float(times.max()))
 

@@ -21,14 +21,14 @@ REACTIVE_COMPOSITES: Mapping[str, str] = {word: kind.passes for word, kind in CO
 """Composites that tick from their first child on every time, and the status that leads to the next child."""
 
 ALWAYS_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "always")
-"""Modifiers that always tick their node, and may return another status."""
+"""Modifiers (decorators) that always tick their node, and may return another status than the node."""
 
 SOMETIMES_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "sometimes")
-"""Modifiers that either tick their node and return its status, or do not tick it."""
+"""Modifiers (decorators) that either tick their node and return its status, or do not tick it."""
 
 
 class _Node(NamedTuple):
-    """A node, its parent, and the keys of its earlier and later siblings."""
+    """A node of a recorded tree, its parent, and the keys of its earlier and later siblings."""
 
     place: NodeLabel
     parent: "_Node | None"
@@ -38,7 +38,7 @@ class _Node(NamedTuple):
 
 @dataclass(slots=True)
 class _Tally:
-    """Running totals of one node."""
+    """Running totals of one node: ticks, results and durations of its runs."""
 
     status: str = "idle"
     since: float = 0.0
@@ -57,12 +57,12 @@ class _Tally:
         self.status = status
 
     def end(self, status: str, seconds: float) -> None:
-        """Count a finished run."""
+        """Count a finished run of the node."""
         self.ends[status] += 1
         self.durations.append(seconds)
 
     def figures(self, until: float) -> NodeFigures:
-        """Return the statistics at the end ``until`` of the record (s)."""
+        """Return the statistics of the node at the end ``until`` of the record (s)."""
         left = [max(0.0, until - self.since)] if self.status in ACTIVE else []
         ends = self.ends
         times = np.asarray([*self.durations, *left], dtype=np.float64)
@@ -107,7 +107,7 @@ def node_figures(
 
 
 def _walk_nodes(box: TreeBox, parent: _Node | None, before: Sequence[str], after: Sequence[str]) -> Iterator[_Node]:
-    """Yield the modifiers of a box, the box, and all below it, parents first."""
+    """Yield the modifiers of a box of the tree drawing, the box, and all nodes below it, parents first."""
     for badge in box.badges:
         title = f"{badge.kind}: {badge.text}".removesuffix(": ")
         parent = _Node(NodeLabel(badge.key, badge.kind, title, box.file, badge.line), parent, before, after)
@@ -149,7 +149,7 @@ def _group_by_tick(
 
 
 def _is_in_tick(change: NodeChanged, tick_record: TickRecord, following: TickRecord | None) -> bool:
-    """Return whether a change belongs to this tick record: the final halt may have the same tick number."""
+    """Return whether a change belongs to ``tick_record``: the final halt of a run may have the same tick number."""
     return change.tick <= tick_record.tick and (
         following is None or following.tick > tick_record.tick or change.t < following.t
     )
@@ -168,7 +168,7 @@ def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequ
 
 
 def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched: set[str], halted: set[str]) -> bool:
-    """Return whether a node that was halted in this tick was ticked before in it."""
+    """Return whether a node that was halted in the current tick had been ticked in it before."""
     while node.parent is not None and node.parent.place.key in halted:  # an ancestor halted all of these
         node = node.parent
     if node.parent is None or node.parent.place.key not in touched:
@@ -180,7 +180,7 @@ def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched:
 
 
 def _was_ticked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:
-    """Return whether a node with an unchanged result was ticked in this tick; its parent is known."""
+    """Return whether a node with an unchanged result was ticked in the current tick; its parent is known."""
     if node.parent is None or node.parent.place.key not in touched:
         return False
     above = node.parent.place

@@ -14,13 +14,13 @@ WIRE_COLUMNS = ("bus", "count", "mean ms", "longest ms")
 COUNTER_COLUMNS = ("counter", "count")
 
 LEFT_ALIGNED_COLUMNS = frozenset({"node", "", "bus", "counter"})
-"""Columns of text."""
+"""Columns of the statistics tables that hold text, and are aligned left."""
 
 CSV_COLUMNS = (
     *("mission", "robot", "simulate", "records", "key", "kind", "node", "file", "line"),
     *("ticks", "runs", "success", "failure", "halted", "unended", "seconds", "median", "p95", "p99", "longest"),
 )
-"""Columns of the CSV: times in seconds, empty for a node that never ran."""
+"""Columns of the statistics as CSV: times in seconds, empty for a node that never ran."""
 
 
 def lines_of(stats: Stats) -> Iterator[str]:
@@ -74,7 +74,7 @@ def as_json(stats: Stats) -> Mapping[str, object]:
 
 
 def as_csv(found: Sequence[Stats]) -> str:
-    """Return a CSV line for each node of each kind of run."""
+    """Return the statistics as CSV: a line for each node of each kind of run."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
@@ -114,7 +114,7 @@ def _ms(seconds: float) -> str:
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield a table and an empty line; nothing without rows."""
+    """Yield the lines of a text table and an empty line; nothing without rows."""
     if rows:
         yield from format_columns(headings, rows, left=LEFT_ALIGNED_COLUMNS).splitlines()
         yield ""

@@ -22,11 +22,11 @@ JPEG_QUALITY, MAX_PICTURE_WIDTH = 75, 960
 """Maximum width of a picture in pixels, as ``JPEG_QUALITY`` is in percent."""
 
 CONTENT_TYPES = {"": "text/html", "page.js": "text/javascript", "page.css": "text/css"}
-"""Content types of the served files, by name."""
+"""Content types of the files of the camera page, by name."""
 
 
 class CameraPage:
-    """Serves the newest picture and its description from ``open`` to ``close``."""
+    """Serves the newest camera picture and its caption from ``open`` to ``close``."""
 
     def __init__(self) -> None:
         self._secret_path = f"/{secrets.token_urlsafe(24)}/"
@@ -39,7 +39,7 @@ class CameraPage:
 
     @property
     def link(self) -> str:
-        """URL of the page; empty while it is closed."""
+        """URL of the camera page; empty while it is closed."""
         return self._server.address.rstrip("/") + self._secret_path if self._server.address else ""
 
     @property
@@ -58,7 +58,7 @@ class CameraPage:
         self._server.open(HOST, 0)
 
     def close(self) -> None:
-        """Tell the browsers, and close the port. Idempotent."""
+        """Tell the browsers that the page is closed, and close the port. Idempotent."""
         self._newest_event = json.dumps({"told": "the camera is closed"})
         self._server.close()
 

@@ -31,7 +31,7 @@ from missions.plugins.setup.doctor.movement_trials import try_movements
 from missions.plugins.setup.doctor.report import anonymise, private_words, report_text
 
 COMPUTER_PART = "computer"
-"""Part name of findings on the computer."""
+"""Name under which findings on the computer are listed, instead of a part of the robot."""
 
 VERDICT_STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 

@@ -25,20 +25,20 @@ TURN_ANGLE, DRIVE_DISTANCE = radians(10), 0.05
 """Maximum commanded distance of each movement in metres, as ``TURN_ANGLE`` is the angle in radians."""
 
 MAX_MOTION_RATIO = 3.0
-"""Ratio of measured to commanded motion above which the base is stopped."""
+"""Ratio of measured to commanded motion above which a trial stops the base."""
 
 SILENCE_TIMEOUT, TIMEOUT = 2.0, 20.0
 """Maximum duration of the trial in seconds; ``SILENCE_TIMEOUT`` is the maximum time without reports."""
 
 WHEEL_TRACK = 0.23
-"""Assumed distance between the wheels (m) if odometry is only a pose; only its sign matters."""
+"""Assumed distance between the wheels (m) if odometry is only a pose; only the sign of the result matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class InstrumentReadings:
-    """Motion by the instruments.
+    """Motion of a base as measured by its wheel encoders and gyro.
 
-    Metres of the left and the right wheel, their rotation in radians, and that of the gyro (None without one).
+    Metres of the left and the right wheel, rotation by the wheels in radians, and by the gyro (None without one).
     """
 
     left: float = 0.0
@@ -50,7 +50,7 @@ class InstrumentReadings:
 
 @dataclass(slots=True)
 class BaseTrial:
-    """Measurements of a trial: at ``rest``, after the ``turn`` to the left, and after the way ``ahead``.
+    """Measurements of a base trial: at ``rest``, after the ``turn`` to the left, and after the way ``ahead``.
 
     ``measured`` is False for dead reckoning. ``counted`` is True with wheel encoders; otherwise wheel motion is
     computed from the pose. ``faults`` are the reasons of stops by the driver.
@@ -71,17 +71,17 @@ TRIAL_STEPS: tuple[tuple[str, Velocity, float], ...] = (
     ("ahead", Velocity(DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
     ("", Velocity(-DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
 )
-"""Name of the measurement, velocity and duration (s) of each step."""
+"""Steps of a base trial: name of the measurement (empty for none), velocity and duration (s)."""
 
 
 class TrialPhase(Enum):
-    """Phase of one step of a trial; ABORTING: it settles after a fault, and its way back is left out."""
+    """Phase of one step of a base trial; ABORTING: the base settles after a fault, and the way back is left out."""
 
     READY, MOVING, SETTLING, ABORTING = range(4)
 
 
 class TrialEvent(Enum):
-    """Event of one step of a trial."""
+    """Event of one step of a base trial."""
 
     START, TIME_UP, FAULT, SETTLED = range(4)
 
@@ -159,7 +159,7 @@ class TryBase(Leaf):
         return self.wait("next")
 
     def _drive(self, velocity: Velocity, now: float) -> None:
-        """Command a velocity, unless its whole distance has been commanded."""
+        """Command a velocity to the base, unless the whole distance of the step has been commanded."""
         if velocity == ZERO_VELOCITY:
             return
         self._commanded += (abs(velocity.linear) / DRIVE_DISTANCE + abs(velocity.angular) / TURN_ANGLE) * (
@@ -184,7 +184,7 @@ class TryBase(Leaf):
         return True
 
     def _note_fault(self, velocity: Velocity) -> None:
-        """Store the reason for which the driver has stopped the base, if any."""
+        """Store the reason for which the base's driver has stopped the base, if any."""
         if velocity != ZERO_VELOCITY and (fault := self.robot.base.steering().fault):
             self._add_fault(fault)
 
@@ -224,17 +224,17 @@ def _command_text(velocity: Velocity) -> str:
 
 
 MIN_WHEEL_SHARE = 0.2
-"""Minimum share of the commanded distance that counts as motion of a wheel."""
+"""Minimum share of the commanded distance by which a wheel must move to count as turning."""
 
 MIN_GYRO_SHARE = 0.25
-"""Minimum share of the commanded angle that counts as rotation by the gyro."""
+"""Minimum share of the commanded angle that the gyro must measure to count as rotation."""
 
 MAX_TURN_RATIO = 1.7
-"""Maximum ratio of gyro and encoder rotation: wheels slip, and tracks are estimates."""
+"""Maximum ratio of rotation by gyro and by encoders: wheels slip, and wheel tracks are estimates."""
 
 
 class SeenMotion(Enum):
-    """Motion that a person saw."""
+    """Motion of a base that a person saw in a trial."""
 
     LEFT = "left"
     RIGHT = "right"
@@ -244,7 +244,7 @@ class SeenMotion(Enum):
 
 
 Signs = tuple[int, int]
-"""Directions of the left and the right wheel: 1, -1, or 0."""
+"""Directions of the left and the right wheel: 1 ahead, -1 back, 0 still."""
 
 _WHEELS: dict[SeenMotion, Signs] = {
     SeenMotion.LEFT: (-1, 1),
@@ -284,17 +284,17 @@ _MOTORS: dict[tuple[SeenMotion, SeenMotion], tuple[str, str]] = {
         "check the right motor, its plug and its fuse",
     ),
 }
-"""Fault and fix, by the observed turn to the left and way ahead."""
+"""Fault of the motors and its fix, by the motions seen in the turn to the left and in the way ahead."""
 
 _ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
     (SeenMotion.LEFT, SeenMotion.LEFT): ((0, 1), (0, 1)),
     (SeenMotion.LEFT, SeenMotion.RIGHT): ((-1, 0), (1, 0)),
 }
-"""True directions of the wheels if only one turns."""
+"""Directions of the wheels in both steps of a trial in which only one wheel turns, by the motions seen in them."""
 
 
 def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
-    """Yield the findings, given the motion that a person saw of the turn to the left and of the way ahead."""
+    """Yield the findings on a base, given the motion that a person saw in each step: turn to the left, way ahead."""
     if trial.rest.gyro is not None:
         yield drift(trial.rest.gyro, trial.rest.seconds)
     yield from _motor_findings(trial, turn, ahead)
@@ -317,7 +317,7 @@ def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterato
 
 
 def encoder_fault(truth: tuple[Signs, Signs], counted: tuple[Signs, Signs]) -> str:
-    """Return the fault of encoders with these directions in turn and way, or an empty text."""
+    """Return the fault of encoders that ``counted`` these directions in turn and way ahead, or an empty text."""
     moves = [(there, here) for there, here in zip(truth, counted, strict=True) if there != (0, 0)]
     if all(there == here for there, here in moves):
         return ""
@@ -363,7 +363,7 @@ def _findings_without_motion(trial: BaseTrial, counted: tuple[Signs, Signs]) -> 
 
 
 def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_right: bool) -> Iterator[Finding]:
-    """Compare the gyro with the true turn; if it differs from the encoders, name the likely fault."""
+    """Yield findings on the gyro against the true turn; if gyro and encoders differ, name the likely fault."""
     drift = 0.0 if trial.rest.gyro is None or not trial.rest.seconds else trial.rest.gyro / trial.rest.seconds
     for moved, (left, right), commanded in (
         (trial.turn, truth[0], TURN_ANGLE),
@@ -384,7 +384,7 @@ def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_rig
 
 
 def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: bool) -> Finding:
-    """Compare the rotation by gyro and wheels, of the same sign."""
+    """Return a finding on whether the rotations by gyro and by wheels agree; both have the same sign."""
     both = f"gyro {degrees(gyro):+.1f} deg, {'encoders' if counted else 'odometry'} {degrees(wheels):+.1f} deg"
     ratio = gyro / wheels if wheels else 0.0
     if 1 / MAX_TURN_RATIO <= ratio <= MAX_TURN_RATIO:
@@ -396,7 +396,7 @@ def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: boo
 
 
 def _wheel_signs(moved: InstrumentReadings, commanded: float) -> Signs:
-    """Return the counted direction of each wheel."""
+    """Return the direction of each wheel according to the encoders; a short way counts as none."""
     left, right = (
         0 if abs(way) < MIN_WHEEL_SHARE * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right)
     )

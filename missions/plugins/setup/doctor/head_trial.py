@@ -14,7 +14,7 @@ from drivers.api import HeadPose, Image
 from perception.api import Frame
 
 TURN_ANGLE = radians(8)
-"""Angle of each turn in radians."""
+"""Angle in radians by which a trial turns the head."""
 
 TRIAL_POSES = (
     ("ahead", HeadPose(0.0, 0.0)),
@@ -23,16 +23,16 @@ TRIAL_POSES = (
     ("up", HeadPose(0.0, -TURN_ANGLE)),
     ("end", HeadPose(0.0, 0.0)),
 )
-"""Names and poses, in order."""
+"""Names and poses of the steps of a head trial, in order."""
 
 SETTLING_TIME, DWELL_TIME = 0.6, 1.4
 """Seconds in each pose; pictures count after ``SETTLING_TIME``, since cameras are late."""
 
 TURN_TIMEOUT = 6.0
-"""Maximum seconds of a turn."""
+"""Maximum seconds until the head has turned to a pose."""
 
 PICTURE_WIDTH = 320
-"""Width of the reduced pictures in pixels."""
+"""Width in pixels to which camera pictures are reduced."""
 
 MAX_PICTURES = 300
 
@@ -48,7 +48,7 @@ class TryHead(Leaf):
     drives = frozenset({"head"})
     senses = frozenset()
     still_times: dict[str, tuple[float, float]]
-    """Start and end of the time in each pose (s on the run's clock)."""
+    """Start and end of the time at rest in each pose, by the name of the pose (s on the run's clock)."""
     _index = 0
     _arrival: ArrivalDetector
     _started_at = 0.0
@@ -91,7 +91,10 @@ class TryHead(Leaf):
 
 
 class PictureLog:
-    """The newest pictures, small and grey, with their stamps. Filled on the camera's thread, read after that ended."""
+    """The newest camera pictures, small and grey, with their stamps; filled on the camera's thread.
+
+    Read it only after that thread has ended.
+    """
 
     def __init__(self) -> None:
         self._pictures: deque[tuple[float, Image]] = deque(maxlen=MAX_PICTURES)
@@ -114,4 +117,4 @@ def reduce_picture(image: Image) -> Image:
 
 
 PictureLookup = Callable[[str], Image | None]
-"""Returns the picture of a pose of ``TRIAL_POSES``."""
+"""Function that returns the picture taken in a pose of ``TRIAL_POSES``, by the pose's name."""

@@ -19,19 +19,19 @@ MIN_TEXTURE = 4.0
 """Minimum contrast of a usable picture: standard deviation in grey levels, without noise."""
 
 MIN_RESPONSE = 0.06
-"""Minimum share of the energy in the correlation peak of a credible shift."""
+"""Minimum share of the energy in the peak of the phase correlation for a credible shift."""
 
 MIN_CORRELATION = 0.4
-"""Minimum correlation at which the whole picture, not only a person in it, has shifted."""
+"""Minimum correlation of two aligned pictures at which the whole scene, not only a person in it, has shifted."""
 
 MAX_CONTRAST = 10.0
-"""Grey levels at which contrast is clipped."""
+"""Difference from the local brightness, in grey levels, at which pictures are clipped before a comparison."""
 
 MIN_SHIFT_RATIO, MAX_SHIFT_RATIO = 0.5, 1.7
 """Maximum ratio of measured to expected shift of a turn; ``MIN_SHIFT_RATIO`` is the minimum."""
 
 MAX_STILL_RATIO = 0.2
-"""Maximum ratio of measured to expected shift of a picture that has not moved."""
+"""Ratio of measured to expected shift up to which a picture counts as not moved."""
 
 SWAPPED_SERVOS = "the servos of pan and tilt are swapped"
 
@@ -40,7 +40,7 @@ REVERSE_AXIS = "in the robot file, reverse this axis: `flip` of the servo, or `r
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """Shift of the scene to the right and down in pixels, and its confidence (0..1)."""
+    """Shift of the scene between two pictures, to the right and down in pixels, and its confidence (0..1)."""
 
     x: float
     y: float
@@ -48,7 +48,7 @@ class Shift:
 
 
 def judge_head(pictures: PictureLookup, field_of_view: float) -> Iterator[Finding]:
-    """Yield the findings on pan and tilt; ``field_of_view`` of the camera is in radians."""
+    """Yield the findings on the pan and tilt axes of a head; the camera's ``field_of_view`` is in radians."""
     expected = PICTURE_WIDTH / 2 / tan(field_of_view / 2) * tan(TURN_ANGLE)
     pan = _judge_axis(pictures, ("ahead", "left", "between"), expected, vertical=False)
     tilt = _judge_axis(pictures, ("between", "up", "end"), expected, vertical=True)
@@ -70,7 +70,7 @@ def judge_head(pictures: PictureLookup, field_of_view: float) -> Iterator[Findin
 
 
 def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: float, *, vertical: bool) -> Finding:
-    """Judge an axis by its turn and return; ``vertical`` for the tilt axis."""
+    """Return the finding on an axis of a head, by its turn and return; ``vertical`` for the tilt axis."""
     name = "tilt" if vertical else "pan"
     before, turned, after = (pictures(pose) for pose in poses)
     if before is None or turned is None or after is None:

@@ -31,17 +31,17 @@ from perception.api import Frame
 # Leaf that moves a joint a little way back and forth from its present position.
 
 TRAVEL = math.radians(4.0)
-"""Travel of a joint in radians."""
+"""Angle in radians by which a trial moves a joint."""
 
 DURATION = 2.0
-"""Seconds for the way back and forth."""
+"""Seconds for the way of a joint back and forth in a trial."""
 
 SETTLING_TIME = 0.5
-"""Seconds until the last measurements have arrived."""
+"""Seconds after a joint's movement until its last measurements have arrived."""
 
 
 class NudgePath:
-    """Smooth path a little way and back."""
+    """Smooth path of a joint a little way and back."""
 
     def __init__(self, start: Mapping[str, float], way: float) -> None:
         self._start, self._way = start, way
@@ -70,7 +70,7 @@ class Nudge(JointMotion):
         return reach.missing_joints((self.joint,))
 
     def moved_joints(self) -> tuple[str, ...]:
-        """Return the one joint."""
+        """Return the name of the joint that this leaf moves."""
         return (self.joint,)
 
     def update(self) -> Status:
@@ -84,13 +84,13 @@ class Nudge(JointMotion):
         return super().update()
 
     def path(self, start: Mapping[str, float]) -> NudgePath:
-        """Return the path: upwards if the limits allow it."""
+        """Return the path of the joint: towards larger angles if the limits allow it."""
         self._begun, self._moved = start, 0.0
         room = self.robot.arm.limits[self.joint].upper - start[self.joint] >= TRAVEL
         return NudgePath(start, TRAVEL if room else -TRAVEL)
 
     def follow(self, time: float, samples: Mapping[str, JointSample]) -> Status:
-        """Wait until it is back; then return whether it moved."""
+        """Wait until the joint is back at its start; then succeed if it has moved."""
         if self.joint in samples:
             self._moved = max(self._moved, abs(samples[self.joint].position - self._begun[self.joint]))
         if time < DURATION + SETTLING_TIME:
@@ -101,12 +101,12 @@ class Nudge(JointMotion):
 
 
 Ask = Callable[[str], bool]
-"""Asks the user a yes/no question."""
+"""Function that asks the user a yes/no question."""
 
 
 @dataclass(frozen=True, slots=True)
 class MovementTrial:
-    """A trial movement: subject, description, steps, the question whether it was seen, and the fix if it was not."""
+    """Trial movement of a part: subject, description, steps, question whether it was seen, and fix if it was not."""
 
     about: str
     description: str
@@ -116,7 +116,7 @@ class MovementTrial:
 
     @property
     def source(self) -> SourceText:
-        """Mission file of the steps."""
+        """Mission file that runs the steps of the trial."""
         steps = "".join(f"    - {step}\n" for step in self.steps)
         return SourceText("doctor", f"mission: doctor\ntree:\n  sequence:\n{steps}")
 
@@ -124,7 +124,7 @@ class MovementTrial:
 def try_movements(
     config: RobotConfig, robot_name: str, ports: Mapping[str, str], *, faulty_parts: frozenset[str], ask: Ask
 ) -> Iterator[PartFinding]:
-    """Yield the finding of each movement; ``faulty_parts`` are not tried."""
+    """Yield the findings of each trial movement of a robot; ``faulty_parts`` are not tried."""
     request = RunRequest("doctor", robot=robot_name, ports=ports)
     for part, section in config.sections.items():
         for trial in movement_trials(part, section):
@@ -143,7 +143,7 @@ def try_movements(
 
 
 def movement_trials(part: str, section: Section) -> Iterator[MovementTrial]:
-    """Yield the trials of a part."""
+    """Yield the trial movements for a part of a robot."""
     kind = section.driver.kind
     of, which = ("", "") if part == kind else (f", on: {part}", f" --{kind} {part}")
     if kind == "base":
@@ -178,7 +178,7 @@ def _run_trial(
     on_frame: Callable[[Frame, object], None] = ignore,
     extra_leaves: Mapping[str, type[Leaf]] = MappingProxyType({}),
 ) -> tuple[Result, Node]:
-    """Run a trial; return its result, and its tree. Raises KeyboardInterrupt."""
+    """Run the mission of a trial; return its result, and its tree. Raises KeyboardInterrupt."""
     own: dict[str, type[Leaf]] = {Nudge.tag: Nudge, TryBase.tag: TryBase, **extra_leaves}
     plan = check_plan(trial.source, {**LEAVES, **own}, LOOKUPS, robot=target_of(config))
     result, root = run_plan(plan, request, out=sys.stderr, on_frame=on_frame)
@@ -222,7 +222,7 @@ def _try_head(
 
 
 def _ask_motion(ask: Ask, question: str, expected: SeenMotion) -> SeenMotion:
-    """Ask which movement was seen: the expected one first, then the opposite, then others."""
+    """Return the motion that the user saw: asks for the expected one first, then the opposite, then others."""
     if ask(question):
         return expected
     return next(
@@ -243,7 +243,7 @@ _MOTION_TEXTS = {
 
 
 def _try_part(trial: MovementTrial, config: RobotConfig, request: RunRequest, ask: Ask) -> Finding:
-    """Run a trial, and return its finding."""
+    """Run the trial movement of a part, and return the finding from the user's answer."""
     fix = trial.fix.replace("ROBOT", str(request.robot))
     result, _ = _run_trial(trial, config, request)
     if result.result != "success":

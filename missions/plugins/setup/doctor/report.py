@@ -15,17 +15,20 @@ from drivers.finding.serial_ports import iter_usb_devices
 from missions.plugins.setup.checkup import PartFinding
 
 MIN_SERIAL_LENGTH = 4
-"""Minimum length of a serial number: shorter ones may be words."""
+"""Minimum length of a USB serial number that is anonymised: shorter ones may be words."""
 
 
 def report_text(machine: HostMachine, found: Iterable[PartFinding]) -> str:
-    """Return the report as text."""
+    """Return the anonymous report of findings on this computer as text."""
     lines, known = list(_lines(machine, found)), private_words(machine)
     return "\n".join([*lines[:4], *(anonymise(line, known) for line in lines[4:])]) + "\n"
 
 
 def private_words(machine: HostMachine) -> dict[str, str]:
-    """Return private words and their replacements, longest first."""
+    """Return the names and serial numbers that identify this computer or its user, each with its replacement.
+
+    Longest first.
+    """
     names = {platform.node(): "HOST", machine.read_text("/etc/hostname"): "HOST", str(Path.home()): "~"}
     names |= dict.fromkeys((os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name), "USER")
     with suppress(KeyError):  # no passwd entry
@@ -54,7 +57,7 @@ _PRIVATE_PATTERNS = (
     (re.compile(r"\b\d{1,3}(?:\.\d{1,3}){3}\b"), "ADDRESS"),
     (re.compile(r"\b(?=\w*\d)(?=\w*[A-Za-z])\w{20,}\b"), "SECRET"),  # long, with digits and letters: a key
 )
-"""Patterns of private data."""
+"""Patterns of private data such as passwords, keys and addresses, with their replacements."""
 
 
 def _lines(machine: HostMachine, found: Iterable[PartFinding]) -> Iterator[str]:

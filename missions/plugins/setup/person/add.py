@@ -173,7 +173,7 @@ INSTRUCTIONS = (
     "take two steps back, and look into the camera",
     "come close again, and smile",
 )
-"""Instructions for the person, in order: pictures from several sides are needed."""
+"""Instructions for the person before the camera, in order: pictures from several sides are needed."""
 
 MIN_SHARPNESS = 30.0
 """Minimum variance of the Laplacian of a face's crop.
@@ -182,7 +182,7 @@ Faces up to 3 m away had 33 to 1000, the same ones blurred by a thirtieth of the
 """
 
 PICTURE_INTERVAL = 0.8
-"""Seconds between two pictures, so that the person can move."""
+"""Seconds between two accepted pictures, so that the person can move."""
 
 
 TOO_SOON = "too soon after the last picture"
@@ -190,7 +190,7 @@ TOO_SOON = "too soon after the last picture"
 SAME_PICTURE = "identical to an earlier picture: is the camera frozen?"
 
 MAX_LIKENESS = 0.88
-"""Likeness from which on two pictures are too similar.
+"""Likeness of two face pictures from which on they are too similar.
 
 Consecutive frames of a person who holds still had 0.8 to 0.98, frames 0.8 s apart 0.58 to 0.89, and pictures of one
 person that were taken to differ 0.58 to 0.83.
@@ -200,7 +200,7 @@ TOO_SIMILAR = "too similar to an earlier picture: follow the instructions"
 
 
 class PortraitCollector:
-    """Collects ``count`` good and different pictures as ``portraits``."""
+    """Collects ``count`` sharp and different pictures of a person's face as ``portraits``."""
 
     def __init__(self, detector: FaceDetector, count: int) -> None:
         self.portraits: list[Image] = []
@@ -212,7 +212,7 @@ class PortraitCollector:
 
     @property
     def is_complete(self) -> bool:
-        """Whether there are enough."""
+        """Whether there are enough portraits."""
         return len(self.portraits) >= self._count
 
     @property
@@ -251,7 +251,7 @@ PICTURE_TIMEOUT = 5.0
 
 
 MAX_ADDED_PICTURES = 200
-"""Maximum number of pictures of one command."""
+"""Maximum number of pictures that one `mission person add` takes."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission person add Anna anna1.jpg anna2.jpg anna3.jpg")

@@ -13,7 +13,7 @@ from config.file_io import read_regular_text, save_file
 from missions.cli.keys import KeyReader
 
 POLL_INTERVAL = 0.05
-"""Seconds between two calls while waiting for Enter."""
+"""Seconds between two calls of ``look`` while waiting for Enter."""
 
 
 class Dialogue:
@@ -46,18 +46,18 @@ class Dialogue:
         return self.has_answers and not self._save_failed
 
     def print(self, *lines: str) -> None:
-        """Print lines."""
+        """Print lines to the terminal."""
         for line in lines:
             click.echo(line)
 
     def has_answer(self, key: str) -> bool:
-        """Return whether there is an answer for a key."""
+        """Return whether there is an answer for a key, saved or new."""
         return key in self._answers
 
     def ask_text(
         self, key: str, question: str, default: str | None = None, check: Callable[[str], object] = lambda _: None
     ) -> str:
-        """Ask for a text; ``check`` raises ValueError with a message for an invalid one."""
+        """Return the user's answer to a question; ``check`` raises ValueError with a message for an invalid one."""
         kept = self._answers.get(key)
         while True:
             answer = kept if isinstance(kept, str) else self._prompt(question, default)
@@ -76,7 +76,7 @@ class Dialogue:
             return answer
 
     def ask_choice(self, key: str, question: str, choices: Sequence[str], default: str | None) -> str:
-        """Ask for one of ``choices``, by text or number. Without a default an answer is required."""
+        """Return the choice of the user, who types its text or number. Without a default an answer is required."""
 
         def check(answer: str) -> None:
             _match_choice(answer, choices)
@@ -86,7 +86,7 @@ class Dialogue:
         return _match_choice(self.ask_text(key, question, default, check), choices)
 
     def ask_yes_no(self, key: str, question: str, *, default: bool) -> bool:
-        """Ask yes or no."""
+        """Return the user's answer to a yes/no question."""
         shown = "Y/n" if default else "y/N"
         words = {"y": True, "yes": True, "n": False, "no": False, "": default}
 
@@ -97,11 +97,11 @@ class Dialogue:
         return words[self.ask_text(key, f"{question} [{shown}]", "", check).lower()]
 
     def ask_irreversible(self, question: str) -> bool:
-        """Ask yes or no before an irreversible action: no by default, never saved."""
+        """Return whether the user agrees to an irreversible action: no by default, never saved."""
         return not self.yes and self._prompt(f"{question} [y/N]", "").lower() in {"y", "yes"}
 
     def ask_consent(self, key: str, question: str) -> bool:
-        """Ask whether something may move or fall: no by default. Only a no is saved."""
+        """Return whether the user agrees that something may move or fall: no by default. Only a no is saved."""
         if self.has_answer(key):
             return False
         agreed = self.ask_irreversible(question)
@@ -116,7 +116,7 @@ class Dialogue:
         return self._answers[key]
 
     def watch_until_enter(self, look: Callable[[], object], question: str) -> None:
-        """Call ``look`` until Enter is pressed; saves nothing."""
+        """Print ``question`` and call ``look`` repeatedly until Enter is pressed; saves nothing."""
         self.question_count += 1
         self.print(question)
         look()
@@ -141,7 +141,7 @@ class Dialogue:
             self._save_failed = True
 
     def forget_answers(self, prefix: str = "") -> None:
-        """Delete the answers whose keys begin with ``prefix``; without a prefix all, and the file."""
+        """Forget the answers whose keys begin with ``prefix``, or all; delete the file if none is left."""
         self._answers = {key: answer for key, answer in self._answers.items() if not key.startswith(prefix)}
         if not self._answers:
             with suppress(OSError):
@@ -164,7 +164,7 @@ class Dialogue:
 
 
 def _match_choice(answer: str, choices: Sequence[str]) -> str:
-    """Return the chosen word. Raises ValueError."""
+    """Return the word of ``choices`` that an answer means, by text or number. Raises ValueError."""
     if answer in choices:
         return answer
     if answer.isdecimal() and 0 < int(answer) <= len(choices):

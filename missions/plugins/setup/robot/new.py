@@ -45,11 +45,11 @@ FIRST_MISSIONS: Sequence[tuple[str, Mapping[str, str]]] = (
     ("wave", {"gesture": "arm_wave"}),
     ("look_around", {}),
 )
-"""Missions with params; the first one that a robot can run is suggested."""
+"""Missions with params; the first one that a new robot can run is suggested to the user."""
 
 
 def suggest_mission(config: RobotConfig) -> str:
-    """Return a mission that the robot can run, as typed; empty if it can run none of ``FIRST_MISSIONS``."""
+    """Return a mission that the robot can run, with its options as typed; empty if it can run no ``FIRST_MISSIONS``."""
     for mission, params in FIRST_MISSIONS:
         with suppress(InvalidFileError, UnknownNameError):
             load_mission(mission, params=params, robot=target_of(config))
@@ -139,7 +139,7 @@ def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
 def run_dialogue(
     talk: Dialogue, machine: HostMachine, output: Path | None, *, extra_timeout: float = EXTRA_TIMEOUT
 ) -> int:
-    """Ask all questions, and write the file; return the exit code."""
+    """Ask all questions of `mission robot new`, and write the robot file; return the exit code."""
     if talk.has_answers:
         talk.print("continuing with your saved answers; --fresh starts over")
     name = talk.ask_text("name", "what is the name of the robot?", "my_robot", lambda said: _check_name(said, output))
@@ -166,7 +166,7 @@ def run_dialogue(
 
 
 def _ask_default_robot(talk: Dialogue, devices: Sequence[ProbedDevice]) -> bool:
-    """Ask whether to make it this computer's own; not with --yes, nor without connected devices."""
+    """Return whether to make the new robot this computer's own; not with --yes, nor without connected devices."""
     if talk.yes or not any(each.about or each.units for each in devices):
         return False
     return talk.ask_yes_no("use", "make it this computer's robot?", default=True)
@@ -191,7 +191,7 @@ def _sections_of(parts: Mapping[str, RobotPart]) -> dict[str, tuple[Driver, dict
 def _fill_sections(
     talk: Dialogue, machine: HostMachine, name: str, summary: str, parts: dict[str, RobotPart], extra_timeout: float
 ) -> RobotConfig:
-    """Ask for the values of each section until the robot is valid.
+    """Ask for the values of each section until the robot is valid; return it.
 
     A part that stays invalid, such as a neck without an arm, can be removed from ``parts``.
     """
@@ -262,7 +262,7 @@ def _try_parts(
 def _write_files(
     talk: Dialogue, path: Path, text: str, parts: Mapping[str, RobotPart], config: RobotConfig, *, is_default: bool
 ) -> int:
-    """Write the files, and print the next commands; return the exit code."""
+    """Write the robot file and udev rules, and print the next commands; return the exit code."""
     name = config.name
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

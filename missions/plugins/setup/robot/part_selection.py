@@ -29,7 +29,7 @@ from missions.plugins.setup.robot.parts import RobotPart
 NONE = "none"
 
 RobotParts = dict[str, RobotPart]
-"""Parts of the new robot by name: the kind, or a name of its own."""
+"""Parts of the new robot by name, which is the part's kind or a name of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,22 +44,22 @@ class ReferenceRobot:
 
     @property
     def servos(self) -> Mapping[int, str]:
-        """Models of its arm's servos, by ID."""
+        """Models of the servos of the robot's arm, by ID."""
         return {} if self.arm is None else {joint.id: joint.model for joint in self.arm.joints.values()}
 
     @property
     def holds_at_end(self) -> bool:
-        """Whether its arm holds its position at the end of a run."""
+        """Whether the robot's arm holds its position at the end of a run."""
         return self.arm is None or self.arm.at_end == "hold"
 
     def matches(self, device: ProbedDevice) -> bool:
-        """Return whether its arm has the servos of a probed device, by ID and model."""
+        """Return whether the robot's arm has the servos of a probed device, by ID and model."""
         units = {number: model for number, model, _ in device.units}
         alike = all(model in ("?", self.servos[number]) for number, model in units.items() if number in self.servos)
         return alike and units.keys() == self.servos.keys()
 
     def section(self, part: str) -> dict[str, Any]:
-        """Return the section of a part, without its driver."""
+        """Return the section of a part in the robot file, without its driver."""
         return {key: it for key, it in self.sections[part].items() if key not in {"driver", "kind"}}
 
 
@@ -107,16 +107,16 @@ def _same_arm(device: ProbedDevice, reference: ReferenceRobot) -> bool:
 
 
 def _end_note(reference: ReferenceRobot) -> str:
-    """Return a note about the arm at the end of a run."""
+    """Return a note on whether the robot's arm holds its position at the end of a run."""
     return " (its arm holds its position)" if reference.holds_at_end else " (the torque of its arm goes off at the end)"
 
 
 GENTLE_TORQUE = "50 %"
-"""Maximum torque of an arm that the user has not confirmed."""
+"""Maximum torque of the joints of an arm that the user has not confirmed."""
 
 
 def _with_gentle_torque(reference: ReferenceRobot) -> ReferenceRobot:
-    """Return the robot with its arm's torque limited to ``GENTLE_TORQUE``."""
+    """Return the robot with the torque of its arm's joints limited to ``GENTLE_TORQUE``."""
     if reference.arm is None:
         return reference
     limit = si_value(GENTLE_TORQUE, "share")
@@ -159,7 +159,7 @@ def choose_parts(
     devices: Sequence[ProbedDevice],
     reference: ReferenceRobot | None,
 ) -> RobotParts:
-    """Ask which parts the robot has; return them in file order."""
+    """Ask which parts the robot has; return the parts in the order of a robot file."""
     parts: RobotParts = {}
     for kind in KINDS:
         _choose_probed_parts(talk, parts, kind, [each for each in devices if each.driver.kind == kind], reference)

@@ -18,7 +18,7 @@ from missions.plugins.setup.robot.dialogue import Dialogue
 from missions.plugins.setup.robot.parts import RobotPart
 
 STEP_ANGLE = radians(5)
-"""Angle in radians by which the head is moved."""
+"""Angle in radians by which a trial moves the head."""
 
 
 def try_head(
@@ -69,7 +69,7 @@ def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], nam
 def _apply_corrections(
     parts: Mapping[str, RobotPart], head: RobotPart, axis: str, *, turned: bool, trim: float
 ) -> None:
-    """Write direction and trim into the section of the head, or of the arm's joint."""
+    """Write the direction and trim of a head's axis into the section of the head, or of the arm's joint."""
     section = dict(head.section[axis])
     if turned and "joint" in section:
         joints = parts["arm"].section["joints"]

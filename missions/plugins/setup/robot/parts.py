@@ -20,14 +20,14 @@ from missions.plugins.setup.robot.dialogue import Dialogue
 # Text of a robot file with comments, and the udev rules of its ports.
 
 COMMENT_COLUMN = 30
-"""Minimum column of comments."""
+"""Minimum column of comments in a new robot file."""
 
 MAX_COMMENT_LENGTH = 70
-"""Maximum length of a comment."""
+"""Maximum length of a comment in a new robot file."""
 
 
 def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mapping[str, Any]]]) -> str:
-    """Return the text of a robot file with these parts by name."""
+    """Return the text of a robot file with ``parts``: driver and section of each by its name."""
     lines = [
         "# Written by `mission robot new`, to be changed as you like; docs/robot_files.md has every key.",
         f"robot: {_quote_if_needed(name)}",
@@ -43,7 +43,7 @@ def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mappin
 
 
 def _entry_lines(word: str, value: Any, help_text: str) -> Iterator[str]:
-    """Yield the lines of a key; nested sections take a line each."""
+    """Yield the lines of a key of a robot file; nested sections take a line each."""
     if isinstance(value, Mapping) and value and all(isinstance(each, Mapping | list) for each in value.values()):
         yield f"  {word}:"
         for name, inner in value.items():
@@ -90,10 +90,10 @@ def udev_rules(robot: str, ports: Mapping[str, SerialPortInfo]) -> str:
 
 
 ONE_LINE_FORMS = {"text", "choice", "flag", "number", "integer", "quantity", "span", "vector"}
-"""Forms of keys that fit on one line."""
+"""Forms of robot file keys whose values fit on one line."""
 
 SEPARATE_KEYS = {"port", "baud", "joints", "groups", "source"}
-"""Keys that other questions determine."""
+"""Keys of a part's section that are determined by other questions of the dialogue."""
 
 
 @dataclass(slots=True)

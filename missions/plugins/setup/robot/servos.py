@@ -28,21 +28,21 @@ from missions.plugins.setup.servo.connections import REPLY_TIMEOUT
 from missions.plugins.setup.servo.ranges import with_range
 
 LIMIT_MARGIN = radians(2)
-"""Distance of the limits from the mechanical ends, in radians."""
+"""Distance of a joint's limits from its mechanical ends, in radians."""
 
 FACTORY_BAUD_RATES = (1_000_000, 57_600)
 
 
 @contextmanager
 def open_servo_bus(path: str, baud: int, extra_timeout: float) -> Iterator[ServoBus]:
-    """Open a bus; close it at the end. Raises NotConnected."""
+    """Open the servo bus on a serial port; close it at the end. Raises NotConnected."""
     with closing(ServoBus(path, SystemClock(), baud=baud, reply_timeout=extra_timeout)) as bus:
         bus.open()
         yield bus
 
 
 def name_joints(talk: Dialogue, arm: str, part: RobotPart) -> None:
-    """Ask for the joint name of each servo of ``arm``, unless the section has joints."""
+    """Ask for the joint name of each servo of ``arm``, unless its section in the robot file has joints."""
     if "joints" in part.section:
         return
     joints: dict[str, dict[str, Any]] = {}
@@ -144,7 +144,7 @@ def _assign_id(talk: Dialogue, path: str, baud: int, new: int, extra_timeout: fl
 
 
 def _write_id(talk: Dialogue, bus: ServoBus, one: ScannedServo, new: int, baud: int) -> bool:
-    """Write ID and rate of a servo after a question; return whether it has them now."""
+    """Write ID and baud rate of a servo if the user agrees; return whether the servo has them now."""
     if one.model is None:
         return False
     bus.baud = one.baud
@@ -211,10 +211,10 @@ def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) ->
 # Servos that LeRobot or another program calibrated: use its file, or their limits.
 
 CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
-"""Registers of a calibration, in the order of ``Calibrated``."""
+"""Servo registers that hold a calibration, in the order of the fields of ``CalibrationSettings``."""
 
 CALIBRATION_KEYS = ("limits", "zero", "reverse", "ticks")
-"""Keys of a joint that a calibration file replaces."""
+"""Keys of a joint in a robot file that a calibration file replaces."""
 
 
 def offer_calibration(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
@@ -261,7 +261,7 @@ def adopt_limits(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_
 def _calibrated_registers(
     talk: Dialogue, arm: str, part: RobotPart, path: str, extra_timeout: float
 ) -> Mapping[int, CalibrationSettings]:
-    """Return the calibration in the servos by ID; empty for factory settings, and for other makes."""
+    """Return the calibration in the servos, by ID; empty for factory settings, and for makes other than Feetech."""
     if part.driver.keys is not FeetechKeys or not part.units:
         return {}
     found: dict[str, Any] = talk.measure_once(
@@ -273,7 +273,7 @@ def _calibrated_registers(
 
 
 def _read_registers(talk: Dialogue, part: RobotPart, path: str, extra_timeout: float) -> dict[str, list[int]]:
-    """Read the calibration of all servos of a supported model; empty if one does not reply."""
+    """Return the calibration registers of all servos of a known model, by ID; empty if one does not reply."""
     found = {}
     try:
         with open_servo_bus(path, int(part.section.get("baud", 1_000_000)), extra_timeout) as bus:

@@ -30,12 +30,12 @@ from missions.plugins.setup.servo.ranges import ServoRange, check_keepable, writ
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 MIN_TRAVEL = radians(5)
-"""Minimum travel in radians that counts as deliberate."""
+"""Minimum travel in radians from which on a joint counts as moved deliberately."""
 
 
 @dataclass(slots=True)
 class JointTravel:
-    """Range of a servo so far, in steps; ``zero`` is its first position, if that becomes the joint's 0."""
+    """Range of a joint's servo so far, in steps; ``zero`` is its first position, if that becomes the joint's 0."""
 
     joint: Joint
     lowest: int
@@ -43,7 +43,7 @@ class JointTravel:
     zero: int | None = None
 
     def sample(self, bus: ServoBus) -> None:
-        """Read the position; a missing reply is ignored. Raises NotConnected."""
+        """Read the position of the servo; a missing reply is ignored. Raises NotConnected."""
         try:
             ticks = bus.read(self.joint.address, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
@@ -51,7 +51,7 @@ class JointTravel:
         self.lowest, self.highest = min(self.lowest, ticks), max(self.highest, ticks)
 
     def range_within(self, margin: float) -> ServoRange | None:
-        """Return the range, ``margin`` (rad) short of either end; None if the joint hardly moved."""
+        """Return the range of the servo, ``margin`` (rad) short of either end; None if the joint hardly moved."""
         short = round(margin / self.joint.model.tick)
         if (self.highest - self.lowest) * self.joint.model.tick < MIN_TRAVEL + 2 * margin:
             return None
@@ -112,7 +112,7 @@ def calibrate(
 def _watch_joints(
     bench: OpenBus, joints: Sequence[Joint], *, zero: bool, seconds: float | None, yes: bool
 ) -> list[JointTravel]:
-    """Switch torque off, and track the joints until the end."""
+    """Switch the torque of joints off, track their travel until the user ends it, and return it."""
     make_limp(bench, joints, yes=yes)
     travels = [_start_travel(bench, joint, zero=zero) for joint in joints]
     names = ", ".join(each.joint.name for each in travels)
@@ -128,7 +128,7 @@ def _watch_joints(
 
 
 def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
-    """Switch torque off, after identifying each servo, and once somebody holds the arm.
+    """Switch the torque of ``joints`` off, after identifying each servo, and once somebody holds the arm.
 
     Nothing is switched off if one servo is not as expected. Raises DeviceFault, NoReply, NotConnected, BadRequest; else
     as ``confirm_limp``.
@@ -144,13 +144,13 @@ def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
 
 
 def _start_travel(bench: OpenBus, joint: Joint, *, zero: bool) -> JointTravel:
-    """Return the travel of a joint at its present position."""
+    """Return the travel of a joint, which begins at its present position."""
     ticks = bench.bus.read(joint.address, joint.model.table["present_position"])
     return JointTravel(joint, ticks, ticks, ticks if zero else None)
 
 
 def _travel_degrees(travel: JointTravel) -> float:
-    """Return the travel from end to end, in degrees."""
+    """Return the travel of a joint from end to end, in degrees."""
     return degrees((travel.highest - travel.lowest) * travel.joint.model.tick)
 
 

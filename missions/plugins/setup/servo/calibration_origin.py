@@ -19,22 +19,22 @@ from drivers.servos.joint import Joint
 from drivers.servos.lerobot import CalibrationSettings, match_calibration
 
 CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
-"""Registers that a calibration changes."""
+"""Servo registers that a calibration changes."""
 
 NOT_COMPARED = (*CALIBRATION_REGISTERS, "baud")
-"""Registers that do not distinguish servos; with a wrong rate there would be no reply."""
+"""Servo registers that do not tell servos apart; with a wrong baud rate there would be no reply."""
 
 IDENTITY_REGISTERS = ("model_number", "firmware")
-"""Registers that no setting changes."""
+"""Servo registers that no setting changes."""
 
 POSITION_TOLERANCE = 60
-"""Steps (5 degrees) by which a joint may be beyond the touched ends."""
+"""Steps (5 degrees) by which a joint may be beyond the ends of its calibrated range."""
 
 MAX_FILE_BYTES = 1_000_000
-"""Maximum size of the file."""
+"""Maximum size in bytes of the file that identifies calibrated servos."""
 
 RegisterValues = Mapping[str, Mapping[str, int]]
-"""Register values of each servo, by joint and register."""
+"""Register values of several servos, by joint and register name."""
 
 
 def origin_file(path: Path) -> Path:
@@ -53,12 +53,12 @@ def read_settings(bus: ServoBus, joints: Iterable[Joint]) -> dict[str, dict[str,
 
 
 def settings_text(settings: RegisterValues) -> str:
-    """Return the settings as the text of the file."""
+    """Return the settings of servos as the text of the file beside the calibration file."""
     return json.dumps(settings, indent=2) + "\n"
 
 
 def load_settings(path: Path) -> RegisterValues:
-    """Read the file; return no settings without a file, as with LeRobot's calibrations.
+    """Return the settings in the file beside a calibration file; empty without a file, as with LeRobot's calibrations.
 
     Raises BadRequest for an unreadable or malformed file, so that damage does not disable the comparison.
     """
@@ -101,7 +101,7 @@ def _unreadable_error(file: Path, error: Exception) -> BadRequest:
 
 
 def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path) -> str:
-    """Return a warning if another calibration file of LeRobot will no longer match these servos; else an empty text.
+    """Return a warning if another LeRobot calibration file will no longer match the joints' servos; else an empty text.
 
     Raises NoReply, NotConnected, BadRequest.
     """
@@ -118,7 +118,7 @@ def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path
 
 
 def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
-    """Raise DeviceFault if model or firmware of a servo differ from the calibration's."""
+    """Raise DeviceFault if the model or firmware of a servo is not that of the calibrated one."""
     wrong = [
         f"{name}: {word.replace('_', ' ')} {now[name][word]}, the calibration is of {value}"
         for name, settings in before.items()

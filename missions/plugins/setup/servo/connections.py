@@ -41,14 +41,14 @@ REPLY_TIMEOUT = 0.004
 """Maximum extra delay of a servo's reply in seconds."""
 
 DEFAULT_BAUD = 1_000_000
-"""Baud rate of a bus without a robot file."""
+"""Baud rate of a servo bus if no robot file is named."""
 
 POLL_INTERVAL = 0.02
-"""Seconds between two checks of a driver's own thread."""
+"""Seconds between two checks of the state of a driver that works on its own thread."""
 
 
 _ID = re.compile("[0-9]{1,3}")
-"""The ID of a servo in digits."""
+"""Pattern of a servo ID in digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class OpenBus:
         return self.joints[name]
 
     def select_joints(self, names: Collection[str]) -> list[Joint]:
-        """Return the joints of these names or groups; without names, all.
+        """Return the joints whose names or groups are in ``names``; without names, all.
 
         Raises click.UsageError for an unknown name, or without joints.
         """
@@ -144,7 +144,7 @@ class OpenBus:
         return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # protocol 2.0 reserves it
 
     def _answers_reads(self, at: ServoAddress) -> bool:
-        """Return whether a read is answered, intact or damaged."""
+        """Return whether the servo replies to a read, intact or damaged."""
         corrupt, noise = self.bus.statistics(at.id).corrupt, self.bus.noise_bytes()
         try:
             self.bus.read_block(at, 0, 3, tries=2)
@@ -283,7 +283,7 @@ def print_status(notice: DeviceStatus) -> None:
 
 
 def pause(seconds: float = POLL_INTERVAL) -> None:
-    """Wait for a driver's own thread."""
+    """Wait ``seconds``, while a driver works on its own thread."""
     threading.Event().wait(seconds)
 
 
@@ -316,7 +316,7 @@ def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: b
 
 
 def confirm_weak(names: Collection[str], *, simulated: bool, yes: bool) -> None:
-    """Do as ``confirm_limp``, for joints that are about to hold with less force."""
+    """Wait until the user holds the arm, whose joints will hold with less force; options as in ``confirm_limp``."""
     if yes or simulated or not names:
         return
     _confirm_held(f"{', '.join(names)} will hold with less force: hold the arm, it may fall", stiff=True)
@@ -363,6 +363,6 @@ def wait_for_end(
 
 
 def show_line(line: str) -> None:
-    """Replace the last line of the terminal; prints nothing without one."""
+    """Replace the last line of the terminal with ``line``; prints nothing without a terminal."""
     if sys.stderr.isatty():
         overwrite_line(line, err=True)

@@ -23,7 +23,7 @@ PAIRED_MESSAGE = (
     "joint '{0}' has two servos ({1} and {2}), which have to turn together: such a joint is not driven here, and one "
     "of them alone would work against the other"
 )
-"""Error for a joint that is moved by two servos."""
+"""Error message for a joint that is moved by two servos."""
 
 MAX_SHADOW_ID = 252
 """Largest valid secondary ID of a Dynamixel; larger values mean none."""
@@ -31,7 +31,7 @@ MAX_SHADOW_ID = 252
 
 @dataclass
 class ForeignJoints:
-    """Joints by name, and notes; ``calibration`` is LeRobot's file of Feetech servos."""
+    """Joints of a file of another program by name, and notes; ``calibration`` is LeRobot's file of Feetech servos."""
 
     joints: dict[str, JointKeys] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -39,9 +39,9 @@ class ForeignJoints:
 
 
 def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
-    """Read a file of a ``form`` that ``config.foreign`` knows; all its servos are of ``model``.
+    """Return the joints of a file in a ``form`` that ``config.foreign`` knows; all its servos are of ``model``.
 
-    Raises InvalidFileError with the reason if it cannot be imported.
+    Raises InvalidFileError with the reason if the file cannot be imported.
     """
     found = ForeignJoints()
     try:
@@ -74,7 +74,7 @@ def _read_id(joint: str, part: Mapping[str, Any], word: str) -> int:
 
 
 def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:  # noqa: ARG001
-    """Read the joints of the ArbotiX driver: degrees from ``neutral``, a step of the servo."""
+    """Read the joints of the ArbotiX driver: angles in degrees from ``neutral``, which is a step of the servo."""
     for name, part in data["joints"].items():
         if part.get("type", "dynamixel") not in ("dynamixel", "calibrated_dynamixel"):
             found.notes.append(f"joint '{name}' is left out: it is a {part['type']}")
@@ -106,7 +106,7 @@ def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: S
 
 
 def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
-    """Read the motors of an Interbotix arm: steps of the servo; shadow motors drive a joint together with another."""
+    """Read the motors of an Interbotix arm, with limits in servo steps; two motors of one joint are an error."""
     motors: Mapping[str, Mapping[str, Any]] = data["motors"]
     for word in ("shadows", "sisters"):
         pairs = data.get(word) or {}
@@ -121,7 +121,7 @@ def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model
 
 
 def _texts_in(value: Any) -> Iterator[str]:
-    """Yield the texts in a value."""
+    """Yield the texts in a nested value of a YAML file."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, list | Mapping):
@@ -196,4 +196,4 @@ _READERS: Mapping[str, Callable[[ForeignJoints, Path, Any, ServoModel], None]] =
     "workbench": _workbench,
     "lerobot": _lerobot,
 }
-"""Readers by form; ``ros`` is read by ``ros_joints_of``."""
+"""Functions that read the joints of a file, by form; files of the form ``ros`` are read by ``ros_joints_of``."""

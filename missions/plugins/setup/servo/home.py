@@ -40,7 +40,7 @@ STEPS_PER_TURN = LAST_STEP + 1
 
 @dataclass(slots=True)
 class HomedServo:
-    """Calibration of a servo, in steps from the half turn; with ``offset`` its middle reads half a turn."""
+    """Calibration of a servo, in steps from half a turn; with ``offset`` the middle of its range reads half a turn."""
 
     joint: Joint
     before: int
@@ -51,7 +51,7 @@ class HomedServo:
     no_stops: bool = False
 
     def sample(self, bus: ServoBus) -> None:
-        """Read the position; a missing reply is ignored. Raises NotConnected."""
+        """Read the position of the servo; a missing reply is ignored. Raises NotConnected."""
         try:
             shown = bus.read(self.joint.address, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
@@ -62,11 +62,11 @@ class HomedServo:
 
     @property
     def is_endless(self) -> bool:
-        """Whether it has no stops, by the user's option or by its travel."""
+        """Whether the joint has no stops, by the user's option or by its travel."""
         return self.no_stops or self.highest - self.lowest >= STEPS_PER_TURN
 
     def problem(self, margin: int) -> str:
-        """Return the reason why its range is invalid; empty if it is valid."""
+        """Return the reason why the range of the servo is invalid; empty if it is valid."""
         if self.is_endless:
             return ""
         if self.lowest < -HALF_TURN or self.highest > STEPS_PER_TURN - HALF_TURN:
@@ -77,7 +77,7 @@ class HomedServo:
         return "hardly moved" if self.highest - self.lowest < MIN_TRAVEL / self.joint.model.tick + 2 * margin else ""
 
     def calibration(self, margin: int, drive_mode: int) -> MotorCalibration:
-        """Return the entry of the calibration file, ``margin`` steps short of either end."""
+        """Return the servo's entry of the calibration file, with limits ``margin`` steps short of either end."""
         if self.is_endless:  # LeRobot's format
             return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST_STEP)
         low, high = self.lowest + HALF_TURN + margin, self.highest + HALF_TURN - margin
@@ -85,7 +85,7 @@ class HomedServo:
 
 
 def offset_for(shown: int, before: int) -> int:
-    """Return the offset at which a servo reads half a turn, given its reading ``shown`` at offset ``before``."""
+    """Return the offset with which a servo reads half a turn, if it reads ``shown`` with the offset ``before``."""
     return max((shown + before - HALF_TURN + STEPS_PER_TURN // 2) % STEPS_PER_TURN - STEPS_PER_TURN // 2, -HALF_TURN)
 
 
@@ -153,7 +153,7 @@ def home(
 
 
 def _calibration_file(path: str) -> Path:
-    """Return the calibration file. Raises click.UsageError without one, and for a file of another kind."""
+    """Return the calibration file at ``path``. Raises click.UsageError without one, and for a file of another kind."""
     if not path:
         raise click.UsageError("no calibration file given; add --into so101.json")
     file = Path(path).expanduser()
@@ -222,7 +222,7 @@ def _margin_steps(homed: HomedServo, margin: float) -> int:
 def _watch_joints(
     bench: OpenBus, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
 ) -> list[HomedServo]:
-    """Switch torque off, take the middles, and track the joints until the end."""
+    """Switch torque off, take the middle of each joint, and return the joints' travel until the user ends it."""
     for name in endless:
         if bench.joint(name) not in joints:
             raise click.UsageError(f"--no-stops: {name} is not one of the calibrated joints")
@@ -294,7 +294,10 @@ def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
 
 
 def _apply_changes(bench: OpenBus, plans: Mapping[Joint, Sequence[RegisterChange]], file: Path) -> None:
-    """Write the EEPROM, and print it. Raises as ``apply``, after printing the servos that were not written."""
+    """Write register changes to the servos' EEPROM, and print them.
+
+    Raises as ``apply``, after printing the servos that were not written.
+    """
     left = list(plans)
     try:
         for joint, changes in plans.items():

@@ -32,10 +32,10 @@ from missions.plugins.setup.servo.leaf_run import run_leaf
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 RECOVERY_TIMEOUT = 3.0
-"""Maximum seconds until a recovered servo reports torque: those of protocol 2.0 restart for it."""
+"""Maximum seconds until a recovered servo reports torque: servos of protocol 2.0 restart for the recovery."""
 
 MIN_SPEED = radians(1)
-"""Lowest speed of a joint, in rad/s."""
+"""Lowest speed at which `mission servo move` moves a joint, in rad/s."""
 
 BOOT_TIME = 1.0
 """Seconds until a restarted servo replies."""

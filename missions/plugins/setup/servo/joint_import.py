@@ -45,15 +45,15 @@ UNSUPPORTED_TYPES = {
     "JointTorqueController": "turns a wheel, and takes no positions",
     "JointTorqueControllerDualMotor": "turns wheels, and takes no positions",
 }
-"""Unsupported types of controllers, with the reason."""
+"""Types of ROS controllers that cannot be imported, with the reason."""
 
 LEADER_TYPES = ("JointTrajectoryActionController", "TrajectoryActionController")
-"""Types of controllers that lead other controllers; they are left out."""
+"""Types of ROS controllers that lead other controllers; they are left out."""
 
 
 @keys
 class RosKindKeys:
-    """Controller class of a joint in ROS."""
+    """Keys of a ROS controller that name its class."""
 
     package: str = key(default="")
     module: str = key(default="")
@@ -63,7 +63,7 @@ class RosKindKeys:
 
 @keys
 class RosMotorKeys:
-    """Servo of a joint, with its steps at the joint's 0 and at its ends."""
+    """Keys of a ROS controller that describe its servo, with the steps at the joint's 0 and at its ends."""
 
     id: int = key(low=0)
     init: int = key(low=0)
@@ -75,7 +75,7 @@ class RosMotorKeys:
 
 @keys
 class RosControllerKeys:
-    """Controller of one joint."""
+    """Keys of a ROS controller of one joint."""
 
     controller: RosKindKeys | None = key(default=None)
     joint_name: str = key()
@@ -93,7 +93,7 @@ READ_KEYS = {
     part: {each.word for each in declared_keys(of)}
     for part, of in (("", RosControllerKeys), ("motor", RosMotorKeys), ("controller", RosKindKeys))
 }
-"""Known keys of a controller and of its parts."""
+"""Known keys of a ROS controller and of its sections."""
 
 OMITTED_KEYS: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_slope",): "compliance",
@@ -101,24 +101,30 @@ OMITTED_KEYS: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_punch",): "compliance",
     ("motor", "acceleration"): "acceleration",
 }
-"""Keys without an equivalent in a robot file, and the servo setting that stays unchanged."""
+"""Keys of a ROS controller that robot files lack, and the servo setting that stays unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosJoints:
-    """Joints by name, and notes on changed or omitted keys with their positions."""
+    """Joints of a file of ROS controllers by name, and notes on changed or omitted keys with their positions."""
 
     joints: Mapping[str, JointKeys]
     notes: tuple[Diagnostic, ...]
 
 
 def load_ros_joints(path: Path, *, model: str = "AX-12A") -> RosJoints:
-    """Read the controllers of a file; all its servos are of ``model``. Raises InvalidFileError with every error."""
+    """Return the joints of a file of ROS controllers; all its servos are of ``model``.
+
+    Raises InvalidFileError with every error.
+    """
     return ros_joints_of(read_source(path), model=model)
 
 
 def ros_joints_of(source: SourceText, *, model: str = "AX-12A") -> RosJoints:
-    """Read the text of such a file. Raises as ``load_ros_joints`` does, and KeyError for an unknown model."""
+    """Return the joints in the text of a file of ROS controllers.
+
+    Raises as ``load_ros_joints`` does, and KeyError for an unknown model.
+    """
     fields = fields_of(source, subject="a file of controllers")
     reader = _JointReader(MODELS[model])
     for name, node in fields.entries():
@@ -131,7 +137,7 @@ def ros_joints_of(source: SourceText, *, model: str = "AX-12A") -> RosJoints:
 
 
 class _JointReader:
-    """Collects the joints of one file, and notes."""
+    """Collects the joints of one file of ROS controllers, and notes on changed or omitted keys."""
 
     def __init__(self, model: ServoModel) -> None:
         self.joints: dict[str, JointKeys] = {}
@@ -210,7 +216,7 @@ class _JointReader:
 
 
 def _unknown_keys(fields: Fields) -> Iterator[tuple[str, ...]]:
-    """Yield the positions of unknown keys."""
+    """Yield the paths of the unknown keys of a ROS controller."""
     for part, known in READ_KEYS.items():
         node = fields.node_of(part) if part else fields.node
         for name in node.keys() if isinstance(node, MarkedMapping) else ():
@@ -219,7 +225,7 @@ def _unknown_keys(fields: Fields) -> Iterator[tuple[str, ...]]:
 
 
 def _controller_type(fields: Fields) -> tuple[object, Node | None]:
-    """Return the type of a controller, and its node."""
+    """Return the type of a ROS controller, and the YAML node that holds it."""
     section = fields.node_of("controller")
     node = section.get("type") if isinstance(section, MarkedMapping) else None
     return ("JointPositionController" if node is None else value_of(node)), node

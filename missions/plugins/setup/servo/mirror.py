@@ -25,7 +25,7 @@ from missions.plugins.setup.servo.connections import (
 from missions.plugins.setup.servo.target import DEFAULT_ARM, ServoTarget, target_options
 
 LEADER_TIMEOUT = 0.05
-"""Maximum seconds to wait for a reading of the leader."""
+"""Maximum seconds to wait for a position reading of the leading arm."""
 
 DISPLAY_INTERVAL = 0.1
 """Seconds between two status lines."""
@@ -80,7 +80,7 @@ def _limits_of(target: ServoTarget) -> Mapping[str, JointLimits]:
 def couple_joints(
     leader: Mapping[str, JointLimits], follower: Mapping[str, JointLimits], ranged: Sequence[str]
 ) -> list[Coupling]:
-    """Return the couplings of joints with equal names. Raises click.UsageError without any.
+    """Return the couplings of the joints that both arms have by name. Raises click.UsageError without any.
 
     A joint in ``ranged`` must have a range.
     """
@@ -99,7 +99,7 @@ def couple_joints(
 
 
 def _mirror(leading: OpenArm, following: OpenArm, couplings: Sequence[Coupling], seconds: float | None) -> None:
-    """Send the follower's goals after each reading of the leader, until the end."""
+    """Send goals to the follower after each reading of the leader, until the user ends it or ``seconds`` are over."""
     read, arms = Event(), (leading.joints, following.joints)
     mirroring = JointMirror(*arms, couplings)
     if isinstance(leading.joints, DynamixelJoints):

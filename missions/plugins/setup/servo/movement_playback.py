@@ -26,7 +26,7 @@ CURVE_POINTS = 400
 """Number of points of a plotted curve."""
 
 Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
-"""Times (s) and angles (rad) by joint."""
+"""Times (s) and angles (rad) of each joint in a movement, by joint name."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo play greeting --dry-run")
@@ -110,7 +110,7 @@ def _check_files(plot: Path | None, table: Path | None, *, dry_run: bool) -> Non
 
 
 def _summary(movement: Gesture, playing: KeyframeMotion, speed: float) -> str:
-    """Return the duration as text, and whether the joints slow it down."""
+    """Return the duration of a movement as text, and whether its joints slow it down."""
     frames = movement.keyframes
     wanted = (frames[-1].time - frames[0].time) / speed
     slower = (
@@ -123,7 +123,7 @@ def _summary(movement: Gesture, playing: KeyframeMotion, speed: float) -> str:
 
 
 def _goal_curves(playing: KeyframeMotion) -> Curves:
-    """Return the movement as curves."""
+    """Return the planned angles of the movement as curves."""
     times = [playing.duration * point / CURVE_POINTS for point in range(CURVE_POINTS + 1)]
     angles = [playing.at(time) for time in times]
     return {joint: (times, [each[joint] for each in angles]) for joint in playing.joints}

@@ -65,7 +65,7 @@ def record(
 
 
 def _record(joints: Joints, recording: JointRecording, clock: Clock, seconds: float | None) -> None:
-    """Record readings until the end."""
+    """Record the joints' positions until the user ends it or ``seconds`` are over."""
     with wait_for_end(clock, seconds) as over:
         while not over():
             recording.add(joints.states(), clock.now())

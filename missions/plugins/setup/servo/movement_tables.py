@@ -16,11 +16,11 @@ MAX_POSE_ROWS = 40
 """Maximum number of rows of a pose table; more are thinned out evenly."""
 
 CSV_COLUMNS = ("time", "joint", "goal", "position", "error")
-"""Columns of a CSV file: seconds, a name, and radians. One line for each reading of each joint."""
+"""Columns of a played movement as CSV: seconds, a joint name, and radians. One line for each reading of each joint."""
 
 
 def plan_playback(movement: Gesture, limits: Mapping[str, JointLimits], speed: float) -> KeyframeMotion:
-    """Return the movement at ``speed`` times its own speed, from its first pose on.
+    """Return the playback of a gesture at ``speed`` times its own speed, from its first pose on.
 
     Its joints must be among the ``limits``. The way to the first pose depends on the present pose.
     """
@@ -43,7 +43,7 @@ def pose_table(playing: KeyframeMotion) -> str:
 
 
 def error_table(errors: Mapping[str, JointError]) -> str:
-    """Return the error of each joint, in degrees."""
+    """Return a table of the tracking errors of each joint, in degrees."""
     rows = [
         [joint, f"{degrees(each.rms):.2f}", f"{degrees(each.worst):.2f}", f"{each.at:.2f}", str(each.readings)]
         for joint, each in errors.items()

@@ -27,7 +27,7 @@ class ServoRange:
 
 
 def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
-    """Return the joint with measured zero and limits."""
+    """Return the robot file's entry of a joint with measured zero and limits."""
     model = joint.servo_model
     if joint.ticks is not None:
         low, high = (
@@ -42,7 +42,7 @@ def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
 
 
 def check_keepable(path: Path) -> None:
-    """Raise NotEditableError for a file that cannot be written; call it before the arm is moved."""
+    """Raise NotEditableError for a robot file that cannot be written; call it before the arm is moved."""
     require_own(path, RETRY_COMMAND)
 
 
@@ -74,7 +74,7 @@ def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm"
 
 
 def _changed_entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
-    """Return the values to write, by keys of a joint."""
+    """Return the values of a joint to write to a robot file, by their paths of keys within the joint."""
     if old.ticks is not None and new.ticks is not None:
         return {("ticks", key): str(value) for key, value in asdict(new.ticks).items()}
     entries: dict[tuple[str, ...], str] = {} if new.zero == old.zero else {("zero",): quantity_text(new.zero, "angle")}
@@ -89,7 +89,7 @@ def arm_keys(robot: RobotConfig, part: str) -> DynamixelKeys | None:
 
 
 def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
-    """Return whether a new text means the expected robot: an anchor may be used elsewhere too."""
+    """Return whether a new text describes the expected robot: a YAML anchor may be used elsewhere too."""
     try:
         new = parse_robot(source)
     except InvalidFileError:

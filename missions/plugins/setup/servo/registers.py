@@ -37,15 +37,15 @@ DEFAULT_WATCH_RATE = "5Hz"
 """Default rate of ``--watch``."""
 
 JOINT_HEADINGS = ("joint", "id", "position", "goal", "error", "speed", "load", "volts", "degC", "torque", "")
-"""Columns of the joint table; angles in degrees."""
+"""Columns of the joint table of `mission servo info`; angles in degrees."""
 
 _UNIT_STEP = re.compile(r"([0-9.]+) (\S+)")
-"""Unit of a register step, such as ``0.1 V``."""
+"""Pattern of the unit of a register step, such as ``0.1 V``."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointReport:
-    """State of a joint, None without a reply; ``remark`` is a fault."""
+    """State of a joint, None if its servo does not reply; ``remark`` describes faults."""
 
     joint: Joint
     state: JointState | None
@@ -56,7 +56,7 @@ class InfoCommand(SharingCommand):
     """Command whose ``--watch`` takes the next word only if that is a rate, not a joint."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments."""
+        """Parse the arguments, after giving a ``--watch`` without a rate its default."""
         following = [*args[1:], ""][: len(args)]
         return super().parse_args(
             ctx,
@@ -169,12 +169,12 @@ def meaning(model: ServoModel, register: Register, value: int) -> str:
 
 
 def _read_joints(bus: ServoBus, joints: Iterable[Joint]) -> list[JointReport]:
-    """Read the joints one by one. Raises NotConnected."""
+    """Return the states of joints, read one by one. Raises NotConnected."""
     return [_read_joint(bus, joint) for joint in joints]
 
 
 def _read_joint(bus: ServoBus, joint: Joint) -> JointReport:
-    """Read all registers from the shutdown mask to the last reading, in one transaction."""
+    """Return the state of a joint, from one read of all registers from the shutdown mask to the last reading."""
     table = joint.model.table
     start = table["shutdown"].address
     whole = RegisterBlock(start, max(table[name].end for name in ("present_temperature", "moving")) - start)
@@ -189,7 +189,7 @@ def _read_joint(bus: ServoBus, joint: Joint) -> JointReport:
 
 
 def _joint_table(snapshots: Iterable[JointReport]) -> str:
-    """Return the joints as a table."""
+    """Return the states of joints as a table."""
     return format_columns(
         JOINT_HEADINGS, [_joint_row(each) for each in snapshots], left=frozenset({"joint", "torque", ""})
     )
@@ -350,7 +350,7 @@ def _turns_torque_off(change: RegisterChange) -> bool:
 
 
 def _change_text(model: ServoModel, change: RegisterChange) -> str:
-    """Return a change as text, with the meaning of the value."""
+    """Return a register change as text, with the meaning of the value."""
     meant = meaning(model, change.register, change.after)
     place = "EEPROM" if change.register.eeprom else "RAM"
     return (

@@ -26,12 +26,12 @@ BAUD_RATES = (
 """Baud rates of servos, most common first."""
 
 FACTORY_BAUD_RATES = BAUD_RATES[:2]
-"""Factory baud rates: AX and STS the first, all others the second."""
+"""Baud rates of new servos: AX and STS have the first, all others the second."""
 
 HEADINGS = ("id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors")
 
 ROW_FORMAT = "{:>3}  {:>8}  {:>8}  {:<12} {:>8}  {:>10}  {:>6}  {:>4}  {:<14} {}"
-"""Format of a table row, which is printed as soon as its servo has replied."""
+"""Format of a row of the servo table, which is printed as soon as the servo has replied."""
 
 
 def _parse_ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
@@ -93,12 +93,12 @@ def scan(
 
 
 def _rates_to_try(first: int, *, fixed: bool, all_bauds: bool) -> list[int]:
-    """Return the rates to try, each once, ``first`` first."""
+    """Return the baud rates to try, each once, ``first`` first."""
     return list(dict.fromkeys((first, *(() if fixed else FACTORY_BAUD_RATES), *(BAUD_RATES if all_bauds else ()))))
 
 
 def _servo_row(servo: ScannedServo, names: Mapping[int, str]) -> str:
-    """Return a table row."""
+    """Return the table row of a servo that has replied."""
     return ROW_FORMAT.format(
         servo.address.id,
         protocol_label(servo.address.protocol),
@@ -114,21 +114,21 @@ def _servo_row(servo: ScannedServo, names: Mapping[int, str]) -> str:
 
 
 def _model_text(servo: ScannedServo) -> str:
-    """Return the model name, or the model number."""
+    """Return the model name of a servo, or its model number."""
     if servo.model is not None:
         return servo.model.name
     return "?" if servo.number is None else f"number {servo.number}"
 
 
 def _firmware_text(servo: ScannedServo) -> str:
-    """Return the firmware version; that of an STS has two parts."""
+    """Return the firmware version of a servo; that of an STS has two parts."""
     if servo.firmware is None:
         return "-"
     return f"{servo.firmware & 0xFF}.{servo.firmware >> 8}" if servo.address.protocol == "STS" else str(servo.firmware)
 
 
 def _servo_problems(servo: ScannedServo) -> list[str]:
-    """Return the faults that a servo reports, and problems of its replies."""
+    """Return the faults that a servo reports, and the problems with its replies."""
     return [
         *[servo.faults.description] * bool(servo.faults),
         *["damaged replies: two with this ID?"] * servo.has_damaged_replies,
@@ -178,7 +178,7 @@ def find_differences(
 
 
 def _no_reply_text(port: str, bauds: Sequence[int]) -> str:
-    """Return possible causes of no reply, most likely first."""
+    """Return the possible causes why no servo replies on a port, most likely first."""
     rates = ", ".join(str(rate) for rate in bauds)
     more = [] if len(bauds) >= len(BAUD_RATES) else ["another baud rate: add --all-bauds"]
     causes = [

@@ -23,7 +23,7 @@ DEFAULT_ARM = "arm"
 
 @dataclass(frozen=True, slots=True)
 class ServoTarget:
-    """Selected servos: those of a robot file, simulated ones, or those behind a port.
+    """Servos that a command works on: those of a robot file, simulated ones, or those on a serial port.
 
     ``arm`` is the name of the arm in a robot with several.
     """
@@ -41,7 +41,7 @@ class ServoTarget:
 
     @property
     def options(self) -> str:
-        """The options as typed, each after a space, for a command in a hint."""
+        """The options that select the servos, as typed, each after a space, for a command in a hint."""
         arm = None if self.arm == DEFAULT_ARM else self.arm
         given = (("--robot", self.robot), ("--arm", arm), ("--port", self.port), ("--baud", self.baud))
         typed = [f" {option} {shlex.quote(str(value))}" for option, value in given if value is not None]
@@ -54,14 +54,14 @@ class ServoTarget:
             click.echo(f"simulated servos{why}", err=True)
 
     def config(self) -> RobotConfig:
-        """Read the robot file, with port and baud rate of the options. Raises click.UsageError without an arm."""
+        """Return the robot, with port and baud rate of the options. Raises click.UsageError without an arm."""
         robot = load_robot(robot_file(self.robot))
         arm = find_arm(robot, self.arm)
         return robot.with_keys(self.arm, replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
 
     @property
     def keys(self) -> DynamixelKeys:
-        """Section of the arm, as ``config`` reads it."""
+        """Section of the arm in the robot file, with port and baud rate of the options."""
         found: DynamixelKeys = self.config().sections[self.arm].keys
         return found
 
@@ -71,7 +71,7 @@ class ServoTarget:
             raise click.UsageError("--port and --simulate exclude each other")
 
     def require_joints(self) -> None:
-        """Raise click.UsageError if there is no source of joints."""
+        """Raise click.UsageError if only a port is named: joints come from a robot file or a simulation."""
         if self.robot is None and not self.is_virtual:
             raise click.UsageError("--port alone names no joints: add --robot with the robot file")
 

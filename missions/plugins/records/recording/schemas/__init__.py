@@ -1,4 +1,4 @@
-"""JSON Schemas (draft 2020-12) of the messages of a record. A test compares their bytes."""
+"""JSON Schemas (draft 2020-12) of the messages of a record. A test compares them byte by byte."""
 
 import json
 

@@ -1,15 +1,15 @@
-"""Schema definitions of the messages."""
+"""Definitions of the JSON Schemas of the messages in a record."""
 
 from collections.abc import Mapping
 
 # Schema builders.
 
 Schema = dict[str, object]
-"""A JSON Schema."""
+"""A JSON Schema as a Python mapping."""
 
 
 def typed(kind: str, description: str = "", **more: object) -> Schema:
-    """Return the schema of a JSON type."""
+    """Return the JSON Schema of the JSON type ``kind``."""
     return ({"description": description} if description else {}) | {"type": kind} | more
 
 
@@ -80,7 +80,7 @@ def number_object(description: str, names: str) -> Schema:
 
 
 TIME = number("Seconds of the run.")
-"""Schema of ``t`` in all our messages."""
+"""Schema of ``t``, the time of the run in all our messages."""
 
 
 # Foxglove's messages (docs.foxglove.dev/docs/sdk/schemas) with our extra fields.
