@@ -116,7 +116,7 @@ def test_nothing_goes_beyond_the_robot_file(tuning: TunableValues, runner: Runne
     tuning.tune("arm.joints.elbow.lower", radians(90))
     with pytest.raises(BadMessage, match="are outside of"):
         tuning.tune("arm.joints.elbow.upper", radians(80))
-    with pytest.raises(BadMessage, match=r"nothing is called 'head\.pan\.trimm'"):
+    with pytest.raises(BadMessage, match=r"unknown value 'head\.pan\.trimm'"):
         tuning.tune("head.pan.trimm", 0.0)
     base: Any = runner.assembled_robot.devices["base"]
     assert base.restrict_limits(replace(base.limits, speed=9.0)).speed == 0.5
