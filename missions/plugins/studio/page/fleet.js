@@ -81,12 +81,12 @@ export class Fleet {
 
   async #do(word, members = {}) {
     try {
-      const { answers, is_hidden = [] } = await this.#link.ask({ do: word, ...members }, REPLY_TIMEOUT);
+      const { answers, silent = [] } = await this.#link.ask({ do: word, ...members }, REPLY_TIMEOUT);
       const wrong = Object.entries(answers).filter(([, each]) => !each.ok).map(([name, each]) => `${name}: ${each.why}`);
-      const all = [...is_hidden.map((name) => `${name} DID NOT ANSWER`), ...wrong];
+      const all = [...silent.map((name) => `${name} did not confirm and may still move: press its emergency stop`), ...wrong];
       if (all.length) notify(all.join("; "));
-      else if (!Object.keys(answers).length) notify("No robots in this fleet; none has confirmed.");
-      else notify(`${Object.keys(answers).length} robots have confirmed`, "good");
+      else if (!Object.keys(answers).length) notify("No connected robots in this fleet: none was reached. To stop a robot, press its emergency stop.");
+      else notify(`All ${Object.keys(answers).length} robots confirmed.`, "good");
       await this.#fetch();
     } catch (error) {
       notify(error);
