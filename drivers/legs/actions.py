@@ -204,7 +204,7 @@ class LegActions:
         return self._approach is not None or self._cycle is not None
 
     def request(self, act: str, gait: GaitKeys | None, now: float) -> float:
-        """Request an action until ``now`` plus ``COMMAND_LIFE``; return its progress.
+        """Request an action until ``now`` plus ``COMMAND_TIMEOUT``; return its progress.
 
         The progress is a share, 1 at the end; for a gait, the number of cycles. Raises BadRequest for an unknown
         action.

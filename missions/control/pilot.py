@@ -74,7 +74,7 @@ class Pilot:
             self._base.enable()
 
     def steer(self, drive_input: DriveInput | None) -> None:
-        """Drive until the next call, due within ``COMMAND_LIFE``; None stops the base and ends control.
+        """Drive until the next call, due within ``COMMAND_TIMEOUT``; None stops the base and ends control.
 
         After None the base stands until the command has expired, then the mission controls it again. After a reconnect
         of the base, an input that began before it is ignored until None.

@@ -421,8 +421,8 @@ def test_odometry_that_fails_on_the_way_lets_the_base_stand_and_the_drive_goes_o
     track.pass_time(2.0)
     track.base.silent = True
     told_before = len(track.base.commands)
-    # Its last command is good for COMMAND_LIFE, then come the dead time and the braking. (After more than a second the
-    # odometry would not count what the base rolled meanwhile.)
+    # Its last command is good for COMMAND_TIMEOUT, then come the dead time and the braking. (After more than a second
+    # the odometry would not count what the base rolled meanwhile.)
     assert track.pass_time(0.8) is RUNNING
     assert track.leaf.reason == "waiting for the base to report"
     assert len(track.base.commands) == told_before
