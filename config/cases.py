@@ -1,4 +1,4 @@
-"""Keys of test files: runs, their conditions, and their expectations."""
+"""Keys of a mission's test file: runs, their conditions, and their expectations."""
 
 import math
 from collections.abc import Mapping
@@ -8,10 +8,10 @@ from drivers.api import Mood
 from drivers.api.keys import inside, key, keys
 
 CASE_TIMEOUT = 120.0
-"""Default timeout of a case in seconds of simulated time."""
+"""Default timeout of a test case in seconds of simulated time."""
 
 DISTANCE_TOLERANCE = 0.1
-"""Default tolerance of the base's position in metres."""
+"""Default tolerance in metres of the base's position that a test case expects."""
 
 GIVEN_HINT = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
 SCRIPT_HINT = "such as 'fails twice, then succeeds'"
@@ -24,7 +24,7 @@ Count = Annotated[int, inside(low=0, wrong="how often '{}' has to start needs a 
 
 @keys
 class MockKeys:
-    """Keys of a mock with a result."""
+    """Keys of a mock of a leaf in a test file, if the mock has a result."""
 
     does: str = key(help="Outcomes of the mock.")
     result: object = key(
@@ -35,12 +35,12 @@ class MockKeys:
 Script = Annotated[str, inside(wrong="what '{}' does instead is missing", hint=SCRIPT_HINT)]
 Mock = Mapping[str, Script | Annotated[MockKeys, inside(each="a mock")]]
 Given = Annotated[str | Mock, inside(wrong="neither a mock nor something that goes wrong", hint=GIVEN_HINT)]
-"""Entry of ``given``."""
+"""Entry of ``given`` in a test file: a fault of a device as text, or a mock of a leaf."""
 
 
 @keys
 class PoseKeys:
-    """Keys of an expected pose of the base."""
+    """Keys of the base's pose that a test case expects."""
 
     near: tuple[float, float] = key("length", wrong="'{}' needs a place, such as [1 m, 0 m]", help="Position: [x, y].")
     within: float = key("length", default=DISTANCE_TOLERANCE, low=0.0, help="Maximum distance from it.")
@@ -49,7 +49,7 @@ class PoseKeys:
 
 @keys
 class ExpectKeys:
-    """Keys of the expectations of a run."""
+    """Keys of the section ``expect`` of a test case."""
 
     result: Result | None = key(default=None, help="Result of the run.")
     reason: str | None = key(default=None, help="Text that the reason contains.")
@@ -98,7 +98,7 @@ class ExpectKeys:
 
 @keys
 class CommonKeys:
-    """Keys that cases may share."""
+    """Keys that the cases of a test file may share."""
 
     case: str = key(default="", help="Title.")
     params: Mapping[str, object] = key(default={}, help="Params of the mission.")
@@ -122,7 +122,7 @@ class CommonKeys:
 
 @keys
 class CaseKeys(CommonKeys):
-    """Keys of a case."""
+    """Keys of a test case."""
 
     case: str = key(help="Title.")
     expect: ExpectKeys = key(help="Expectations.")
@@ -154,7 +154,7 @@ class JudgedSuiteKeys(SuiteKeys):
 
 
 HEADING_TOLERANCE = math.radians(10)
-"""Default tolerance of the base's heading in radians."""
+"""Default tolerance in radians of the base's heading that a test case expects."""
 
 JOINT_TOLERANCE = math.radians(3)
-"""Default tolerance of a joint's angle in radians."""
+"""Default tolerance in radians of a joint's angle that a test case expects."""

@@ -1,4 +1,4 @@
-"""Controller files: rule bases as plain values in SI units, and the tunable numbers in them."""
+"""Controller files: fuzzy or PD rule bases as plain values in SI units, and the tunable numbers in them."""
 
 import json
 import re
@@ -16,10 +16,10 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 DESCRIPTION_KEYS = ("controller", "summary")
-"""Keys that describe a file; the others hold its rules."""
+"""Keys that describe a controller file; its other keys hold the rules."""
 
 LIMIT_KEY = "most"
-"""Number of a rule base that is a limit and not tuned."""
+"""Key of a number of a rule base that is a limit and not tuned."""
 
 _WRITTEN = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 
@@ -110,7 +110,7 @@ def parse_controller(source: SourceText) -> ControllerConfig:
 
 
 def tunable_numbers(source: SourceText) -> list[TunableNumber]:
-    """Return the numbers of the rule bases, each once. Raises InvalidFileError."""
+    """Return the numbers in the rule bases of a controller file, each once. Raises InvalidFileError."""
     found: dict[Mark, TunableNumber] = {}
     for figure in _tunable_numbers(compose(source), ()):
         found.setdefault(figure.mark, figure)  # what an alias repeats stands where it was written first
@@ -118,7 +118,7 @@ def tunable_numbers(source: SourceText) -> list[TunableNumber]:
 
 
 def replace_words(source: SourceText, changes: Mapping[Mark, str]) -> str:
-    """Return the text of a file with other words at some marks; everything else, comments too, is unchanged."""
+    """Return the text of a file with the words at some positions replaced; all else, comments too, is unchanged."""
     lines = source.text.splitlines(keepends=True)
     for mark, word in sorted(changes.items(), reverse=True):
         line, start = lines[mark.line - 1], mark.column - 1
@@ -127,7 +127,7 @@ def replace_words(source: SourceText, changes: Mapping[Mark, str]) -> str:
 
 
 def name_changes(source: SourceText, name: str, summary: str) -> dict[Mark, str]:
-    """Return the changes that set name and summary of a controller file, if they fit on their lines."""
+    """Return the new words by position that set name and summary of a controller file, if they fit on their lines."""
     top, changes = compose(source), dict[Mark, str]()
     for word, text in zip(DESCRIPTION_KEYS, (name, summary), strict=True):
         node = top.get(word) if isinstance(top, yaml_nodes.Mapping) else None

@@ -74,7 +74,7 @@ def load_defaults() -> DefaultsKeys:
 
 
 def set_default(word: str, value: str) -> Path:
-    """Set a default in the file; other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
+    """Set a default in the defaults file and return the file. Raises InvalidFileError, NotEditableError, OSError."""
     from config.yaml_edit import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
 
     load_defaults()
@@ -103,7 +103,7 @@ def remove_default(word: str) -> Path:
 
 
 def missing_folders() -> list[str]:
-    """Return the ``folders`` of the defaults that do not exist."""
+    """Return the folders under ``folders`` in the defaults file that do not exist."""
     return [each for each in load_defaults().folders if not Path(each).expanduser().is_dir()]
 
 

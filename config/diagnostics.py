@@ -9,7 +9,7 @@ from unicodedata import combining, east_asian_width
 from drivers.api.secrets import without_secrets
 
 SHORT_WORD_LENGTH = 5
-"""Length up to which a word must be one edit away (or a prefix) for a suggestion."""
+"""Length up to which an unknown word must be one edit from the suggested one, or a prefix of it."""
 
 SMART_QUOTES = re.compile("[\u201c-\u201f\u00ab\u00bb]|^[\u2018-\u201b]|[\u2018-\u201b]$")
 ODD_SPACES = re.compile("[\u00a0\u2007\u202f\u3000\u200b\ufeff]")
@@ -76,7 +76,7 @@ class Diagnostic:
         return "\n".join(lines)
 
     def _excerpt(self) -> list[str]:
-        """Return the line with carets under the error; only a part of a long line."""
+        """Return the file's line with carets under the error; only a part of a long line."""
         line = without_secrets(self.source.line(self.mark.line).rstrip(), aligned=True)
         if not line:
             return []
@@ -272,7 +272,7 @@ KEY_SYNONYMS: Mapping[str, str] = {
     "cases": "scenarios",
     "behaviours": "behaviors leaves plugins",
 }
-"""Our keys with the names that other programs use. A key that the section has itself is never replaced."""
+"""Our keys with the names that other programs use for them; a key that its section already has is not replaced."""
 
 
 def to_snake_case(word: str) -> str:
@@ -296,10 +296,10 @@ def suggest_key(word: str, known: Collection[str], table: Mapping[str, str] = KE
 
 
 def alternatives_text(words: Iterable[str]) -> str:
-    """Return "'this' or 'that'"."""
+    """Return the words, quoted, as alternatives: "'this' or 'that'"."""
     return " or ".join(f"'{word}'" for word in words)
 
 
 def key_of(ours: str) -> str:
-    """Return the key of an entry with a value, such as ``invert: true``."""
+    """Return the key of a ``KEY: VALUE`` entry: "invert" of ``invert: true``."""
     return ours.partition(":")[0]

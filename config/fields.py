@@ -18,7 +18,7 @@ from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose, read_sour
 
 
 class Fields:
-    """Keys of one mapping, for ``config.section_reader``.
+    """Keys of one mapping of a YAML file, for ``config.section_reader``.
 
     Call ``report_unknown_keys`` at the end. All sections of a file share the list ``diagnostics``; ``wrong_places`` are
     the paths of invalid values.
@@ -119,7 +119,7 @@ class Fields:
 
 
 def value_of(node: Node) -> object:
-    """Return the value of a scalar, or an empty list or dict for a sequence or mapping."""
+    """Return the value of a scalar node, or an empty list or dict for a sequence or mapping."""
     return node.value if isinstance(node, Scalar) else [] if isinstance(node, Listing) else {}
 
 

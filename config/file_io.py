@@ -101,7 +101,7 @@ def collect_read_files() -> Iterator[Mapping[Path, bytes]]:
 
 
 def record_read(path: Path, data: bytes | None = None) -> None:
-    """Record that a file was read, if a collector is active; without ``data`` the file is read here. Raises OSError."""
+    """Record a read file for ``collect_read_files``; without ``data`` the file is read here. Raises OSError."""
     files = _READ_FILES.get()
     if files is not None:
         files[path.resolve()] = path.read_bytes() if data is None else data

@@ -16,7 +16,7 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 FLEET_FILE = "fleet.yaml"
 
 DEFAULT_PORT = 7450
-"""Default port, for robots on one computer."""
+"""Default TCP port of the fleet, for robots on one computer."""
 
 SECURE_PROTOCOLS = ("tls", "quic")
 

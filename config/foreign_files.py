@@ -162,7 +162,7 @@ def _recognise_data(data: Any) -> ForeignFile | None:
 
 
 def _has(*keys: str) -> Callable[[Data], bool]:
-    """Return a test for mappings with all these keys."""
+    """Return a predicate that is true for mappings with all of ``keys``."""
     return lambda data: {*keys} <= data.keys()
 
 
@@ -171,14 +171,14 @@ def _has_one(*keys: str) -> Callable[[Data], bool]:
 
 
 def _each_has(*keys: str) -> Callable[[Data], bool]:
-    """Return a test for mappings whose values all are mappings with all these keys."""
+    """Return a predicate that is true for mappings whose values all are mappings with all of ``keys``."""
     return lambda data: (
         bool(data) and all(isinstance(part, Mapping) and {*keys} <= part.keys() for part in data.values())
     )
 
 
 def _some_has(*keys: str) -> Callable[[Data], bool]:
-    """Return a test for mappings with some value that is a mapping with one of these keys."""
+    """Return a predicate that is true for mappings with a value that is a mapping with one of ``keys``."""
     return lambda data: any(isinstance(part, Mapping) and {*keys} & part.keys() for part in data.values())
 
 

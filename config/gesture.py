@@ -52,12 +52,12 @@ def load_gait(path: Path) -> GaitKeys:
 
 
 LimitsByJoint = Mapping[str, tuple[float, float]]
-"""Lower and upper limit (rad) by joint."""
+"""Lower and upper limit (rad) of each joint, by the joint's name."""
 
 
 @keys
 class KeyframeKeys:
-    """Keys of a keyframe: joint angles at a time."""
+    """Keys of a keyframe of a gesture: joint angles at a time."""
 
     at: float = key("duration", low=0.0, help="Time from the beginning of the gesture.")
     joints: Mapping[str, float] = key("angle", rest=True, help="Angle of a joint, by its name.")
@@ -76,7 +76,7 @@ class GestureKeys:
     keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Keyframes in the order of time.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield keyframes that are not in the order of time."""
+        """Yield an error for each keyframe that is not later than the one before."""
         if not self.keyframes:
             message, hint = "'keyframes' needs at least one keyframe", "such as {at: 1 s, elbow: 90 deg}"
             yield KeyDiagnostic(message, ("keyframes",), hint=hint)
@@ -89,7 +89,7 @@ class GestureKeys:
             before = frame.at
 
     def limit_mistakes(self, limits: LimitsByJoint) -> Iterator[KeyDiagnostic]:
-        """Yield angles outside the joints' limits, and unknown joints."""
+        """Yield an error for each angle outside its joint's limits, and for each unknown joint."""
         for place, frame in enumerate(self.keyframes):
             for joint, angle in frame.joints.items():
                 at = ("keyframes", place, joint)
@@ -118,7 +118,7 @@ class GestureConfig:
 
     @property
     def movement(self) -> Gesture:
-        """Gesture in the type that behaviours use."""
+        """The same gesture as a ``drivers.api.Gesture``, the type that behaviours use."""
         keyframes = tuple(Keyframe(time, positions) for time, positions in self.keyframes)
         return Gesture(self.name, self.summary, keyframes, self.interpolation)
 

@@ -13,7 +13,7 @@ from config.units import quoted_value, with_article
 HERE = Path(__file__).parent
 
 LISTED_KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
-"""Kinds that `mission list` shows."""
+"""Kinds of files that `mission list` shows."""
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
@@ -25,14 +25,14 @@ SHEET_SUFFIXES = (".csv", ".xls", ".xlsx", ".ods")
 """Suffixes of spreadsheets with moves or gaits."""
 
 OWN_ROBOT = "mine"
-"""Name that stands for this computer's own robot."""
+"""Name for ``--robot`` that stands for this computer's own robot."""
 
 MAX_LISTED_NAMES = 5
-"""Maximum number of names in a suggestion."""
+"""Maximum number of names listed in a suggestion."""
 
 
 class UnknownNameError(LookupError):
-    """Unknown name; the message lists suggestions."""
+    """Unknown name of a mission, robot, world or other file; the message lists suggestions."""
 
 
 def shipped_files(kind: str) -> dict[str, Path]:
@@ -109,7 +109,7 @@ def _missing_folder_notes(kind: str) -> list[str]:
 
 
 def is_file(path: Path) -> bool:
-    """Return True if a path is an accessible regular file."""
+    """Return True if a path is a regular file that can be accessed."""
     try:
         return path.is_file()
     except (OSError, ValueError):  # a name that is too long, a folder that may not be read, a zero in the name
@@ -168,7 +168,7 @@ KIND_KEYS: Mapping[str, str] = {
     "controller": "controllers",
     "object": "objects",
 }
-"""Key that identifies each kind of file."""
+"""Kind of file by the top-level key that identifies it."""
 
 KIND_USES: Mapping[str, str] = {
     "missions": "mission run {0}",
@@ -187,14 +187,14 @@ RECORD_MAGIC = b"\x89MCAP0"
 """First bytes of a record."""
 
 MAX_HEAD_BYTES = 65_536
-"""Number of bytes that are searched for keys."""
+"""Number of bytes at the start of a file that are searched for keys."""
 
 
 MOVEMENT_FORMS = ("pypot", "motion", "roboplus")
-"""Formats of other programs' movements."""
+"""Names of the movement formats of other programs that we can read."""
 
 CALIBRATION_FORMS = ("lerobot",)
-"""Formats of other programs' servo calibrations."""
+"""Names of the servo calibration formats of other programs that we can read."""
 
 
 def wrong_kind_error(expected: str, path: Path) -> str:

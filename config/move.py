@@ -12,15 +12,15 @@ from config.section_reader import add_mistakes, read_keys
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 Plane = Literal["xyz", "xy", "xz", "yz"]
-"""Axes of the points that count."""
+"""Axes (x, y, z) of the coordinates from which a joint's angle is computed."""
 
 POINTS_ERROR = "'{}' needs three points, such as [shoulder, elbow, wrist]"
-"""Error message for a value that is not three points."""
+"""Error message for a value of ``points`` that is not three points."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointSource:
-    """Source of a joint's angle: a ``column``, or three ``points``; times ``sign``, plus ``offset``."""
+    """Columns that give a joint's angle: one ``column``, or three ``points``; times ``sign``, plus ``offset``."""
 
     column: str = ""
     points: tuple[str, str, str] | None = None
@@ -30,7 +30,7 @@ class JointSource:
 
     @property
     def headings(self) -> list[str]:
-        """Columns of the source; for points, every axis that counts, point by point."""
+        """Headings of the columns that are read; for points, one per axis of ``plane``, point by point."""
         if self.points is None:
             return [self.column]
         return [f"{point}_{axis}" for point in self.points for axis in self.plane]
@@ -38,7 +38,7 @@ class JointSource:
 
 @keys
 class SourceKeys:
-    """Keys of the source of a joint's angle."""
+    """Keys in a move file of one joint: the columns that give its angle."""
 
     column: str | None = key(default=None, help="Column with the angle.")
     points: tuple[str, ...] | None = key(
@@ -49,7 +49,7 @@ class SourceKeys:
     offset: float = key("angle", default=0.0, help="Angle added after the factor.")
 
     def source(self) -> JointSource:
-        """Return the source."""
+        """Return the keys as a ``JointSource``."""
         first, middle, last = self.points or ("", "", "")
         points = None if self.points is None else (first, middle, last)
         return JointSource(self.column or "", points, self.plane or "xyz", int(self.sign), self.offset)
@@ -73,7 +73,7 @@ class MoveKeys:
     joints: Mapping[str, Annotated[SourceKeys, inside(each="joint")]] = key(help="Joints of the movement.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a missing joint, and joints with no source or with two."""
+        """Yield an error for a missing joint, and for each joint with no column or points, or with both."""
         if not self.joints:
             hint = "such as elbow: {column: elbow}"
             yield KeyDiagnostic("'joints' needs at least one joint", ("joints",), hint=hint, about=(("joints",),))
@@ -91,7 +91,7 @@ class MoveKeys:
                 )
 
     def unknown_joint_mistakes(self, joints: Collection[str]) -> Iterator[KeyDiagnostic]:
-        """Yield joints that the robot does not have."""
+        """Yield an error for each joint that the robot does not have."""
         for name in self.joints:
             if name not in joints:
                 at = ("joints", name)

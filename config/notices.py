@@ -51,7 +51,7 @@ NOTICE_KINDS: Mapping[str, type[NoticeConfig]] = {
     "webhook": WebhookNotice,
     "mqtt": MqttNotice,
 }
-"""Channel types by key."""
+"""Types of notice channels by their keys in a robot file."""
 
 
 def encode_notice(config: NoticeConfig) -> str:
@@ -106,7 +106,7 @@ def site_of(url: str) -> str:
 
 @keys
 class WebhookKeys:
-    """Keys of a web server: its address, or the variable that holds it."""
+    """Keys of a notice channel to a web server: its address, or the environment variable that holds the address."""
 
     url: str = key(default="", help="Address.")
     url_from: str = key(default="", help="Environment variable with the address, if it is secret.")
@@ -120,7 +120,7 @@ class WebhookKeys:
 
 @keys
 class MqttKeys:
-    """Keys of a topic of an MQTT broker."""
+    """Keys of a notice channel to a topic of an MQTT broker."""
 
     host: str = key(default="localhost", help="Broker.")
     topic: str = key(default="missiontree/tasks", help="Topic.")
@@ -145,7 +145,7 @@ _COMMAND = ValueConstraints(
 
 @keys
 class NoticeKeys:
-    """Keys of one channel for notices."""
+    """Keys of one channel in the section ``notices`` of a robot file."""
 
     unknown = "unknown channel of notices: '{}'"
 
@@ -157,11 +157,11 @@ class NoticeKeys:
 
     @property
     def address(self) -> WebhookKeys | None:
-        """Keys of the web server, or None."""
+        """Keys of the web server of this channel, or None for another kind of channel."""
         return WebhookKeys(url=self.webhook) if isinstance(self.webhook, str) else self.webhook
 
     def config(self) -> NoticeConfig:
-        """Return the channel."""
+        """Return the channel that these keys declare."""
         if self.command is not None:
             return CommandNotice(self.command)
         if (web := self.address) is not None:
@@ -193,9 +193,9 @@ NoticeEntry = (
     Annotated[Literal["terminal"], inside(wrong=NO_CHANNEL_ERROR, hint=CHANNELS_HINT)]
     | Annotated[NoticeKeys, inside(each="a notice")]
 )
-"""Entry of the list."""
+"""Entry of the list ``notices`` in a robot file."""
 
 
 def notice_of(entry: Literal["terminal"] | NoticeKeys) -> NoticeConfig:
-    """Return the channel of an entry."""
+    """Return the channel of an entry of ``notices``."""
     return TerminalNotice() if isinstance(entry, str) else entry.config()

@@ -11,7 +11,7 @@ from config.units import quantity_text, quoted_value
 from drivers.api.keys import key, keys
 
 HUES = ("red", "orange", "yellow", "green", "blue", "purple", "pink")
-"""Colours that can be told from a room. Brown is that of wood and skin, the others are those of walls."""
+"""Colours that are distinct from those of a room: brown is that of wood and skin; grey, black and white of walls."""
 
 SHAPES = {
     "ball": "ball",
@@ -22,13 +22,13 @@ SHAPES = {
     "object": "thing",
     "thing": "thing",
 }
-"""Shapes by word: round from every side, with straight edges, or either."""
+"""Shape by the noun of a phrase: "ball" (round from every side), "box" (straight edges), or "thing" (either)."""
 
 FORMS = {"round": "ball", "square": "box"}
-"""Shapes by adjective before "object" or "thing"."""
+"""Shapes of objects by the adjective before "object" or "thing" in a phrase."""
 
 SIZES = {"small": 0.1, "big": 0.3}
-"""Sizes by word in metres across: that of an apple, and that of a crate."""
+"""Width of an object in metres by the adjective in a phrase: "small" as an apple, "big" as a crate."""
 
 PHRASE_EXAMPLES = "such as 'red ball', 'big blue box' or 'yellow round object'"
 

@@ -12,12 +12,12 @@ from config.section_reader import read_keys
 from drivers.api.keys import key, keys
 
 PLACE_NAME = re.compile(r"[\w-]([\w -]{0,38}[\w-])?")
-"""Pattern of place names: letters, digits, `-`, `_`, and spaces between them."""
+"""Regular expression of place names: letters, digits, `-`, `_`, and spaces between them."""
 
 
 @keys
 class PlaceKeys:
-    """Keys of a place on the map."""
+    """Keys of one named place on a robot's map."""
 
     x: float = key("length", help="Metres along the map's x.")
     y: float = key("length", help="Metres along the map's y.")
@@ -33,7 +33,7 @@ class PlacesKeys:
 
 
 def load_places(path: Path) -> Mapping[str, PlaceKeys]:
-    """Read a places file; empty without the file. Raises InvalidFileError with all errors."""
+    """Read a places file; return an empty mapping without the file. Raises InvalidFileError with all errors."""
     if not path.is_file():
         return {}
     fields = read_fields(path, subject="a file of places")

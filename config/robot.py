@@ -23,7 +23,7 @@ from drivers.api.sensor_sections import CameraKeys, MicrophoneKeys
 K = TypeVar("K")
 
 PART_NAME = "[a-z][a-z0-9_]*"
-"""Pattern of part names."""
+"""Regular expression of the names of a robot's parts."""
 
 
 @keys
@@ -47,7 +47,7 @@ class RobotKeys:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """Section of a part: its driver, and the driver's keys."""
+    """Section of a robot file for one part: its driver, and the values of the driver's keys."""
 
     driver: Driver
     keys: Any
@@ -61,7 +61,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """Robot. ``rate`` is the maximum tick rate in Hz; ``notices`` are the channels for notices about tasks.
+    """Contents of a robot file. ``rate`` is the maximum tick rate in Hz; ``notices`` are channels for task notices.
 
     ``sensor_timeout`` (s) is how long a node may be suspended. ``sections`` are the parts by name: the kind, or a name
     of its own for an additional part of a kind. The properties have the keys that all drivers of a kind share.
@@ -77,12 +77,12 @@ class RobotConfig:
 
     @property
     def parts(self) -> frozenset[str]:
-        """Names of the parts."""
+        """Names of the robot's parts."""
         return frozenset(self.sections)
 
     @property
     def extra_parts(self) -> Mapping[str, str]:
-        """Kinds of the additional parts by name."""
+        """Kind of each additional part, by the part's name."""
         return {name: section.driver.kind for name, section in self.sections.items() if section.name}
 
     def kind_of(self, part: str) -> PartKind:
@@ -90,11 +90,11 @@ class RobotConfig:
         return KINDS[self.sections[part].driver.kind]
 
     def keys(self, cls: type[K]) -> K | None:
-        """Return the first section's keys that are of a class: of a kind (``ArmKeys``), or of one driver."""
+        """Return the keys of the first section that are of class ``cls``: of a kind (``ArmKeys``), or of one driver."""
         return next((each.keys for each in self.sections.values() if isinstance(each.keys, cls)), None)
 
     def with_keys(self, part: str, keys: object) -> Self:
-        """Return the robot with other keys for a part."""
+        """Return a copy of the robot with other keys for one part."""
         return replace(self, sections={**self.sections, part: replace(self.sections[part], keys=keys)})
 
     @property
@@ -170,7 +170,7 @@ def parse_robot(source: SourceText, drivers: DriverCatalogue, path: Path | None 
 
 
 def _driver_alone(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> str:
-    """Return a hint if the name of a driver is written in place of a section."""
+    """Return a hint if a part has only the name of its driver instead of a section; else an empty text."""
     node = fields.node.get(name) if isinstance(fields.node, MarkedMapping) else None
     known = isinstance(node, Scalar) and node.text in drivers.names(kind.name)
     return f"write {name}: {{driver: {node.text}}}, with its other keys" if isinstance(node, Scalar) and known else ""
@@ -205,7 +205,7 @@ def _read_section(fields: Fields, name: str, kind: PartKind, drivers: DriverCata
 
 
 def _find_driver(fields: Fields, kind: PartKind, drivers: DriverCatalogue) -> Driver | None:
-    """Return the driver that a section names, or the most similar one after an error."""
+    """Return the driver that a section names; for an unknown name, add an error and return the most similar driver."""
     node = fields.node_of("driver", required=not kind.default_driver, hint="`mission list drivers` has all")
     named = kind.default_driver if node is None else node.text if isinstance(node, Scalar) else ""
     mark = fields.node.mark if node is None else node.mark
@@ -225,7 +225,7 @@ def _find_driver(fields: Fields, kind: PartKind, drivers: DriverCatalogue) -> Dr
 
 
 def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Section]) -> None:
-    """Add errors between sections: shared ports, and the checks of drivers."""
+    """Add errors that involve several sections: shared ports, and the errors from ``check`` of the drivers."""
     keys = {kind: section.keys for kind, section in sections.items()}
     ports: dict[str, str] = {}
     for kind, section in sections.items():

@@ -13,7 +13,7 @@ from drivers.api.keys import PERCENT, Form, Key, KeyDiagnostic, declared_keys
 K = TypeVar("K")
 
 KeyPath = tuple[str | int, ...]
-"""Path of a value in a section: keys, and indices of lists."""
+"""Path of a value in a section of a file: keys, and indices of lists."""
 
 
 def read_keys(fields: Fields, cls: type[K]) -> K:
@@ -57,7 +57,7 @@ def add_mistakes(fields: Fields, mistakes: Iterable[KeyDiagnostic]) -> None:
 
 
 def _read(fields: Fields, cls: type[K]) -> K:
-    """Read the keys, and add the paths of invalid keys to ``fields.wrong_places``."""
+    """Return a ``cls`` with the section's values; add the paths of invalid keys to ``fields.wrong_places``."""
     values: dict[str, Any] = {}
     for each in declared_keys(cls):
         if each.form == "rest":
@@ -142,7 +142,7 @@ def _read_section(fields: Fields, key: Key, what: str, node: Node, at: KeyPath) 
 
 
 def _has_form(key: Key, node: Node) -> bool:
-    """Return True if a node has the form of a key. Sections and quantities report their errors elsewhere."""
+    """Return True if a node has the form that a key declares; quantities and most sections are checked later."""
     value = value_of(node)
     match key.form:
         case "text":
@@ -219,7 +219,7 @@ def _placeholder(fields: Fields, key: Key) -> Any:
 
 
 def _read_choice(fields: Fields, key: Key, word: str, node: Node) -> str:
-    """Return one of the key's words."""
+    """Return the word in a node if the key allows it; else add an error and return the first allowed word."""
     text = node.text if isinstance(node, Scalar) else ""
     if text not in key.among:
         hint = "; ".join(filter(None, (suggest_from(text, key.among), key.hint)))
@@ -229,7 +229,7 @@ def _read_choice(fields: Fields, key: Key, word: str, node: Node) -> str:
 
 
 def _read_quantity(fields: Fields, key: Key, word: str, node: Node) -> float | str:
-    """Return a quantity, or a word that may replace it."""
+    """Return the quantity in a node in SI units, or a word that the key allows instead."""
     if isinstance(node, Scalar) and node.text in key.among:
         return node.text
     if key.dimension != PERCENT:
@@ -239,7 +239,7 @@ def _read_quantity(fields: Fields, key: Key, word: str, node: Node) -> float | s
 
 
 def _read_rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
-    """Return the remaining keys with their quantities."""
+    """Return the quantities, by name, of all keys that are not in ``words``."""
     others = [(name, node) for name, node in fields.entries() if name.text not in words]
     if not key.dimension:
         return {}

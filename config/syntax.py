@@ -24,13 +24,13 @@ _ERRORS_BY_CONTEXT = {
     "while parsing a block mapping": ("unexpected indentation", "indent it like the lines around it"),
     "while parsing a block collection": ("unexpected indentation", "indent it like the lines around it"),
 }
-"""Message and hint for the usual error in each parser context."""
+"""Message and hint for the usual YAML error in each context of the parser."""
 
 _COLUMN_CONTEXTS = ("while parsing a block mapping", "while parsing a block collection")
-"""Contexts in which columns matter."""
+"""Parser contexts in which the column of a key matters."""
 
 _MARKED_CONTEXTS = ("while scanning", "while parsing a flow")
-"""Contexts whose beginning is marked, rather than the position where the parser stopped."""
+"""Parser contexts whose beginning is marked as the error, rather than the position where the parser stopped."""
 
 
 # libyaml's parser is several times faster; PyYAML without it has the same events.
@@ -38,7 +38,7 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def events(text: str) -> Iterator[Any]:
-    """Yield the parser's events. Raises yaml.YAMLError at the first error."""
+    """Yield the YAML parser's events for a text. Raises yaml.YAMLError at the first error."""
     yield from yaml.parse(text, Loader=_LOADER)
 
 

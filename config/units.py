@@ -27,7 +27,7 @@ UNITS: dict[str, dict[str, float]] = {
 """Units of each dimension with their factor to SI. A share is 0..1 internally, a temperature in degC."""
 
 MAX_SHOWN_LENGTH = 60
-"""Maximum length of a value in a message."""
+"""Maximum number of characters of a value quoted in a message."""
 
 EXAMPLES = {
     "angle": "30 deg",
@@ -43,7 +43,7 @@ EXAMPLES = {
     "temperature": "60 degC",
     "mass": "1.2 kg",
 }
-"""Example of each dimension, for messages."""
+"""Example of a quantity of each dimension, for messages."""
 _DIMENSION_OF = {unit: dimension for dimension, units in UNITS.items() for unit in units}
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _WRITTEN = re.compile(rf"({_NUMBER})\s*([A-Za-z%°][A-Za-z/^2²°%]*)")
@@ -65,7 +65,7 @@ class Quantity(float):
 
     @property
     def text(self) -> str:
-        """Quantity as written, or formatted with its unit."""
+        """This quantity as it was written, or formatted with its unit."""
         return self._text or quantity_text(self, self.dimension)
 
     def __str__(self) -> str:
@@ -98,7 +98,7 @@ _UNIT_SYNONYMS = {
     }.items()
     for word in words.split()
 }
-"""Other spellings of units."""
+"""Our unit for each other spelling of a unit."""
 
 
 def parse_quantity(text: str) -> Quantity | None:
@@ -164,7 +164,7 @@ def quantity_text(value: float, dimension: str) -> str:
 
 
 def with_article(dimension: str) -> str:
-    """Return "an angle", "a length"..."""
+    """Return a dimension's name with its article: "an angle", "a length"."""
     return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
@@ -184,7 +184,7 @@ NUMBER = "number"
 """Dimension of a plain number. A share has no dimension either."""
 
 BASE_UNITS = ("m", "rad", "s", "V", "degC", "kg")
-"""Base units."""
+"""Base units from which all other units are derived."""
 
 MAX_POWER = 9
 """Highest power of a base unit, which bounds products that a mission repeats at every tick."""
@@ -213,21 +213,21 @@ _POWERS = {name: powers for powers, name in DIMENSION_NAMES.items()} | dict.from
 
 
 class DimensionError(ValueError):
-    """Incompatible dimensions."""
+    """Quantities whose dimensions cannot be added or compared; the message names both."""
 
 
 def product(one: str, other: str) -> str:
-    """Return the dimension of a product."""
+    """Return the dimension of the product of two quantities with dimensions ``one`` and ``other``."""
     return _combined(one, other, 1)
 
 
 def quotient(one: str, other: str) -> str:
-    """Return the dimension of a quotient."""
+    """Return the dimension of the quotient of two quantities with dimensions ``one`` and ``other``."""
     return _combined(one, other, -1)
 
 
 def common_dimension(one: str, other: str) -> str:
-    """Return the dimension of a sum. Raises DimensionError if the dimensions differ.
+    """Return the dimension of the sum of two quantities. Raises DimensionError if their dimensions differ.
 
     A percentage (0 to 100) and a share are both numbers, but cannot be added.
     """
@@ -240,7 +240,7 @@ def common_dimension(one: str, other: str) -> str:
 
 @cache
 def powers(dimension: str) -> Powers:
-    """Return the powers of BASE_UNITS of a dimension."""
+    """Return a dimension as the power of each base unit, in the order of BASE_UNITS."""
     known = _POWERS.get(dimension)
     if known is not None:
         return known
@@ -253,7 +253,7 @@ def powers(dimension: str) -> Powers:
 
 
 def dimension_text(dimension: str) -> str:
-    """Return "a length", "a number", "a quantity in m^2"..."""
+    """Return a dimension as text: "a length", "a number", "a quantity in m^2"."""
     return with_article(dimension) if dimension in _POWERS else f"a quantity in {dimension}"
 
 
@@ -263,12 +263,12 @@ def unit_of(dimension: str) -> str:
 
 
 def factor_of(dimension: str) -> float:
-    """Return the factor of that unit to SI."""
+    """Return the factor that converts the unit of ``unit_of(dimension)`` to SI."""
     return next(iter(UNITS[dimension].values())) if dimension in UNITS else 1.0
 
 
 def example(dimension: str) -> str:
-    """Return an example of a dimension, as in a mission."""
+    """Return an example of a quantity of a dimension, as written in a mission."""
     return EXAMPLES.get(dimension, "2" if dimension == NUMBER else f"2 {dimension}")
 
 

@@ -24,10 +24,10 @@ from config.yaml_nodes import read_source
 from drivers.api.keys import KeyDiagnostic, key, keys
 
 MAX_LOSS = 0.9
-"""Maximum share of reports or pictures that a world may lose; with all lost, no mission would end."""
+"""Maximum share of sensor reports or pictures that a world may lose; with all lost, no mission would end."""
 
 MAX_DRAIN = 1000.0
-"""Maximum factor of the battery's discharge: full to empty in twenty seconds."""
+"""Maximum factor by which a world speeds up the battery's discharge: full to empty in twenty seconds."""
 
 DEFAULT_NOISE = 3.0
 """Default camera noise in grey levels."""
@@ -176,12 +176,12 @@ class WorldConfig:
 
     @property
     def light(self) -> float:
-        """Initial brightness."""
+        """Initial brightness of the room; 1 is daylight."""
         return 1.0 if isinstance(self.lights, tuple) else self.lights
 
     @property
     def light_changes(self) -> tuple[LightConfig, ...]:
-        """Changes of light in the order of time."""
+        """Changes of the room's light in the order of time."""
         return self.lights if isinstance(self.lights, tuple) else ()
 
     @property

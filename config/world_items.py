@@ -20,7 +20,7 @@ Vector3D = tuple[float, float, float]
 """Point with its height above the floor, or length, width and height of a box, in metres."""
 
 PLACE_ERROR = "'{}' needs a place, such as [1.5 m, 0.2 m]"
-"""Error message for an invalid point."""
+"""Error message for an invalid point on the floor."""
 
 SIZE_ERROR = "'{}' needs three lengths, such as [1.2 m, 0.8 m, 0.75 m]"
 """Error message for an invalid size of a box."""
@@ -29,13 +29,13 @@ WALL_THICKNESS = 0.1
 """Thickness of an inner wall in metres."""
 
 MARKER_COUNT = 50
-"""Number of markers: those of ArUco's dictionary DICT_4X4_50."""
+"""Number of different markers on robots: those of ArUco's dictionary DICT_4X4_50."""
 
 DOCK_SIZE = (0.1, 0.25)
 """Floor size of a dock in metres: along its direction, and across."""
 
 SHAPES = ("ball", "box")
-"""Shapes of coloured objects."""
+"""Shapes of coloured objects in a world."""
 
 _MARKER_SPACE = 0.21  # metres that the side of a robot must have for its marker
 
@@ -117,7 +117,7 @@ class ThingConfig(StandingItem):
 
     @property
     def heading(self) -> float:
-        """Direction of its length in radians."""
+        """Direction of the object's length in radians."""
         return self.turned or 0.0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
@@ -193,7 +193,7 @@ class RoverConfig(WalkerConfig):
     speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="Speed.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a size that is too small for the marker."""
+        """Yield an error for a robot whose size is too small for the marker."""
         if min(self.size) < _MARKER_SPACE:
             least = quantity_text(_MARKER_SPACE, "length")
             message = f"'size': no side has room for its marker, which needs {least}"
@@ -203,7 +203,7 @@ class RoverConfig(WalkerConfig):
 # The people of a world file: who they are, where they stand and walk, what they do and answer.
 
 LOOKS = ("anna", "ben", "chidi", "dora", "emil", "farah")
-"""Appearances of people."""
+"""Appearances of simulated people, by name."""
 
 PERSON_RADIUS = 0.25
 """Distance in metres from a person's middle at which a robot touches them."""
@@ -215,15 +215,15 @@ REACTION_TIME = 0.6
 """Default seconds from a phrase to the person's reaction."""
 
 EARSHOT = 4.0
-"""Default distance in metres at which people hear the robot."""
+"""Default distance in metres within which people hear the robot."""
 
 Facing = float | Literal["camera", "away"]
-"""Angle about z, or towards the observer, or away."""
+"""Direction in which a person faces: an angle (rad) about z, or "camera" (towards the robot), or "away"."""
 
 
 @keys
 class ActConfig:
-    """Act of a person at a time, or ``after`` seconds from a phrase that contains ``hears``."""
+    """Act of a simulated person at a time, or ``after`` seconds from a phrase of the robot that contains ``hears``."""
 
     at: float | None = key("duration", default=None, low=0.0, help="Time from the beginning.")
     phrase: str | None = key(
@@ -245,7 +245,7 @@ class ActConfig:
 
     @property
     def hears(self) -> str | None:
-        """Text in the robot's speech that triggers the act, or None."""
+        """Text in the robot's speech that triggers the act (empty for any speech), or None."""
         return "" if self.phrase == ANY_PHRASE else self.phrase
 
     @property
@@ -255,11 +255,11 @@ class ActConfig:
 
     @property
     def times(self) -> int:
-        """Maximum number of times; 0 for no limit."""
+        """Maximum number of times that the act is done; 0 for no limit."""
         return self.often or 0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield an act with no trigger or two, or without an action."""
+        """Yield an error for an act with no trigger or two, or without an action."""
         if (self.at is None) == (self.phrase is None):
             hint = "such as {at: 5 s, ...} or {hears: hello, ...}"
             yield KeyDiagnostic("an act needs either 'at' or 'hears'", hint=hint)
@@ -291,12 +291,12 @@ ROBOT_RADIUS = 0.18
 """Radius of the robot in metres: that of a TurtleBot 2."""
 
 ItemPath = tuple[str | int, ...]
-"""Path of an item in the file."""
+"""Path of an item in the world file: keys, and indices of lists."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """Rectangle on the floor: its middle, its ``length`` along ``heading``, its ``width``."""
+    """Rectangle on the floor: its middle (x, y), its ``length`` along ``heading``, and its ``width``."""
 
     x: float
     y: float
@@ -305,7 +305,7 @@ class Rectangle:
     heading: float = 0.0
 
     def corners(self) -> list[FloorPoint]:
-        """Return the corners (x, y)."""
+        """Return the corners (x, y) of the rectangle."""
         c, s = cos(self.heading), sin(self.heading)
         halves = [(u * self.length / 2, v * self.width / 2) for u, v in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
         return [(self.x + u * c - v * s, self.y + u * s + v * c) for u, v in halves]
@@ -334,7 +334,7 @@ class FloorPlan:
     occupied: list[tuple[FloorSubject, Rectangle]] = field(default_factory=list)
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield an error for each item that cannot be where it is."""
+        """Yield an error for each item of the world file that cannot be at its position."""
         world = self.world
         start = FloorSubject("the robot", ("start", "at"), ("start",))
         if not self._inside(world.start.at, ROBOT_RADIUS):
@@ -400,7 +400,7 @@ class FloorPlan:
             yield from self._put(thing, Rectangle(dock.x, dock.y, *DOCK_SIZE, dock.heading))
 
     def _walk(self, walker: WalkerConfig, kind: str, at: ItemPath, radius: float) -> Iterator[KeyDiagnostic]:
-        """Yield stops that a person or robot of ``radius`` metres cannot reach."""
+        """Yield an error for each stop of a person's or robot's path that is outside the room or occupied."""
         stops: list[tuple[ItemPath, FloorPoint]] = [((*at, "at"), walker.at)]
         stops += [((*at, "walk", number), stop) for number, stop in enumerate(walker.path)]
         for number, (mark, point) in enumerate(stops):

@@ -13,11 +13,11 @@ from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose
 
 _BOM = b"\xef\xbb\xbf"
 _FLOW = re.compile(r"\[[^\[\]{}\"'#]*\]")
-"""List of plain values on one line, such as [-90 deg, 90 deg]."""
+"""Pattern of a list of plain values on one line, such as [-90 deg, 90 deg]."""
 
 
 class NotEditableError(ValueError):
-    """File that must not be edited, or lacks the position; the message says what to do instead."""
+    """A file that must not be edited, or lacks the place of the new value; the message says what to do instead."""
 
 
 def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
@@ -62,7 +62,7 @@ def without_key(source: SourceText, key: str) -> str:
 
 
 def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> str:
-    """Return the text with each of ``values`` at its keys, and all other values unchanged.
+    """Return the text of a YAML file with each of ``values`` at its keys, and all other values unchanged.
 
     Raises NotEditableError and InvalidFileError as ``with_value``, and NotEditableError if an anchor is used more than
     once.
@@ -113,7 +113,7 @@ def _add(text: str, mapping: Mapping, entry: str) -> str:
 def require_own(path: Path, command: str) -> None:
     """Raise NotEditableError for a file that ships with MissionTree, since an update would overwrite it.
 
-    ``command`` is the command to suggest; ``FILE`` in it stands for the copy.
+    ``command`` is the command to suggest for copying the file; ``FILE`` in it stands for the copy.
     """
     if path.resolve().is_relative_to(HERE.resolve()):
         copy = f"my_{path.name}"

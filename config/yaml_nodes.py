@@ -31,7 +31,7 @@ Plain = str | int | float | bool | None
 
 @dataclass(slots=True)
 class Scalar:
-    """Word, number or text: ``text`` as written, ``value`` as parsed."""
+    """YAML word, number or text: ``text`` as written, ``value`` as parsed."""
 
     mark: Mark
     text: str
@@ -153,12 +153,12 @@ _WORDS: dict[str, Plain] = {"true": True, "false": False, "null": None, "~": Non
 
 
 class _FatalFaultError(Exception):
-    """Leaves the parser's loop."""
+    """Raised inside the composer to end the parse after a fatal error."""
 
 
 @dataclass(slots=True)
 class _OpenCollection:
-    """Collection that is being read. ``key`` is waiting for its value; ``before`` is the number of nodes before it."""
+    """YAML collection being read. ``key`` is waiting for its value; ``before`` is the number of nodes before it."""
 
     node: Mapping | Listing
     before: int
@@ -166,12 +166,12 @@ class _OpenCollection:
     key: Scalar | None = None
     height: int = 1
     keys: dict[str, int] = field(default_factory=dict)
-    """Line of each key."""
+    """Line of the file of each key read so far."""
 
 
 @dataclass(slots=True)
 class _AnchoredNode:
-    """Node with an anchor: number of nodes including itself, and nesting depth."""
+    """YAML node with an anchor: number of nodes including itself, and nesting depth."""
 
     node: Node
     size: int = 1

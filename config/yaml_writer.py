@@ -61,7 +61,7 @@ def flow_mapping(*parts: Mapping[str, str]) -> str:
 
 
 def number_text(value: float, digits: int) -> str:
-    """Return a number with at most ``digits`` decimals."""
+    """Return a number as text with at most ``digits`` decimals."""
     return f"{round(value, digits) + 0.0:.12g}"
 
 

@@ -25,7 +25,7 @@ PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
 
 
 DISTRIBUTION = "missiontree"
-"""Name of our distribution."""
+"""Name of our distribution on the package index."""
 
 
 def shadowed_packages() -> dict[str, str]:
@@ -64,7 +64,7 @@ def shadowing_fixes(hidden: Iterable[str]) -> list[str]:
 
 
 def _file(name: str) -> Path:
-    """Return the file or folder that Python imports under this name."""
+    """Return the file or folder that Python imports under the module name ``name``."""
     try:
         spec = find_spec(name)
     except (ImportError, ValueError):
@@ -99,7 +99,7 @@ def _stray_module_fix(file: Path) -> str:
 
 
 def main() -> None:
-    """Run the ``mission`` command."""
+    """Run the ``mission`` command, unless another module shadows one of our packages."""
     try:
         _main()
     except KeyboardInterrupt:  # before or after the command, which has its own way of stopping

@@ -80,12 +80,12 @@ class Mission:
 
     @property
     def reason(self) -> str:
-        """Reason of a failure or a wait."""
+        """Reason why the mission failed or waits; empty otherwise."""
         return self.root.reason
 
     @property
     def variables(self) -> Mapping[str, object]:
-        """Params, and outputs of behaviours."""
+        """Params of the mission, and the values that its behaviours stored, by name."""
         return self._executive.run.variables
 
     def tick(self) -> Status:
@@ -262,12 +262,12 @@ def _argument(name: str, value: str = "") -> str:
 
 
 def _level(simulate: bool | Simulate) -> Simulate | None:
-    """Return the level of simulation: "wire" by default."""
+    """Return the level of simulation for the argument ``simulate`` of ``load`` and ``run``: "wire" for True."""
     return ("wire" if simulate else None) if isinstance(simulate, bool) else simulate
 
 
 def _param_texts(params: Params | None) -> dict[str, str]:
-    """Return params as texts, as in a file."""
+    """Return params as texts, as they would be written in a mission file."""
     return {
         name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in (params or {}).items()
     }

@@ -35,7 +35,7 @@ _shown.maxstring = _shown.maxlong = _shown.maxother = 60
 
 
 class CodecError(ValueError):
-    """Data that does not match its declaration. ``path`` names the member, ``hint`` is a suggestion."""
+    """JSON data that does not match its declaration. ``path`` names the member, ``hint`` is a suggestion."""
 
     def __init__(self, problem: str, path: str = "", hint: str = "") -> None:
         super().__init__(problem)
@@ -64,12 +64,12 @@ def identity(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits of a reader.
+    """Limits for messages that one kind of reader accepts.
 
     Texts have at most ``max_text`` characters and satisfy ``is_text``, which ``text`` describes in errors; lists and
     objects have at most ``max_members``; numbers are at most ``max_number``. With ``finite``, numbers are finite;
     otherwise "nan", "inf" and "-inf" stand for the others. ``omit_none`` omits members that are None. ``other`` returns
-    the coder of a type without one here, such as Any.
+    the coder of a type that this module has none for, such as Any.
     """
 
     max_text: float = inf
@@ -95,14 +95,14 @@ UNBOUNDED = Bound()
 
 @dataclass(frozen=True, slots=True)
 class JsonName:
-    """Name of a member that differs from the field's name."""
+    """Name of a JSON member that differs from the name of the dataclass field."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class MessageField:
-    """Declared field: its name in JSON, type without annotations, description, bounds, and whether it is required."""
+    """Declared field of a message: its name in JSON, type without annotations, description, bounds, and if required."""
 
     name: str
     json_name: str
@@ -211,7 +211,7 @@ def _type_error(expected: str, value: object) -> CodecError:
 
 
 def _check(expected: str, holds: Callable[[Any], bool]) -> Callable[[Any], Any]:
-    """Return a decoder for data that satisfies ``holds``."""
+    """Return a decoder for data that satisfies ``holds``; it raises CodecError for other data."""
 
     def decode(data: Any) -> Any:
         if not holds(data):
@@ -371,7 +371,7 @@ def _mapping(held: Coder, rules: Rules) -> Coder:
 
 
 Schema = dict[str, Any]
-"""JSON Schema (draft 2020-12)."""
+"""JSON Schema (draft 2020-12) as plain data."""
 
 
 def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:

@@ -43,7 +43,7 @@ s, a ``frequency`` in Hz, a ``size`` in bytes; a ``file`` is a path that is not 
 
 
 ROS2 = "ROS 2"
-"""Heading of the ROS 2 options of several features."""
+"""Heading in the help under which several features list their ROS 2 options."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Option:
     hidden: bool = False
 
     def fault(self, value: object) -> str:
-        """Return the error of a value that does not come from a command line, or an empty text."""
+        """Return the error of an option's value that does not come from a command line, or an empty text."""
         if value is None or value == self.default:
             return ""
         if self.among and value not in self.among:
@@ -84,7 +84,7 @@ class Option:
 
     @property
     def bounds(self) -> str:
-        """Bounds as text; empty without any."""
+        """Bounds of the option's value as text; empty without any."""
         if self.low is not None and self.high is not None:
             return f"from {self.low:g} to {self.high:g}"
         return "" if self.low is None else f"at least {self.low:g}"

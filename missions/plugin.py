@@ -15,11 +15,11 @@ COMMAND_GROUPS = RUN, LOOK, TRY, BACK, SET_UP, BY_HAND = (
     *("Run missions", "Look into them", "Try them in simulated time"),
     *("Look back", "Set up a robot", "Use it by hand"),
 )
-"""Headings of ``mission --help``. Headings of plug-ins come after these."""
+"""Headings of our commands in ``mission --help``. Headings of plug-ins come after these."""
 
 
 class CommandEntry(NamedTuple):
-    """Command: its heading in ``mission --help``, its click command as ``module:name``, and a line of help."""
+    """Command of a plug-in: heading in ``mission --help``, click command as ``module:name``, and a line of help."""
 
     group: str
     path: str
@@ -27,7 +27,7 @@ class CommandEntry(NamedTuple):
 
 
 class FileKind(NamedTuple):
-    """Kind of files with one suffix: dotted paths of the functions that the core calls.
+    """Files with one suffix that a plug-in handles: dotted paths of the functions that the core calls.
 
     ``check`` is ``(path, behaviours) -> str``: return a description for `mission check`; raise InvalidFileError.
     ``drawing`` is ``(path, time) -> TreeDrawing``: the tree for `mission show`, at a time in seconds or None.

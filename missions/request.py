@@ -142,12 +142,12 @@ class RunRequest:
 
     @property
     def with_default_simulation(self) -> "RunRequest":
-        """Request with simulated time, if an option needs it and neither robot nor simulation is given."""
+        """The same request in simulated time, if an option needs that and neither robot nor simulation is given."""
         timed = self.speed != inf or self.eyes == "truth" or self.until is not None or self.physics
         return replace(self, simulate="fast") if timed and self.simulate is None and self.robot is None else self
 
     def world_file(self) -> "WorldConfig":
-        """Return the world, read from its file if it is a name. Raises InvalidFileError or UnknownNameError."""
+        """Return the request's world, from its file if it is a name. Raises InvalidFileError or UnknownNameError."""
         from config.world import load_world  # noqa: PLC0415 - the metal has no other world than this one
 
         if self.world is None or isinstance(self.world, str):
@@ -157,13 +157,13 @@ class RunRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Base of the options that a feature adds to `mission run`; subclasses declare them as fields."""
+    """Base of the options that a plug-in adds to `mission run`; subclasses declare them as fields."""
 
     needs_control: ClassVar[bool] = False
-    """True if the feature needs the control socket of the run, which a batch does not have otherwise."""
+    """True if the plug-in needs the run's control socket, which a batch (``RunRequest.is_batch``) otherwise lacks."""
 
     def is_wanted(self, request: RunRequest) -> bool:
-        """Return True if the feature takes part in a run; by default, if any of its options is given."""
+        """Return True if the plug-in takes part in a run; by default, if any of its options is given."""
         del request
         return any(getattr(self, each.name) != each.default for each in options_of(type(self)))
 
@@ -201,7 +201,7 @@ def contradictions(
 
 
 def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Iterator[str]:
-    """Yield options for simulated time in a run in real time, and the other way round."""
+    """Yield an error for each option for simulated time in a real-time run, and the other way round."""
     if request.simulation != "fast":
         if request.eyes == "truth" or request.speed != inf or request.physics or request.until is not None:
             which = f"{named('eyes', 'truth')}, {named('speed')}, {named('physics')} and {named('until')}"

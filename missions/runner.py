@@ -117,7 +117,7 @@ class Runner:
         self._lifeline = Lifeline(self._signals)
 
     def _end(self, time: float) -> None:
-        """Stop a run that still runs at ``time`` (s), with the running leaves in the reason."""
+        """Stop a run that still runs at ``time`` (s); the reason of its result names the running leaves."""
         leaves = [
             f"{node.name} (line {node.line})"
             for node in self.root.iterate()
@@ -138,7 +138,7 @@ class Runner:
         )
 
     def _executive(self, substitute: Substitute) -> tuple[Node, Executive]:
-        """Return the tree of the plan, whose leaves use the robot through proxies, and its executive."""
+        """Return the tree of the plan, whose leaves use the robot through proxies, and the executive that ticks it."""
         answers = TickCache()
         robot = with_proxies(self._robot.robot, answers, StaleCommandGuard(self._context, self.latch.permit))
         guard = self._guard(self.config, robot)
@@ -380,7 +380,7 @@ def _is_ours(part: object) -> bool:
 
 
 def requested_robot(request: RunRequest) -> RobotConfig:
-    """Return the robot of a request. Raises InvalidFileError or UnknownNameError."""
+    """Return the robot that a request names. Raises InvalidFileError or UnknownNameError."""
     return load_named_robot(request.robot, request.ros2_domain)
 
 

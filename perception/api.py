@@ -52,7 +52,7 @@ class Box:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Centre (x, y)."""
+        """Centre (x, y) of the box in pixels."""
         return self.x + self.width / 2, self.y + self.height / 2
 
     def overlap(self, other: "Box") -> float:
@@ -93,10 +93,10 @@ class Gaze:
 class Percept:
     """An object that is tracked from frame to frame.
 
-    ``id`` is constant while the track lives. ``stamp`` is the time of the frame that last showed it, ``box`` its place
-    in that frame. ``bearing`` and ``elevation`` are its angles from the optical axis of that frame: left is positive,
-    and so is *down*, as for every tilt and ``pitch`` (REP 103). ``yaw``, ``pitch`` (odometry frame) and their rates in
-    rad/s are filtered over time. ``distance`` is in metres.
+    ``id`` is constant while the track lives. ``stamp`` is the time of the frame that last showed the object, ``box``
+    its place in that frame. ``bearing`` and ``elevation`` are its angles from the optical axis of that frame: left is
+    positive, and so is *down*, as for every tilt and ``pitch`` (REP 103). ``yaw``, ``pitch`` (odometry frame) and their
+    rates in rad/s are filtered over time. ``distance`` is in metres.
     """
 
     id: int
@@ -117,7 +117,7 @@ class Percept:
 
 
 UNKNOWN = "unknown"
-"""Name of a stranger."""
+"""Name of a face that belongs to no known person."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +225,7 @@ class Sight(Protocol):
         ...
 
     def scene(self) -> Scene | None:
-        """Return the scene of the newest frame, or of one of the last 0.2 s; None before the first."""
+        """Return the brightness and contrast of the newest frame, or of one up to 0.2 s old; None before the first."""
         ...
 
 
@@ -250,15 +250,15 @@ class Hearing(Protocol):
     """Access of a behaviour to recognised phrases, without waiting."""
 
     def listened(self) -> float | None:
-        """Return the time up to which it has listened, None before the start; it stops while disconnected."""
+        """Return the time up to which the robot has listened, None before the start; it stops while disconnected."""
         ...
 
     def words(self) -> Sequence[Words]:
-        """Return the phrases of the last 30 s, newest first."""
+        """Return the recognised phrases of the last 30 s, newest first."""
         ...
 
     def refused(self) -> Sequence[Words]:
-        """Return the refused utterances of the last 30 s, newest first, each with the nearest phrase."""
+        """Return the utterances of the last 30 s that were refused, newest first, each with the nearest phrase."""
         ...
 
     def level(self) -> Annotated[float, "unsampled"]:

@@ -15,13 +15,14 @@ from perception.api import Image
 from perception.image_preparation import GreyImage, to_grey
 
 Corners = npt.NDArray[np.float32]
-"""Inner corners of the board in one picture, row by row: shape (n, 1, 2), dtype float32, x then y in pixels."""
+"""Inner corners of a chessboard in one picture, row by row: shape (n, 1, 2), dtype float32, x then y in pixels."""
 
 MIN_VIEWS = 8
-"""Views of the board that a calibration needs."""
+"""Smallest number of views of the chessboard for a calibration."""
 
 MIN_VIEW_DISTANCE = 0.015
-"""Smallest mean distance of the corners of two different views, as a share of the longer side, such as from a tilt."""
+"""Smallest mean distance of the corners in two different views of the board, as a share of the picture's longer side.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class Chessboard:
             raise ValueError(f"a board with squares of {self.square} m: they must be above 0 m")
 
     def points(self) -> Corners:
-        """Return the corners in metres on the plane z = 0: shape (n, 3), dtype float32."""
+        """Return the inner corners of the board in metres on the plane z = 0: shape (n, 3), dtype float32."""
         places = [(x * self.square, y * self.square, 0.0) for y in range(self.down) for x in range(self.across)]
         return np.array(places, np.float32)
 

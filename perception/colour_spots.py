@@ -18,10 +18,10 @@ from perception.tracks import BOX_WIDENING, MIN_SPOT_PIXELS, SEARCH_WIDTH, Colou
 # Which shape a spot of one colour has, judged by its outline.
 
 Contour = npt.NDArray[np.int32]
-"""Outline of a spot: shape (points, 1, 2), dtype int32, x and y in pixels."""
+"""Outline of a spot of one colour: shape (points, 1, 2), dtype int32, x and y in pixels."""
 
 MIN_SOLIDITY = 0.88
-"""Smallest share of its convex hull that a spot fills: things have no concave parts."""
+"""Smallest share of its convex hull that a spot of a ball or box fills: these have no concave parts."""
 
 MIN_ROUNDNESS = 0.81
 """Smallest share of the enclosing circle that a ball fills.
@@ -37,7 +37,7 @@ A disc fills 0.785, but is tested for first.
 """
 
 MAX_ELONGATION = 4.0
-"""Largest ratio of length to width of a thing."""
+"""Largest ratio of length to width of a ball's or box's spot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,8 @@ Labels = npt.NDArray[np.uint8]
 """Colour number of each pixel; shape (height, width), dtype uint8."""
 
 MAX_COLOUR_DISTANCE = 0.35
-"""Largest distance from a colour in the disc of hues and saturations (radius 1) of a pixel that has it."""
+"""Largest distance of a pixel from a colour, in the disc of hues and saturations (radius 1), to count as that colour.
+"""
 
 MAX_PALE_SATURATION = 0.55
 """Saturation above which a pixel is coloured in any light; a white wall in candle light has 0.5."""
@@ -97,10 +98,10 @@ MIN_PALE_SHARE = 0.05
 """Smallest share of pale pixels in a picture for estimating the light."""
 
 GAIN_LIMITS = (0.6, 1.7)
-"""Limits of the gain of a channel; beyond, the picture has one colour, rather than the light."""
+"""Limits of a channel's gain in white balance; beyond them the scene itself has one colour, and not the light."""
 
 MIN_CHROMA = 9
-"""Smallest difference (0..255) between strongest and weakest channel for a hue; below it is noise."""
+"""Smallest difference (0..255) between a pixel's strongest and weakest channel at which it has a hue, and not noise."""
 
 
 def balance_white(picture: Image) -> Image:
@@ -172,10 +173,10 @@ MAX_MEAN_DISTANCE = 0.22
 """Largest distance of a thing's mean colour from its target, in the disc of hues and saturations (radius 1)."""
 
 MIN_SURROUND_DISTANCE = 0.2
-"""Distance from that colour, in the same disc, from which on a colour is different."""
+"""Distance from the target colour, in the disc of hues and saturations (radius 1), from which a colour is different."""
 
 MAX_LEAK_SHARE = 0.3
-"""Largest share of the surroundings with the thing's colour; beyond, it is part of something larger."""
+"""Largest share of a thing's surroundings with its colour; beyond, the spot is part of something larger."""
 
 SURROUND_PIXELS = 3
 """Width of the surroundings of a thing, in pixels."""
@@ -187,8 +188,8 @@ _BRUSH = np.ones((3, 3), np.uint8)
 class SpotFinder:
     """Finds balls and boxes of the colours in ``targets``.
 
-    ``colours`` has these and all colours that may be confused with them, as red, green and blue in full light. Raises
-    ValueError for a target that is not among them.
+    ``colours`` has the targets and all colours that may be confused with them, as red, green and blue in full light.
+    Raises ValueError for a target that is not in ``colours``.
     """
 
     def __init__(self, colours: Mapping[str, Colour], targets: Sequence[str]) -> None:
@@ -213,7 +214,7 @@ class SpotFinder:
         return sorted(found, key=lambda spot: -spot.box.width * spot.box.height)
 
     def _is_distinct(self, picture: Image, contour: Contour, number: int) -> bool:
-        """Return whether a spot has that colour as a whole, and its surroundings mostly have not."""
+        """Return whether a spot has colour ``number`` as a whole, and its surroundings mostly have not."""
         inside, around = _inside_and_around(picture, contour)
         mean = inside.mean(axis=0)
         if np.linalg.norm(mean - self._palette.places[number]) > MAX_MEAN_DISTANCE:
@@ -231,7 +232,7 @@ def _smooth(image: Image, scale: float) -> Image:
 
 
 def _find_contours(labels: Labels, number: int) -> Iterator[Contour]:
-    """Yield the contours of all spots with this label that may be things; spots at the rim are skipped."""
+    """Yield the contours of all spots labelled ``number`` that may be balls or boxes, except spots at the rim."""
     mask = np.equal(labels, number).view(np.uint8)
     mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _BRUSH), np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

@@ -12,13 +12,13 @@ from perception.api import Box, Image
 from perception.image_preparation import GreyImage, resize, to_grey, window_slices
 
 CROP_SIDE = 75
-"""Pixels of a crop's side."""
+"""Side of a face's crop in pixels."""
 
 CROP_REACH = 1.2
-"""Side of a crop, in widths of the face's box: it includes some of the hair and the chin."""
+"""Side of a face's crop, in widths of the face's box: the crop includes some of the hair and the chin."""
 
 CENTRE_DROP = 0.02
-"""Distance from the middle of the box down to the middle of a crop, in heights of the box."""
+"""Distance from the middle of a face's box down to the middle of its crop, in heights of the box."""
 
 EYE_SPACING, EYE_HEIGHT = 0.327, 0.121
 """Eye distance, and height of the eyes above the middle of a crop, in widths of the face's box.

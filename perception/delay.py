@@ -24,16 +24,16 @@ from perception.levelling import level_columns
 from perception.scene_motion import find_shift
 
 PRIOR_SPREAD = 0.1
-"""Seconds, one sigma: uncertainty of the initial delay."""
+"""Uncertainty of the camera delay before it is learnt: seconds, one sigma."""
 
 MIN_TURN = radians(0.4)
-"""Radians: below this difference in turn between the delays, a pair of pictures has no information."""
+"""Difference of a turn between two delays (radians) below which a pair of pictures has no information."""
 
 PROBE_INDICES = [0, len(GRID) // 2, len(GRID) - 1]
-"""Indices of the delays of ``GRID`` whose poses show whether the camera turns."""
+"""Indices of the delays in ``GRID`` whose poses show whether the camera turns."""
 
 MAX_PAIR_INTERVAL = 0.3
-"""Seconds between the two pictures of a pair; beyond it, too little overlaps."""
+"""Largest time in seconds between the two pictures of a pair; beyond it, too little of them overlaps."""
 
 GRID_MARGIN = 0.02
 """Seconds: a delay this close to the start of ``GRID`` may lie outside, and is not used."""
@@ -42,10 +42,10 @@ MAX_USABLE_SPREAD = 0.02
 """Seconds, one sigma: largest uncertainty of a usable delay."""
 
 MAX_STORABLE_SPREAD = 0.015
-"""Seconds, one sigma, including the jitter: largest uncertainty of a delay to be stored."""
+"""Largest uncertainty of a delay to be stored, including the jitter: seconds, one sigma."""
 
 MAX_JITTER = 0.008
-"""Standard deviation in seconds above which stamps are too irregular for storing."""
+"""Standard deviation in seconds above which time stamps are too irregular for storing the delay."""
 
 CONTRADICTION_WINDOW, CONTRADICTION_PROBABILITY = 0.025, 0.01
 """Seconds around a delay, and their total probability, below which the delay is contradicted."""
@@ -67,19 +67,19 @@ MAX_STEADY_JITTER = 0.005
 """Seconds, one sigma: jitter below which a delay is only rechecked now and then."""
 
 MIN_CHECKED_PAIRS = 20
-"""Pairs of pictures that must confirm the delay before that."""
+"""Pairs of pictures that must confirm the delay before it is only rechecked now and then."""
 
 ONSET_OFFSETS: Floats = np.array([-0.06, 0.0, 0.1])
 """Seconds before an exposure of three poses that show whether a turn has just begun; shape (3,), float64."""
 
 MAX_WATCHED_PICTURES = 2
-"""Pictures compared at the start of a turn during a rest: there a changed delay shows first."""
+"""Pictures compared at the start of a camera turn while learning rests: there a changed delay shows first."""
 
 SUSPICION_ODDS = 20 * CHANGE_ODDS
-"""Odds of a change from which on a rest ends."""
+"""Odds of a changed delay from which on learning no longer rests."""
 
 MAX_REST = 8.0
-"""Seconds from a check that confirms the delay to the next one."""
+"""Seconds that learning rests after a check has confirmed the delay."""
 
 
 class CameraDelay:
@@ -158,7 +158,7 @@ class CameraDelay:
         self._checked_pairs = 0
 
     def _estimate(self) -> None:
-        """Update the estimate from the grid."""
+        """Update the estimate of delay and jitter from the grid."""
         weights = self._grid.weights.sum(axis=0)
         self.jitter = float(self._grid.weights.sum(axis=1) @ JITTERS)
         mean = float(weights @ GRID)

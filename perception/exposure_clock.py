@@ -10,20 +10,20 @@ MAX_KEPT_AGES, MIN_AGES = 9, 5
 """Number of recent picture ages that are kept, and the number needed for their median."""
 
 MIN_AGE_DROP = 0.1
-"""Seconds by which a picture is younger than usual if its stamp is wrong: transport times do not shrink."""
+"""Seconds by which a picture with a wrong stamp seems younger than usual: transport times do not shrink."""
 
 MAX_STEP_BACK = 0.03
-"""Seconds by which an exposure may precede the last one; jitter is smaller."""
+"""Seconds by which an exposure may precede the last one; the jitter of stamps is smaller."""
 
 MIN_DELAY = -0.065
-"""Seconds: smallest plausible delay.
+"""Smallest plausible camera delay in seconds.
 
 A picture that is stamped at the start of its exposure of 1/15 s is early by half of that; a pose that is reported 30 ms
 late adds to it. More is physically impossible.
 """
 
 MAX_DELAY = 0.25
-"""Seconds: largest plausible delay, 0.02 before the end of ``perception.delay_grid.GRID``."""
+"""Largest plausible camera delay in seconds: 0.02 before the end of ``perception.delay_grid.GRID``."""
 
 WRONG_STAMP_DOUBT = radians(10)
 """Doubt about the direction of the camera for a picture with a wrong stamp: radians, one sigma."""
@@ -39,7 +39,7 @@ class Exposure:
 
 
 class ExposureClock:
-    """Converts stamps to exposures, in the order of the pictures."""
+    """Converts time stamps of pictures to exposure times, in the order of the pictures."""
 
     def __init__(self) -> None:
         self._last_stamp = -inf

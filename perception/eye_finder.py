@@ -17,7 +17,7 @@ EYE_BAND = (0.15, 0.6)
 """Vertical range of the eyes, from the top of a face's box, as shares of its height."""
 
 EYE_WIDTHS = (0.17, 0.4)
-"""Smallest and largest width of an eye's box, as shares of the face's."""
+"""Smallest and largest width of an eye's box, as shares of the width of the face's box."""
 
 
 class EyeFinder:

@@ -21,10 +21,10 @@ WARM_UP_PICTURES = 3
 """Pictures to search after a rest until results are valid: near and far faces are searched in turn, as at the start."""
 
 WARM_UP_TIMEOUT = 1.0
-"""Seconds after which a query no longer waits for that, because the camera may be disconnected."""
+"""Seconds after which a query no longer waits for the end of the warm-up, because the camera may be disconnected."""
 
 SCENE_LIFETIME = 0.2
-"""Seconds for which a measured scene is valid, unless motion is used."""
+"""Seconds for which a measured scene (brightness, contrast) is valid, unless motion is used."""
 
 MAX_PICTURE_INTERVAL = 0.15
 """Seconds between two pictures, even if few are needed."""
@@ -89,7 +89,7 @@ class Vision(NewestView):
 
     @property
     def effort(self) -> VisionEffort:
-        """Cost so far."""
+        """Cost of vision so far."""
         return self._effort
 
     @property
@@ -98,7 +98,7 @@ class Vision(NewestView):
         return self._last_error
 
     def scene(self) -> Scene | None:
-        """Return the scene of the newest frame, None before the first. The first call measures it at once."""
+        """Return the brightness and contrast of the newest frame, None before the first. The first call measures it."""
         view, frame, self._measures_scene = self._view, self._newest, True
         if view.scene is None and frame is not None:
             return measure_scene(frame.image, stamp=frame.stamp)

@@ -43,10 +43,10 @@ MAX_RETURN_ERROR = 1.0  # pixels by which a point may miss its start when it is 
 
 
 def track_box(before: Image | GreyImage, after: Image | GreyImage, box: Box) -> Box | None:
-    """Return the place of the patch ``box`` of ``before`` in ``after``; None if it cannot be tracked.
+    """Return the place in ``after`` of the patch ``box`` of ``before``; None if it cannot be tracked.
 
-    Corners on the inner part of the box are tracked forwards and backwards with pyramidal Lucas-Kanade. Corners that
-    do not return to their start are dropped. The median of the rest moves the box; their spread scales it.
+    Corners on the inner part of the box are tracked forwards and backwards with pyramidal Lucas-Kanade. Corners that do
+    not return to their start are dropped. The median of the rest moves the box; their spread scales it.
     """
     if before.shape != after.shape or box.width <= 0:
         return None
@@ -121,13 +121,13 @@ def _median(values: Floats) -> Floats:
 # One face that is followed: how often it was found and borne out, and when it is looked for again.
 
 SAME_FACE_OVERLAP = 0.3
-"""Overlap above which two boxes are one face."""
+"""Overlap (intersection over union) above which two boxes are one face."""
 
 AGREEMENT_OVERLAP = 0.6
-"""Overlap above which detector and flow agree: a Haar box jitters by a tenth of its width."""
+"""Overlap above which detector and optical flow agree on a face: a Haar box jitters by a tenth of its width."""
 
 MAX_RESTED_FRAMES = 2
-"""Frames in a row in which a face of many may be extrapolated instead of tracked."""
+"""Frames in a row in which the position of a face, one of many, may be extrapolated instead of tracked."""
 
 RETRY_INTERVAL = 5
 """Frames from a search that missed a face to the next."""
@@ -195,7 +195,7 @@ class FollowedFace:
         return True
 
     def end_frame(self, image: Image | GreyImage) -> None:
-        """Store the measurement of this frame, unless the face was extrapolated."""
+        """Store the picture and box of this frame as the newest measurement, unless the face was extrapolated."""
         if not self.is_resting:
             self.last_measurement, self.rested_frames = (image, self.detection.box), 0
         self.is_resting = False
@@ -244,19 +244,19 @@ FIRST_NEWCOMER_INTERVAL = 1
 """
 
 EMPTY_SEARCH_INTERVAL = 2
-"""Frames between searches after the search plan found no face: until ``LONG_EMPTY_SEARCH_INTERVAL`` empty frames."""
+"""Frames between searches while no face is found, until ``LONG_EMPTY_SEARCH_INTERVAL`` frames without one."""
 
 LONG_EMPTY_SEARCH_INTERVAL = 8
-"""The same after that, doubled if searches are expensive; see ``StillPictureDetector`` for unchanged scenes."""
+"""Frames between searches after as many frames without a face, doubled if searches are expensive."""
 
 MAX_ASIDE_SEARCHES = 6
-"""Searches in a row for which a face in profile may be carried on."""
+"""Searches in a row after which a face in profile is no longer tracked."""
 
 MIN_CROWD = 3
-"""Number of faces from which on flow tracks all but the largest only in every third frame."""
+"""Number of faces from which on optical flow tracks all but the largest only in every third frame."""
 
 MAX_STEADY_SHIFT = 0.02
-"""Motion from one frame to the next of a face that stays in place, in widths of it: 0.1 m/s."""
+"""Largest motion per frame of a face that stays in place, in widths of the face: 0.1 m/s."""
 
 
 class FaceDetector(Protocol):

@@ -38,7 +38,7 @@ MIN_CELL_DIFFERENCE = 3.0
 """Grey levels by which a changed cell differs: five times the noise of a webcam in the mean of a cell."""
 
 MAX_CHANGED_CELLS = 4
-"""Cells that may differ: the smallest detectable face covers a dozen."""
+"""Number of cells that may differ in an unchanged picture: the smallest detectable face covers a dozen."""
 
 MAX_SKIPPED_SEARCHES = 4
 """Searches in a row that may be skipped; then a change too small to be noticed is searched after all."""
@@ -62,7 +62,7 @@ class StillPictureDetector:
 
 
 def are_alike(before: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> bool:
-    """Return whether the cells of two pictures, of any sizes, show the same."""
+    """Return whether two pictures, given as cells of any size, show the same scene."""
     return before.shape == now.shape and bool(
         np.count_nonzero(np.abs(now - before) > MIN_CELL_DIFFERENCE) <= MAX_CHANGED_CELLS
     )

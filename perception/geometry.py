@@ -22,7 +22,7 @@ UNDISTORT_ITERATIONS = 12
 
 
 def wrap_angle(angle: float) -> float:
-    """Return the same direction within -pi..pi."""
+    """Return the angle of the same direction within -pi..pi."""
     return remainder(angle, tau)
 
 
@@ -53,7 +53,7 @@ class Pinhole:
 
     @property
     def focal(self) -> float:
-        """Focal length in pixels."""
+        """Focal length of the camera in pixels."""
         return self.width / 2 / tan(self.field_of_view / 2)
 
     def pixel_to_angles(self, x: float, y: float) -> tuple[float, float]:

@@ -94,10 +94,10 @@ MIN_SIDE = 320
 """Pixels of the longer side to which a smaller picture is enlarged."""
 
 PICTURE_SEARCH = 1.2, 4
-"""Scale step, and neighbours of a face. With 3 neighbours: 2 % more faces, and 11 false ones instead of 2."""
+"""Scale step, and neighbours of a face, for single pictures. 3 neighbours: 2 % more faces, and 11 false ones, not 2."""
 
 FILM_SEARCH = 1.2, 3
-"""The same if other cascades confirm the faces."""
+"""Scale step, and neighbours of a face, for films, in which other cascades confirm the faces."""
 
 MIN_FACE_PIXELS = 28  # pixels: a face 3.5 m away for a camera of 640 pixels and 60 degrees
 CASCADE_WINDOW = 24  # pixels of the smallest face that the cascade knows
@@ -119,7 +119,7 @@ CONFIRMING_CASCADES = (
     ("haarcascade_frontalface_alt.xml", 64, 3, False),
     ("haarcascade_frontalface_alt2.xml", 64, 2, True),
 )
-"""Independently trained cascades, pixels of the face, neighbours, and whether the picture is mirrored.
+"""Independently trained cascades: file, pixels of the face, neighbours, and whether the picture is mirrored.
 
 All three accept 90 of 100 true faces, many of them dark, and 3 of 100 false ones that the first cascade sees in gravel
 and coins. Each of them alone accepts about 92, and 11 to 23.
@@ -140,10 +140,11 @@ class HaarFaceDetector:
         FaceSearch(0.09, roll=ROLL_STEP),
         FaceSearch(0.09, roll=-ROLL_STEP),
     )
-    """Faces up to 3.3 m away, for an angle of view of 60 degrees; up to 4.2 m; leaning ones up to 1.7 m."""
+    """Searches for faces up to 3.3 m away, for an angle of view of 60 degrees; up to 4.2 m; leaning ones up to 1.7 m.
+    """
 
     quick_search = FaceSearch(0.09)
-    """Upright faces up to 1.7 m away, at a third of the cost."""
+    """Search for upright faces up to 1.7 m away, at a third of the cost."""
 
     def __init__(self) -> None:
         self._other_cascades: dict[str, cv2.CascadeClassifier] = {}

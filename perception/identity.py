@@ -23,10 +23,10 @@ MIN_CLEAR_LOOKS, MIN_LOOKS = 3, 5
 """Looks that decide on a name if they are clear, and otherwise."""
 
 MIN_CLEAR_MARGIN = 0.4
-"""Smallest absolute mean margin of clear looks."""
+"""Smallest absolute mean margin at which the looks at a face are clear."""
 
 MAX_CONTRARY_LOOKS = 5
-"""Contradicting looks in a row after which a name is dropped."""
+"""Contradicting looks in a row after which the name of a face is dropped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class FaceMatch:
 
     @property
     def verdict(self) -> str:
-        """Name by this look alone."""
+        """Name of the person by this look alone, or ``UNKNOWN``."""
         return self.name if self.margin > 0 else UNKNOWN
 
 
@@ -151,7 +151,7 @@ class FaceNamer:
 
 
 class NamedFaceSense:
-    """Sense for faces with names: a ``perception.senses.Sense[Face]`` around another."""
+    """Sense for faces with names: a ``perception.senses.Sense[Face]`` that names the faces of another one."""
 
     def __init__(self, faces: Sense[Face], recogniser: FaceRecogniser, interval: float = LOOK_INTERVAL) -> None:
         self._faces = faces

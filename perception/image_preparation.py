@@ -14,7 +14,7 @@ GreyImage = npt.NDArray[np.uint8]
 Picture = TypeVar("Picture", Image, GreyImage)
 
 CELL_PIXELS = 8
-"""Pixels per side of a cell, whose mean has little noise but still shows edges."""
+"""Pixels per side of a cell of a picture, whose mean has little noise but still shows edges."""
 
 
 DARK_LEVEL, TARGET_LEVEL, BLACK_LEVEL = 64.0, 200.0, 10.0
@@ -63,7 +63,7 @@ def brighten(picture: Picture) -> Picture:
 
 
 def equalise(picture: GreyImage, *, tiles: int, limit: float = 2.0) -> GreyImage:
-    """Equalise the contrast tile by tile (CLAHE), so that faces are found in the dark and against a window.
+    """Return a picture with equalised contrast, tile by tile (CLAHE): shows faces in the dark and against a window.
 
     ``tiles`` is their number along each side; a smaller ``limit`` amplifies flat areas less. Without this, the Haar
     cascade finds almost nothing in the dark.

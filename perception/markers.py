@@ -12,7 +12,8 @@ from perception.image_preparation import to_grey
 from perception.tracks import MarkerSet, MarkerSighting, Tracker
 
 Corners = npt.NDArray[np.float32]
-"""Corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from its own top left."""
+"""Corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from the marker's own top left.
+"""
 
 
 class MarkerSense:

@@ -4,15 +4,15 @@ from pathlib import Path
 
 
 class ModelFileError(ValueError):
-    """A file that does not contain the expected network; the message names it and the next command."""
+    """A model file that does not contain the expected network; the message names the file and the next command."""
 
 
 MAX_MODEL_BYTES = 200_000_000
-"""Bytes of a model file, which is read as a whole: five times the largest one for faces."""
+"""Largest size in bytes of a model file, which is read as a whole: five times the largest one for faces."""
 
 
 def check_model_size(model: Path, hint: str) -> None:
-    """Raise ModelFileError if a file is larger than any model; ``hint`` is the next command. Raises OSError."""
+    """Raise ModelFileError if a model file is too large; ``hint`` is the command to try next. Raises OSError."""
     if (size := model.stat().st_size) > MAX_MODEL_BYTES:
         raise ModelFileError(
             f"faces: {model} is not a network: {size:,} bytes, above the limit of {MAX_MODEL_BYTES:,}\n  try: {hint}"

@@ -20,7 +20,7 @@ Patches = npt.NDArray[np.float32]
 """Patches of a face: shape (CELLS, CELLS, DEPTH), float32, each of length 1 (or 0 without an edge)."""
 
 PATCH_STEP = 3
-"""Pixels between two patches of a crop."""
+"""Pixels from one patch of a crop to the next."""
 
 DIRECTIONS = 8
 """Number of edge directions in a full turn."""
@@ -29,12 +29,12 @@ PARTS_PER_SIDE, PART_SPACING = 4, 4
 """Points along each side of a patch at which edges are sampled, and pixels between them."""
 
 BLUR_SIGMA = 1.5
-"""Pixels (sigma) around such a point over which edges are summed."""
+"""Pixels (sigma) around a point of a patch over which edges are summed."""
 
 DEPTH = PARTS_PER_SIDE * PARTS_PER_SIDE * DIRECTIONS
 
 NOISE_CROPS = 16
-"""Crops of noise for the whitening: 7056 patches."""
+"""Number of crops of noise from which the whitening is computed: 7056 patches."""
 
 VARIANCE_FLOOR = 0.1
 """Addition to the variance of each component before whitening, as a share of their mean."""
@@ -77,7 +77,7 @@ def likeness(one: Patches, other: Patches) -> float:
 
 
 def normalise_light(crop: GreyImage) -> npt.NDArray[np.float32]:
-    """Return a crop without its light: (height, width), float32, -MAX_CONTRAST..MAX_CONTRAST."""
+    """Return a crop without the effect of the light: (height, width), float32, -MAX_CONTRAST..MAX_CONTRAST."""
     light = (crop.astype(np.float32) / 255 + 0.01) ** LIGHT_ROOT
     light -= cv2.GaussianBlur(light, (0, 0), WIDE_SIGMA)
     light /= _mean_contrast(np.abs(light))

@@ -18,7 +18,7 @@ COMPARE_WIDTH = 160
 """Pixels of width at which pictures are compared: little noise is left, and a hand is still visible."""
 
 MAX_SHIFT = 0.25
-"""Largest shift, as a share of the picture; beyond it, too little overlaps."""
+"""Largest shift between two pictures, as a share of the picture; beyond it, too little overlaps."""
 
 MIN_CORRELATION_PEAK = 0.2
 """Smallest peak (0..1) of the correlation for a valid shift; a cut to another scene has about 0.05."""
@@ -79,7 +79,7 @@ def _translate(picture: GreyImage, shift: tuple[float, float]) -> GreyImage:
 
 
 def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, float]) -> float:
-    """Return the share of the overlap that differs, after shifting ``before``."""
+    """Return the share of the overlap of two pictures that differs, after shifting ``before``."""
     height, width = after.shape
     margin_x, margin_y = int(abs(shift[0])) + 2, int(abs(shift[1])) + 2
     both = (slice(margin_y, height - margin_y), slice(margin_x, width - margin_x))
@@ -92,7 +92,7 @@ def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, fl
 
 
 def _exposure_ratio(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
-    """Return the ratio of brightness, as the median over all spots."""
+    """Return the ratio of brightness of two pictures, as the median over all spots."""
     return float(np.median((now + 1.0) / (then + 1.0)))
 
 

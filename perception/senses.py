@@ -89,7 +89,7 @@ class SkippableSource(Protocol):
 
 
 class NewestView:
-    """A ``Sight`` that returns the newest ``View``; subclasses set it."""
+    """A ``perception.api.Sight`` that returns the newest ``View``; subclasses set it."""
 
     _view = View()
 

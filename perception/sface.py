@@ -29,10 +29,10 @@ FETCH_HINT = "fetch SFace's file again"
 
 
 class _Network(Protocol):
-    """The used part of ``cv2.FaceRecognizerSF``."""
+    """The methods of ``cv2.FaceRecognizerSF`` that we use."""
 
     def alignCrop(self, image: Image, row: npt.NDArray[np.float32]) -> Image:  # noqa: N802 - OpenCV's name
-        """Return the face of a row of YuNet's, upright, (112, 112, 3)."""
+        """Return the face that a row of YuNet's result describes, upright, of shape (112, 112, 3)."""
         ...
 
     def feature(self, face: Image) -> npt.NDArray[np.float32]:

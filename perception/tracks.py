@@ -40,7 +40,7 @@ INITIAL_RATE_DEVIATION = 1.0
 """Standard deviation in rad/s of the rate before the second measurement, and after a manoeuvre."""
 
 MIN_JUMP = radians(4), radians(100)
-"""Radians, and rad/s, of a deviation from the prediction that restarts the filter at the new angle.
+"""Deviation from the prediction, in radians and in rad/s, that restarts the filter at the new angle.
 
 The deviation must also exceed ``JUMP_DEVIATIONS`` standard deviations. A jump has no information about the rate.
 """
@@ -52,7 +52,7 @@ MANOEUVRE_DEVIATIONS = 3.0
 
 
 class AngleFilter:
-    """Filtered ``angle`` in radians and ``rate`` in rad/s at the last measurement. The angle does not wrap."""
+    """Kalman filter of an angle: ``angle`` in rad and ``rate`` in rad/s at the last measurement. It does not wrap."""
 
     def __init__(self, angle: float) -> None:
         self._noise, self._count = INITIAL_NOISE**2, PRIOR_COUNT
@@ -60,7 +60,7 @@ class AngleFilter:
         self._restart(angle)
 
     def _restart(self, angle: float) -> None:
-        """Set the angle, with an unknown rate."""
+        """Set the filter to an angle with an unknown rate."""
         self.angle = angle
         self.rate = 0.0
         self._angle_variance = self._noise
@@ -133,7 +133,7 @@ MIN_DETECTIONS = 2
 """Detections that confirm a track: a detector errs in a few frames of a hundred, seldom twice in one place."""
 
 CONFIRM_TIMEOUT = 0.5
-"""Seconds within which they must come."""
+"""Seconds within which the detections that confirm a track must come."""
 
 GATE_ANGLE = radians(8)
 GATE_GROWTH = radians(30)  # per second: as fast as someone close by walks past
@@ -145,7 +145,7 @@ class TrackableSighting(Protocol[P_co]):
 
     @property
     def box(self) -> Box:
-        """Place in the frame."""
+        """Place of the object in the frame."""
         ...
 
     @property
@@ -159,7 +159,7 @@ class TrackableSighting(Protocol[P_co]):
         ...
 
     def distance(self, camera: Pinhole) -> float:
-        """Return the distance in metres, NaN if unknown."""
+        """Return the distance of the object in metres, NaN if unknown."""
         ...
 
     def percept(self, base: Percept) -> P_co:
@@ -312,13 +312,14 @@ def _measure(sighting: TrackableSighting[P], camera: Pinhole, gaze: Gaze) -> _Me
 # What finders tell of one frame: faces, spots and things of one colour, markers. Plain values, without arrays.
 
 SEARCH_WIDTH = 320
-"""Pixels of width to which a picture is shrunk before the search: a quarter of the work, half of the noise."""
+"""Pixels of width to which a picture is shrunk before the search for things: a quarter of the work, half of the noise.
+"""
 
 MIN_SPOT_PIXELS = 8
-"""Smallest width and height of a thing in that picture, for its shape to be visible."""
+"""Smallest width and height of a thing in the shrunk picture, in pixels, for its shape to be visible."""
 
 BOX_WIDENING = 1.2
-"""Ratio of the visible width of a box to its front: 1 to 1.41 for a square one, depending on its turn."""
+"""Ratio of the visible width of a box to that of its front: 1 to 1.41 for a square box, depending on its turn."""
 
 MARKER_FAMILIES = (
     "4x4_50",
@@ -375,7 +376,7 @@ class ColourSpot:
 
 @dataclass(frozen=True, slots=True)
 class ThingSighting:
-    """A spot in one frame that matches a specification."""
+    """A spot in one frame that matches the specification of a thing."""
 
     spot: ColourSpot
     spec: ThingSpec
@@ -390,7 +391,7 @@ class ThingSighting:
         return self.spec.name
 
     def distance(self, camera: Pinhole) -> float:
-        """Return the distance in metres by the specified size; NaN if that is unknown.
+        """Return the distance of the thing in metres by its specified size; NaN if the size is unknown.
 
         It is wrong by 3 % for a ball, and by 20 % for a box, as boxes look wider when turned.
         """

@@ -23,7 +23,7 @@ MIN_FACE_PIXELS = 14
 """Pixels of a face's width that the network needs; a picture is shrunk until the smallest face has them."""
 
 MIN_SCORE = 0.6
-"""Smallest score (0..1) of a face."""
+"""Smallest score (0..1) of a face that YuNet accepts."""
 
 REGION_WIDTHS = 2.0  # how much of the picture is searched around a known face, in widths of it
 REGION_FACE_PIXELS = 31  # pixels to which that face is scaled then: its region fits into two steps
@@ -32,7 +32,7 @@ SAME_FACE_OVERLAP = 0.3  # overlap from which on two boxes are one face
 LANDMARK_FACE_PIXELS = 112  # the same for landmarks: the size of SFace's input
 
 SIZE_STEP = 32
-"""The sides of the network's input are multiples of this many pixels; smaller pictures get a border."""
+"""Number of pixels of which the sides of the network's input are multiples; smaller pictures get a border."""
 
 MIN_SIDE = 2 * SIZE_STEP  # pixels of a side at least
 

@@ -36,17 +36,17 @@ class RunEyes(Protocol):
         ...
 
     def open(self) -> None:
-        """Start."""
+        """Start the eyes."""
         ...
 
     def close(self) -> None:
-        """Stop. Idempotent."""
+        """Stop the eyes. Idempotent."""
         ...
 
 
 @dataclass(slots=True)
 class AssembledRobot:
-    """Robot with all that a run opens and must close.
+    """Robot with all devices and eyes that a run opens and must close.
 
     ``devices`` are the parts by name, in the order in which they open; more can be added before ``open``. ``safe_stop``
     and ``close`` continue with the other parts after an exception. ``lags`` are the learnt delays.
@@ -71,7 +71,7 @@ class AssembledRobot:
         return tuple(part for part in self.stoppable_parts if part not in SOUND_KINDS)
 
     def open(self) -> None:
-        """Open everything; returns at once, even if hardware is missing."""
+        """Open all devices and the eyes; returns at once, even if hardware is missing."""
         if self.simulation is not None:
             self.simulation.open()
         for device in self.devices.values():
@@ -84,7 +84,7 @@ class AssembledRobot:
         return {name: device.health() for name, device in self.devices.items()}
 
     def missing(self) -> dict[str, tuple[str, str]]:
-        """Return the parts that are not connected, each with detail and hint."""
+        """Return the detail and the hint of each part that is not connected, by the part's name."""
         missing = {name: (each.detail, each.hint) for name, each in self.health().items() if not each.online}
         if self.eyes is not None and self.eyes.looked() is None:
             missing.setdefault("camera", ("camera: no picture has been searched yet", ""))

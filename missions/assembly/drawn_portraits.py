@@ -22,7 +22,7 @@ from perception.identity import FaceRecogniser, NullRecogniser
 from perception.people import NotOneFaceError, PatchRecogniser, enrol
 
 PORTRAIT_COUNT = 5
-"""Number of portraits of each person."""
+"""Number of portraits drawn of each simulated person."""
 
 PORTRAIT_DISTANCES = (1.0, 1.5)
 """Distances in metres from the camera at which portraits are drawn."""

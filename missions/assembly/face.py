@@ -32,10 +32,10 @@ MOUTH_OPENINGS = {
     Mouth.ROUND: 0.55,
     Mouth.OPEN: 1.0,
 }
-"""Opening of the mouth (0..1) for each shape."""
+"""Opening of the mouth on the screen (0..1) for each mouth shape."""
 
 SYLLABLE_RATE = 4.0
-"""Mouth openings per second if the mouth shapes are unknown."""
+"""Openings of the mouth per second if the voice does not report mouth shapes."""
 
 FRAME_INTERVAL, IDLE_INTERVAL = 1 / 30, 0.1
 """Seconds between two updates of the mouth during speech and without speech."""

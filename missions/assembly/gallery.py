@@ -99,7 +99,7 @@ def _open_no_link(path: str, flags: int) -> int:
 
 
 def _is_feature(values: object) -> bool:
-    """Return True if the values are the numbers of one feature."""
+    """Return True if the values are the numbers of one face's features."""
     return (
         isinstance(values, list)
         and len(values) == FEATURE_LENGTH

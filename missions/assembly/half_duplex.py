@@ -6,11 +6,11 @@ from drivers.api import Voice
 from drivers.clock import Clock
 
 ECHO_TIME = 0.25
-"""Seconds after its end for which speech may still sound, in the loudspeaker's buffer and in the room."""
+"""Seconds for which the robot's speech may still sound after its end, in the loudspeaker's buffer and in the room."""
 
 
 class HalfDuplex:
-    """Tells whether the robot was speaking at a time. For one thread that calls it at least ten times a second."""
+    """Returns whether the robot was speaking at a time. For one thread that calls it at least ten times a second."""
 
     def __init__(self, voice: Voice | None, clock: Clock) -> None:
         self._voice = voice

@@ -51,7 +51,7 @@ class MicrophoneEars:
         """Do nothing: ears do not move anything."""
 
     def close(self) -> None:
-        """Stop, in any state. Idempotent."""
+        """Stop to listen, in any state. Idempotent."""
         self._ears.close()
         self._microphone.close()
 
@@ -79,7 +79,7 @@ class MicrophoneEars:
 
 
 def real_ears(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Device, Heard]:
-    """Return ears for the phrases of a mission, as device and part, which ignore the robot's own speech."""
+    """Return ears for the phrases of a mission, as device and part; these ignore the robot's own speech."""
     keys: MicrophoneKeys = section.keys
     voice: Voice | None = devices.get("voice")
     overrides, hooks, simulation = factory.overrides, factory.hooks, factory.simulation

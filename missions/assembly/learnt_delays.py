@@ -27,17 +27,17 @@ MAX_LAG_SIGMA = 0.015
 """Maximum standard deviation in seconds of a stored base lag; for the camera see ``Delay.known``."""
 
 MIN_SAMPLES = 30
-"""Minimum number of picture pairs, or of base reports, behind a stored delay."""
+"""Minimum number of picture pairs, or of base reports, from which a stored delay was learnt."""
 
 MAX_FILE_SIZE = 1000
-"""Maximum size of a file in bytes."""
+"""Maximum size in bytes of a file with learnt delays."""
 
 CAMERA, BASE = "camera", "base"
 """Keys of the two delays, in seconds."""
 
 MIN_LAGS = {CAMERA: MIN_DELAY, BASE: lag.LAG_GRID[0]}
 MAX_LAGS = {CAMERA: MAX_DELAY, BASE: lag.LAG_GRID[-1]}
-"""Upper bounds of the delays in seconds."""
+"""Upper bounds in seconds of the stored delays of camera and base."""
 
 
 def delays_file(robot: str) -> Path:

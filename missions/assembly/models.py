@@ -21,7 +21,7 @@ CHUNK_BYTES = 1 << 16
 
 
 class FetchError(RuntimeError):
-    """Failed download of a model; ``hint`` is the command to try next."""
+    """Failed download of a trained model; ``hint`` is the command to try next."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -59,7 +59,7 @@ def models_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def is_fetched(model: ModelFile, where: Path) -> bool:
-    """Return True if the file exists with the right checksum."""
+    """Return True if the file of a model exists in the folder ``where`` with the right checksum."""
     path = where / model.file
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() == model.sha256

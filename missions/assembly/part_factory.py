@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """Settings of the caller that override the robot file.
+    """Settings of a run that override the robot file.
 
     ``world`` is the world of a simulated robot, None on hardware. ``camera`` is a source that replaces the robot's
     camera, or the rendered one. ``ports`` are ports by part. ``interests`` are the percepts that the mission uses.
@@ -167,7 +167,7 @@ def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
-    """Return the robot's ``chosen`` parts, the parts that carry them, and the range finder of a guarded base."""
+    """Return ``chosen``, plus the parts that carry those parts, and the range finder of a base that it guards."""
     if "camera" in chosen:
         chosen |= {"head"}
     if "base" in chosen and config.has_range_guard:

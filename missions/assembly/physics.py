@@ -31,7 +31,7 @@ def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) 
 
 
 def model_file(legs: LegsKeys, config: RobotConfig) -> Path | None:
-    """Return the path of the model that a robot file names, or None. Raises BadRequest."""
+    """Return the path of the MuJoCo model that a robot file names, or None. Raises BadRequest."""
     if not legs.model:
         return None
     path = (Path() if config.path is None else config.path.parent) / legs.model

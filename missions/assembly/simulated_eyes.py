@@ -22,7 +22,7 @@ __all__ = ["Glimpse", "SensorNoise", "SteppedEyes", "TrueSight"]
 T = TypeVar("T")
 
 MIN_LIGHT = 0.08
-"""Share of daylight below which nothing is seen."""
+"""Share of daylight below which simulated eyes see nothing."""
 
 
 class SteppedEyes(Generic[T]):
@@ -51,14 +51,14 @@ class SteppedEyes(Generic[T]):
         self._opened = self._open = False
 
     def open(self) -> None:
-        """Start. Idempotent."""
+        """Start to take pictures. Idempotent."""
         self._open = True
         if not self._opened:
             self._opened = True
             self._timeline.call_every(self._period, self._look)
 
     def close(self) -> None:
-        """Stop. Idempotent."""
+        """Stop to take pictures. Idempotent."""
         self._open = False
 
     def _look(self) -> None:

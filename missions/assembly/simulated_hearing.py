@@ -20,7 +20,7 @@ from perception.api import Words
 from perception.hearing.grammar import PhraseGrammar
 
 NEEDED_MODULES = ("espeakng_loader", "pocketsphinx")
-"""Modules for speech and recognition."""
+"""Python modules for synthesised speech and its recognition."""
 
 PERSON_VOICES = {
     "anna": "en-us+f2",
@@ -30,10 +30,10 @@ PERSON_VOICES = {
     "emil": "en+m3",
     "farah": "en+linda",
 }
-"""Voice of each person, by look."""
+"""Synthesiser voice of each simulated person, by the person's look."""
 
 WORDS_PER_MINUTE = 150.0
-"""Speech rate of people in words per minute."""
+"""Speech rate of simulated people in words per minute."""
 
 
 class TextEars:
@@ -58,7 +58,7 @@ class TextEars:
         """Do nothing: ears do not move anything."""
 
     def close(self) -> None:
-        """Stop, in any state. Idempotent."""
+        """Stop to listen, in any state. Idempotent."""
         self._ending.set()
         thread, self._thread = self._thread, None
         if thread is not None:

@@ -27,7 +27,7 @@ D = TypeVar("D")
 
 
 def ignore_reply(reply: PersonReply) -> None:
-    """Do nothing: the robot has no ears."""
+    """Do nothing with a person's reply: the robot has no ears."""
 
 
 class Simulation:
@@ -79,7 +79,7 @@ class Simulation:
 
     @property
     def ports(self) -> dict[str, str]:
-        """Port of each part."""
+        """Port of the virtual device of each part."""
         return {part: terminal.path for part, terminal in self.terminals.items()}
 
     def device(self, cls: type[D]) -> D | None:

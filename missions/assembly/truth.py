@@ -31,7 +31,7 @@ from perception.tracks import (
 # Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
 
 LOOK_MARGIN = 1.0
-"""Margin of each recognition result, either way."""
+"""Margin of each recognition result of a perfect detector, above or below zero."""
 
 
 class TrueNames:
@@ -52,7 +52,7 @@ class TrueNames:
 
 
 FACE_DROP = 0.03
-"""Distance in metres from the eyes down to the middle of a Haar box, which reaches from hairline to chin."""
+"""Distance in metres from the eyes down to the middle of a face's Haar box, which reaches from hairline to chin."""
 
 MIN_FACE_WIDTH = 28.0
 """Width of a face in pixels below which a detector does not find it (``perception.faces``)."""
@@ -214,7 +214,7 @@ class GroundTruth:
 
 
 def _corners(block: UprightBox) -> Iterator[Point3]:
-    """Yield the eight corners of a box."""
+    """Yield the eight corners (x, y, z) of a box."""
     for (x, y), z in product(block.corners(), (block.bottom, block.top)):
         yield x, y, z
 

@@ -101,7 +101,7 @@ class Conversation:
         self._expect(twins.world.deliver_speech(text, twins.timeline.clock.now(), self._robot_position()))
 
     def _expect(self, replies: Iterable[PersonReply]) -> None:
-        """Schedule the replies of people."""
+        """Schedule the phrases in which people reply."""
         for reply in replies:
             self._twins.timeline.call_at(reply.time, partial(self._on_spoken, reply))
 
@@ -126,7 +126,7 @@ Real eyes also drop the other pictures of a faster camera.
 """
 
 DETECTION_DELAY = 0.03
-"""Seconds from a picture to its percepts."""
+"""Seconds from a picture to its percepts, for both kinds of eyes in simulated time."""
 
 WHITE, BLACK = cast(Image, Array()), cast(Image, Array())
 """Placeholders without pixels for pictures that nothing searches: of an open and of a covered camera."""

@@ -42,7 +42,7 @@ class Twins:
 
     @property
     def devices(self) -> Mapping[str, Device]:
-        """Twins by the names of their parts."""
+        """Twins of the robot by the names of their parts."""
         return self.parts
 
     @property

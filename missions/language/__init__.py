@@ -1,1 +1,1 @@
-"""Parses YAML into a checked plan, with each error at its file, line and column."""
+"""Parses the YAML of a mission into a checked plan, with each error at its file, line and column."""

@@ -41,7 +41,7 @@ from perception.api import Face
 
 
 def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
-    """Report a text for ``name`` that looks like a calculation with a variable; quoted texts are accepted."""
+    """Report a text argument that looks like a calculation with a variable; quoted texts are accepted."""
     if not isinstance(node, Scalar) or node.quoted or not isinstance(node.value, str) or parse_quantity(node.text):
         return
     try:
@@ -57,11 +57,11 @@ def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
 
 
 FACE_KIND = "face"
-"""Kind of arguments that take a face."""
+"""Kind of an argument whose value is a face."""
 
 
 def read_face(context: CheckContext, node: Scalar, label: str) -> Value:
-    """Read a face argument: ``${person}``, or nothing."""
+    """Return the value of a face argument: ``${person}``, or nothing."""
     if node.value is None:
         return Value()
     if "${" not in node.text:
@@ -81,7 +81,7 @@ def read_face(context: CheckContext, node: Scalar, label: str) -> Value:
 
 
 def as_face(value: object) -> Face | None:
-    """Return a face, or None. Raises ValueError for any other value."""
+    """Return ``value`` if it is a face or None. Raises ValueError for any other value."""
     if value is None or isinstance(value, Face):
         return value
     raise ValueError(f"needs a face stored by 'as', got {describe_value(value)}")
@@ -106,7 +106,7 @@ def _face_hint(context: CheckContext) -> str:
 
 
 def thing_converter(context: CheckContext, kind: str) -> Convert | None:
-    """Return a converter that looks up a name of this kind, and raises LookupError; None for other kinds."""
+    """Return a function that looks up an object by name, and raises LookupError; None for kinds without a lookup."""
     folder = Path(context.source.name).parent
     if kind == "file":
         return partial(_file, context.things.get(kind, Path), folder)
@@ -120,21 +120,21 @@ def _find(lookup: Callable[[str], object], value: object) -> object:
 
 
 def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
-    """Return the file at a path relative to the mission's folder."""
+    """Return the object that ``lookup`` finds at a path relative to the mission's folder."""
     return lookup(str(folder / format_value(value)))
 
 
 TEXT_KINDS = ("text", "joint", "joints", "choice", "file", *REPEATABLE_KINDS)
-"""Kinds whose values are texts, even if they look like numbers."""
+"""Kinds of arguments whose values are texts, even if they look like numbers."""
 
 SWITCH_WORDS = {"on": True, "off": False}
-"""Words for true and false of flags."""
+"""Words for true and false that flag arguments also accept."""
 
 OUTCOMES = {"running": Status.RUNNING, "success": Status.SUCCESS, "failure": Status.FAILURE}
 
 
 def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
-    """Read the value of a leaf's word: nothing, its principal argument, or a mapping of named arguments."""
+    """Return a leaf's arguments by name from the value of its tag: nothing, the principal argument, or a mapping."""
     if leaf.open_ended:
         return _read_open(context, leaf, key, node)
     declared = leaf.arguments
@@ -161,7 +161,7 @@ def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: N
 
 
 def _defaults(context: CheckContext, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:
-    """Report missing required arguments; look up defaults that are names."""
+    """Report missing required arguments of a leaf; return the values of the defaults that are names to look up."""
     values = {}
     for argument in leaf.arguments.values():
         if argument.name in given:
@@ -200,7 +200,7 @@ def _read_open(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node 
 
 
 def read_argument(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
-    """Read one argument from its node."""
+    """Return the value of one argument of a leaf from its node."""
     if argument.span:
         return _read_span(context, argument, node, label)
     if argument.by_joint:

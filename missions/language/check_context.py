@@ -33,7 +33,7 @@ MAX_STEPS = 10_000
 """Maximum steps of a mission; steps of sub-missions count at each use."""
 
 MAX_DEPTH = 100
-"""Maximum steps from the root to the deepest leaf, including modifiers and sub-missions.
+"""Maximum steps from the root of a mission to the deepest leaf, including modifiers and sub-missions.
 
 Reading and ticking are recursive, so a deeper tree would overflow the stack.
 """
@@ -100,7 +100,7 @@ class CheckContext:
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:
-        """Leaves by word."""
+        """Available leaves by tag."""
         return self.vocabulary.leaves
 
     @property
@@ -163,7 +163,7 @@ class CheckContext:
     def read_formula(
         self, node: Scalar, formula: Template | Expression, label: str, convert: Convert, wanted_kind: str = ""
     ) -> Value:
-        """Check the names that an expression reads; if all are params, compute its value."""
+        """Return the value of an expression after a check of the names that it reads; computed if all are params."""
         known = [self._check_name(node, read, label) for read in formula.reads]
         if not all(known):
             return INVALID_VALUE

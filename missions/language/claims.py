@@ -30,9 +30,9 @@ class TargetRobot(NamedTuple):
     """The robot that a mission is checked for: name, parts, and joint ranges of its arms, as far as known.
 
     ``reaches`` are joint ranges by arm; ``further_parts`` are the kinds of further parts by name. ``unpronounceable``
-    returns the words that it cannot listen for, ``confusable`` the pairs of phrases that it confuses. ``head_joints``
-    are the joints of the arm that form heads, with the name of the head. ``capabilities`` are optional abilities of its
-    parts.
+    returns the words that the robot cannot listen for, ``confusable`` the pairs of phrases that it confuses.
+    ``head_joints`` are the joints of the arm that form heads, with the name of the head. ``capabilities`` are optional
+    abilities of the parts.
     """
 
     name: str
@@ -103,7 +103,7 @@ def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def _missing_capabilities(step: Step, robot: TargetRobot) -> list[str]:
-    """Return the required capabilities that the part does not have."""
+    """Return the capabilities that a leaf requires and the robot's part does not have."""
     needed = step.direct_needs & CAPABILITIES.keys() - robot.capabilities
     return sorted(name for name in needed if CAPABILITIES[name] in robot.parts)
 
@@ -225,7 +225,7 @@ def check_necks(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def _joint_violations(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
-    """Return the goals of a leaf that the joints of these arms cannot reach, as far as known."""
+    """Return the goals of a leaf beyond the joint ranges in ``reaches``, as far as its arguments are known."""
     known = all(value.template is None for value in step.arguments.values())
     own_arm = step.named_parts.get("arm", "arm")
     arms = {own_arm, *(name for name, kind in step.parts_beside.items() if kind == "arm")}

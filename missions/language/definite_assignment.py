@@ -25,7 +25,7 @@ from missions.language.read_analysis import always_read_names, may_fail, nonzero
 
 
 class PathEvent(NamedTuple):
-    """Last event of a path, after the ``previous`` ones; ``length`` counts them all."""
+    """Last event of a path through the tree, after the ``previous`` ones; ``length`` counts all events."""
 
     text: str
     previous: "EventPath"
@@ -33,11 +33,11 @@ class PathEvent(NamedTuple):
 
 
 EventPath = PathEvent | None
-"""Events that leave a variable unset, in order; None at the start of the tree."""
+"""Path of events, in order, that leaves a variable unset; None at the start of the tree."""
 
 
 class UnsetVariables(NamedTuple):
-    """Variables that may be unset at a place: one bit each in ``bits``, and the shortest ``paths`` of some.
+    """Variables that may be unset at a place in the tree: one bit each in ``bits``, and the shortest ``paths`` of some.
 
     Every step has such a value, so bits are used: mappings or sets of all variables would take quadratic time.
     """
@@ -50,14 +50,14 @@ NOTHING_UNSET = UnsetVariables(0, {})
 
 
 class UnsetAfter(NamedTuple):
-    """Variables that may be unset after each end of a step; None for an end that cannot occur."""
+    """Variables that may be unset after each end (success, failure) of a step; None for an end that cannot occur."""
 
     success: UnsetVariables | None
     failure: UnsetVariables | None
 
 
 def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None:
-    """Return the variables that are unset after a further event."""
+    """Return the unset variables with ``event`` appended to their paths; None if the place is never reached."""
     if unset is None or not unset.paths:
         return unset
     ways = {name: PathEvent(event, way, 1 if way is None else way.length + 1) for name, way in unset.paths.items()}
@@ -83,7 +83,7 @@ def _length(way: EventPath) -> int:
 
 
 CONDITION_KINDS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
-"""Kinds of nodes with a condition."""
+"""Kinds of nodes that evaluate a condition."""
 
 MAX_TRACED_READS = 100
 """Reads whose paths are traced: ``config.diagnostics.MAX_DIAGNOSTICS``, the maximum number of reports."""
@@ -91,7 +91,7 @@ MAX_TRACED_READS = 100
 
 @dataclass(frozen=True, slots=True)
 class StepContext:
-    """Context of a step: variables that count as set (``assumed_bits``), and whether its failure is caught.
+    """Context of a step: variables that count as set (``assumed_bits``), and whether the step's failure is caught.
 
     A step that ``is_guarded`` stands behind a condition on a variable, so it may never run with one unset. ``nonzero``
     variables can be divisors.
@@ -232,7 +232,7 @@ class _UnsetAnalysis:
     # --- composites -----------------------------------------------------------------------------------------------
 
     def follow_in_order(self, step: Step, unset: UnsetVariables, here: StepContext, *, passes: str) -> UnsetAfter:
-        """Follow a sequence or a selector: the next child runs after the end ``passes``."""
+        """Follow a sequence or a selector; the next child runs after an end ``passes`` (success or failure)."""
         stops: list[UnsetVariables | None] = []
         now: UnsetVariables | None = unset
         for child in step.children:
@@ -282,7 +282,7 @@ class _UnsetAnalysis:
         return UnsetAfter(success, merge_unset(after.failure for after in found))
 
     def follow_switch(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
-        """Follow a switch."""
+        """Return the variables that may be unset after a switch."""
         here = replace(here, is_guarded=here.is_guarded or _has_variable_condition(step))
         cases = [f"{_step_label(step)} takes the case '{_case_label(case)}'" for case in step.cases]
         found = [
@@ -379,7 +379,7 @@ REPEATING_KINDS = frozenset(
         *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
     }
 )
-"""Kinds below which any part may follow any other: in a later round, or at the same time."""
+"""Kinds of nodes below which any step may follow any other: in a later round, or at the same time."""
 
 
 MAX_SHOWN_EVENTS = 10

@@ -48,7 +48,7 @@ MAX_LENGTH = 1000
 """Maximum characters of an expression."""
 
 MAX_NESTING = 100
-"""Maximum nesting depth: each part is read, checked and evaluated recursively."""
+"""Maximum nesting depth of an expression: each part is read, checked and evaluated recursively."""
 
 TOO_DEEP_MESSAGE = f"an expression nested too deeply: at most {MAX_NESTING} levels"
 
@@ -100,12 +100,12 @@ class Expression:
         return tuple(dict.fromkeys(read.name for read in self.reads))
 
     def place(self, node: ast.expr) -> tuple[int, int]:
-        """Return column and length of a part, in the text that ``parse`` was given."""
+        """Return column and length of a part of the expression, in the text that ``parse`` was given."""
         start, end = character_range(self.python, node)
         return self.column + start, end - start
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
-        """Return the value, with the variables of ``scope``.
+        """Return the value of the expression, with the variables of ``scope``.
 
         Raises ExpressionError, or NotConnected if a part of the robot does not report now.
         """
@@ -341,7 +341,7 @@ class Template:
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """Value of an argument: ``constant``, or a ``template`` that is evaluated when the node starts.
+    """Value of a leaf's argument: ``constant``, or a ``template`` that is evaluated when the node starts.
 
     ``location`` is the place of the template in its file.
     """
@@ -352,7 +352,7 @@ class Value:
     location: "ExpressionLocation | None" = field(default=None, compare=False)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
-        """Return the present value. Raises ExpressionError or ValueError with a short reason."""
+        """Return the present value of the argument. Raises ExpressionError or ValueError with a short reason."""
         if self.template is None:
             return self.constant
         found = self.template.evaluate(scope)
@@ -360,7 +360,7 @@ class Value:
 
 
 INVALID_VALUE = Value(template=Template(()))
-"""Placeholder for a value with an error that has been reported."""
+"""Placeholder for the value of an argument with an error that has been reported."""
 
 
 def template(text: str) -> Template | None:

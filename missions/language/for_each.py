@@ -23,7 +23,7 @@ FOR_EACH_EXAMPLE = 'write for_each: {in: places, as: place, do: {go_to: "${place
 
 @dataclass(frozen=True, slots=True)
 class ListMembers:
-    """Members of the list of a for_each."""
+    """Members of the list over which a ``for_each`` loops."""
 
     values: tuple[object, ...]
 
@@ -33,18 +33,18 @@ class ListMembers:
         return len(self.values)
 
     def member(self, place: int) -> object:
-        """Return the member at an index from 0."""
+        """Return the member of the list at index ``place``, from 0."""
         return self.values[place]
 
     def number(self, place: int) -> object:
-        """Return the number of the member at an index from 0; numbers count from 1."""
+        """Return the number of the list's member at index ``place``: numbers count from 1, indices from 0."""
         return place + 1
 
 
 def read_for_each(
     context: CheckContext, key: Scalar, value: Node | None, name: str, read_step: Callable[[CheckContext, Node], Step]
 ) -> Step | None:
-    """Read a for_each; None if it has errors."""
+    """Return the step of a ``for_each``; None if it has errors."""
     if not isinstance(value, Mapping):
         context.fault(key.mark, f"'{FOR_EACH}' needs 'in', 'as' and 'do'", FOR_EACH_EXAMPLE)
         return None
@@ -71,7 +71,7 @@ def read_for_each(
 
 
 def _name(context: CheckContext, value: Mapping, word: str) -> str:
-    """Return the variable that a key names; empty if there is none."""
+    """Return the variable that a key of a ``for_each`` names; empty if there is none."""
     node = value.get(word)
     if node is None:
         return ""

@@ -31,11 +31,11 @@ from missions.language.kinds import (
 from missions.language.operators import combined_dimension
 
 Report = Callable[[ast.expr, str, str], None]
-"""Takes a part of an expression, the error, and a hint."""
+"""Function that takes a part of an expression, the error in it, and a hint."""
 
 
 def ignore_report(node: ast.expr, message: str, hint: str) -> None:
-    """Ignore the error."""
+    """Ignore a type error of an expression."""
     del node, message, hint
 
 

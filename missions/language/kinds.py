@@ -38,7 +38,7 @@ def members_in(value: object) -> list[str]:
 # Each is replaced by a name of the same length, so that columns stay offsets in the text.
 
 CONSTANTS = {"true": True, "false": False, "null": None, "none": None}
-"""Constants as written in YAML."""
+"""Constants of expressions with their values, as written in YAML."""
 
 RESERVED_WORDS = frozenset(
     ["and", "async", "await", "else", "False", "for", "if", "in", "is", "lambda", "None", "not", "or", "True", "yield"]
@@ -49,10 +49,10 @@ PYTHON_KEYWORDS = "|".join(word for word in keyword.kwlist if word not in RESERV
 KEYWORD_OR_TEXT = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({PYTHON_KEYWORDS})\b""")
 
 OPERATOR_WORDS = "(?:and|or|if|else|in|not)"
-"""Words that can follow an operand."""
+"""Words that can follow an operand in an expression."""
 
 BOLD_A = 0x1D41A
-"""MATHEMATICAL BOLD SMALL A; the rest of the alphabet follows it."""
+"""MATHEMATICAL BOLD SMALL A; the bold letters b to z follow it."""
 
 UNIT_PATTERN = "|".join(
     sorted(map(re.escape, {unit for units in UNITS.values() for unit in units} - {"%"}), key=len)[::-1]
@@ -61,10 +61,10 @@ QUANTITY_PATTERN = re.compile(
     r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""  # texts are skipped
     rf"|(?<![\w.])((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*(?:(?:{UNIT_PATTERN})(?![\w(])|%(?=\s*(?:$|[])<>=!,*/%+-]|{OPERATOR_WORDS}\b))))"
 )
-"""A quantity in an expression: ``1.5 m/s``. "%" is a unit unless an operand follows."""
+"""Pattern of a quantity in an expression: ``1.5 m/s``. "%" is a unit unless an operand follows."""
 
 STAND_IN = "\ua66e"
-"""Letter of the names that replace quantities of the same length for Python's parser."""
+"""Letter of the stand-in names that replace quantities, at the same length, for Python's parser."""
 
 
 def as_python(text: str) -> tuple[str, dict[int, str]]:
@@ -144,7 +144,7 @@ class RecordKind:
     other_kind: "Kind" = None
 
     def member(self, name: str) -> "Kind":
-        """Return the kind of a member."""
+        """Return the kind of the member ``name``."""
         known = self.members if self.declared_type is None else member_kinds(self.declared_type)
         return known.get(name, self.other_kind)
 

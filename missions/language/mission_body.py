@@ -25,7 +25,7 @@ PROPERTIES = {
     "always eventually": ("a claim that something stays reachable from every state of a run", r"\S"),
     "can": ("a claim that an end is possible: succeed or fail", r"^(succeed|fail)$"),
 }
-"""Keys of a property: the meaning, and a pattern of its text."""
+"""Kinds of properties of a mission by keyword: the meaning, and a pattern of the text."""
 
 PROPERTY_FORMS = (
     "never: gesture while drive",
@@ -44,7 +44,7 @@ _HINT = f"such as '{PROPERTY_FORMS[0]}' or '{PROPERTY_FORMS[4]}'"
 
 
 def read_properties(context: CheckContext, node: Node | None, tree: Step | None) -> tuple[MissionProperty, ...]:
-    """Read a list of properties, which name steps of ``tree`` and the actuators that it drives."""
+    """Return the properties in a list, which name steps of ``tree`` and the actuators that it drives."""
     if node is None or tree is None:  # without a tree, properties have no steps to refer to
         return ()
     if not isinstance(node, Listing) or not node.items:
@@ -69,7 +69,7 @@ def property_names(tree: Step) -> set[str]:
 def _read_property(
     context: CheckContext, node: Node, names: set[str], parts: frozenset[str]
 ) -> Iterator[MissionProperty]:
-    """Read one property."""
+    """Yield the property in a node, if it has no errors."""
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         context.fault(node.mark, f"a property needs one of {', '.join(PROPERTIES)}", _HINT)
         return
@@ -141,7 +141,7 @@ _READERS = {"never": _never, "always eventually": _eventually, "can": _can}
 MISSION_KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
 
 IF_INTERRUPTED = ("retry", "give_up")
-"""Handling of the mission as a task that was interrupted at an unknown point."""
+"""Options for a mission that, as a task, was interrupted at an unknown point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +160,14 @@ class MissionBody:
 
 
 AssignParams = Callable[[CheckContext, dict[str, Param], str], None]
-"""Sets the params: known values in ``params`` of the context, other names in ``variables``."""
+"""Function that sets the params of a mission: known values in ``params`` of the context, other names in ``variables``.
+"""
 
 
 def read_body(
     context: CheckContext, root: Node, assign_params: AssignParams, read_step: Callable[[CheckContext, Node], Step]
 ) -> MissionBody | None:
-    """Read a mission file; None if it is not a mapping."""
+    """Return the contents of a mission file; None if it is not a mapping."""
     if not isinstance(root, Mapping):
         context.fault(root.mark, "a mission begins with keys", "write 'mission: NAME', then 'tree:'")
         return None
@@ -219,7 +220,7 @@ def _if_interrupted(context: CheckContext, root: Mapping) -> str:
 
 
 def read_returns(context: CheckContext, node: Node | None) -> dict[str, Value]:
-    """Read ``returns: {name: expression}``; the expressions use the variables of this context."""
+    """Return the results in ``returns: {name: expression}``; the expressions use the variables of this context."""
     if node is None:
         return {}
     if not isinstance(node, Mapping):

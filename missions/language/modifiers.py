@@ -12,7 +12,7 @@ from missions.language.nodes import MODIFIERS
 
 
 def read_modifier(context: CheckContext, word: str, node: Node) -> Value:
-    """Read the value of the modifier ``word``."""
+    """Return the value of the modifier ``word`` from its node."""
     modifier = MODIFIERS[word]
     if not isinstance(node, Scalar):
         context.fault(node.mark, f"'{word}' needs {modifier.takes}")
@@ -74,7 +74,7 @@ def _constant(context: CheckContext, word: str, node: Scalar) -> Value:
 
 
 YES_NO_WORDS = ("yes", "no", "on", "off")
-"""Words for true and false that are not accepted here."""
+"""Words for true and false that modifiers do not accept."""
 
 
 def _once(context: CheckContext, word: str, node: Scalar) -> Value:
@@ -93,4 +93,4 @@ _READERS: Mapping[str, Callable[[CheckContext, str, Scalar], Value]] = {
     "duration": _duration,
     "expression": _once,
 }
-"""Functions that read the value of a modifier, by type."""
+"""Functions that read the value of a modifier, by the value's type."""

@@ -12,7 +12,7 @@ from drivers.api.fast_dataclass import dataclass
 SUCCESS, FAILURE = "success", "failure"
 
 RESTART = "again"
-"""Continuation of a modifier that restarts or re-evaluates its child."""
+"""Continuation after a child's end: the modifier restarts or re-evaluates the child."""
 
 Ends = frozenset[str]
 BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
@@ -45,7 +45,7 @@ class CompositeKind(ParentKind):
 
     @property
     def at_once(self) -> bool:
-        """True if the children run at the same time."""
+        """True if the children of the composite run at the same time."""
         return self.order == "at once"
 
 

@@ -16,7 +16,7 @@ MAX_TEXT = 10_000
 """Maximum characters of a text that a mission makes; a text that doubles at every tick must not fill the memory."""
 
 MAX_NUMBER = 1e15
-"""Maximum integer, for the same reason; up to it, floats represent integers exactly."""
+"""Maximum integer in an expression, so that it cannot grow at every tick; up to it, floats are exact."""
 
 BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -63,7 +63,7 @@ def member_at(items: Any, place: Any) -> object:
 
 
 def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
-    """Return the result of a comparison. Raises ValueError for different dimensions."""
+    """Return the result of a comparison of two values. Raises ValueError for different dimensions."""
     if (type(left) is Quantity or type(right) is Quantity) and _is_number(left) and _is_number(right):
         try:
             common_dimension(dimension_of(left), dimension_of(right))
@@ -84,7 +84,7 @@ def combine(op: ast.operator, left: Any, right: Any) -> object:
 
 
 def apply_sign(op: ast.unaryop, number: Any) -> object:
-    """Return the number with a sign."""
+    """Return a number after the unary operator ``op``: plus or minus."""
     dimension = dimension_of(number)
     return make_quantity(UNARY[type(op)](number), dimension)
 

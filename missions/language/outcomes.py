@@ -22,7 +22,7 @@ from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT
 from missions.language.plan import UNREAD_KIND, Step
 
 PASS_SUCCESS_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
-"""Modifiers that succeed if their child does."""
+"""Modifiers that succeed whenever their child does."""
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
@@ -110,7 +110,7 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
 
 
 def _waits(step: Step) -> bool:
-    """Return whether an instant leaf can be suspended: it, or one of its arguments, reads a sensor."""
+    """Return whether an instant leaf can be suspended: the leaf, or one of its arguments, reads a sensor."""
     reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
     return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE_KINDS for read in reads))
 
@@ -231,13 +231,13 @@ INSTANT_ACTIONS = frozenset(
 """Leaves that are not conditions, and end at once."""
 
 CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
-"""Modifiers with which a node runs only for a reason, or for at most a tick."""
+"""Modifiers with which a node does not always run, or for at most a tick."""
 
 GUARD_MODIFIERS = frozenset({"if", "while", "until"})
 """Modifiers with a condition that can end a node before it starts."""
 
 RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
-"""Modifiers that are running by themselves."""
+"""Modifiers that can be running while their child is not."""
 
 
 def actions_as_guards(tree: Step) -> list[Diagnostic]:

@@ -49,10 +49,10 @@ COUNTS = {
     ),
     WAIT_FOR_ALL: ("true", "halts no child, and ends when all have ended"),
 }
-"""Keys beside a ``parallel``: the form of the value, and its meaning."""
+"""Keys beside a ``parallel``: the form of each key's value, and its meaning."""
 
 ALL_CHILDREN = "all"
-"""Count that means all children."""
+"""Value of a count beside a ``parallel`` that means all children."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class ParallelDecision:
 
 
 def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDecision:
-    """Return the decision of a parallel with these settings.
+    """Return the decision of a parallel with these ``settings``, its keys by name.
 
     It fails after ``failure_count`` failures, or after so many that success is impossible.
     """
@@ -80,7 +80,7 @@ def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDeci
 
 
 def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[str, Value]:
-    """Read the keys beside a parallel with this number of children."""
+    """Return the values of the keys beside a parallel with this number of children."""
     found = {
         word.text: _read_count(context, word.text, node, children)
         for word, node in beside.entries

@@ -22,7 +22,7 @@ from missions.language.parallel_counts import COUNTS
 LIST_EXAMPLE = "such as [kitchen, hall]"
 
 ScalarReader = Callable[[Scalar], object]
-"""Returns the value of a scalar as a member of a list."""
+"""Function that returns the value of a scalar as a member of a list."""
 
 
 def list_members(node: Listing, read_scalar: ScalarReader) -> list[object]:
@@ -68,16 +68,16 @@ def _convert_members(convert: Convert, value: object) -> list[object]:
 
 
 LIST_TYPE = "list"
-"""Type of a param with members of one type."""
+"""Type of a mission param that is a list, with members of one type."""
 
 NAME_TYPES = ("person", "place", "gesture", "move", MISSION, "file")
-"""Types whose values are names."""
+"""Types of params whose values are names."""
 
 PARAM_TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAME_TYPES, LIST_TYPE)
-"""Values of ``type`` in the long form of a param."""
+"""Words for ``type`` in the long form of a param."""
 
 INVALID_DEFAULT = object()
-"""Placeholder for a default with an error that has been reported."""
+"""Placeholder for the default of a param with an error that has been reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class ParamType:
 
     @property
     def value_kind(self) -> Kind:
-        """Kind of the values."""
+        """Kind of the param's values."""
         return ListKind(param_kind(self.member_type)) if self.kind == LIST_TYPE else param_kind(self.member_type)
 
     def scalar_value(self, node: Scalar) -> Plain:
@@ -111,7 +111,7 @@ class ParamType:
         )
 
     def parse(self, text: str) -> object:
-        """Parse a value of the command line. Raises ValueError with the expected form."""
+        """Parse a value of the param from the command line. Raises ValueError with the expected form."""
         if self.kind == LIST_TYPE:
             return self.convert(parse_list(text, self.scalar_value))
         if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
@@ -362,7 +362,7 @@ class Param:
 
     @property
     def kind(self) -> str:
-        """The word for its type."""
+        """The word for the type of the param."""
         return self.type.kind
 
     @property
@@ -372,16 +372,16 @@ class Param:
 
     @property
     def has_value(self) -> bool:
-        """True if it has a value without the caller."""
+        """True if the param has a value without the caller."""
         return self.default not in (REQUIRED, INVALID_DEFAULT)
 
     def parse(self, text: str) -> object:
-        """Parse a value of the command line. Raises ValueError with the expected form."""
+        """Parse a value of the param from the command line. Raises ValueError with the expected form."""
         return self.type.parse(text)
 
 
 def read_params(context: CheckContext, node: Node | None) -> dict[str, Param]:
-    """Read the ``params`` of a mission: ``name: default``, or ``name: {default, type, help, low, high}``."""
+    """Return the ``params`` of a mission by name: ``name: default``, or ``name: {default, type, help, low, high}``."""
     if node is not None and not isinstance(node, Mapping):
         context.fault(node.mark, "'params' needs names and their defaults", "write 'patience: 60 s' under it")
     found: dict[str, Param] = {}

@@ -18,7 +18,7 @@ PHRASES_KIND = "phrases"
 
 
 def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
-    """Read one phrase or a list: a mapping from the normalised form to the written form.
+    """Return the phrases of one node or a list: a mapping from the normalised form to the written form.
 
     All phrases must be known before the run, since the recogniser needs them; phrases with a missing param are left
     out.

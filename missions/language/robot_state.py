@@ -7,7 +7,7 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StateValue:
-    """Value of a part: its kind (a dimension, "percent", "flag" or "text") and its help.
+    """Value of a robot's part that expressions read: its kind (a dimension, "percent", "flag" or "text") and its help.
 
     ``options`` are all its values if they are few; verify tries each. ``sense`` is the detector that it needs.
     ``is_always_known`` marks a value that is known while its part does not report. ``is_dead_reckoned`` marks one
@@ -33,7 +33,7 @@ class StatePart:
 
 
 def _flag(text: str, *, first: bool = False, sense: str = "", is_always_known: bool = False) -> StateValue:
-    """Return a flag; verify tries the value ``first`` first."""
+    """Return a state value that is true or false; verify tries the value ``first`` first."""
     return StateValue("flag", text, (first, not first), sense, is_always_known)
 
 

@@ -33,7 +33,7 @@ ReadStep = Callable[[CheckContext, Node], Step]
 def read_submission(
     context: CheckContext, key: Scalar, value: Node | None, beside: Mapping, name: str | None, read_step: ReadStep
 ) -> Step | None:
-    """Read ``mission: NAME`` with the ``with`` and ``returns`` beside it; None if it has errors."""
+    """Return the step of ``mission: NAME`` with the ``with`` and ``returns`` beside it; None if it has errors."""
     if not isinstance(value, Scalar) or value.value is None:
         context.fault(key.mark, "'mission' needs the name of a mission, or the path of its file")
         return None
@@ -191,14 +191,14 @@ BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS)
 """Keys beside a behaviour that do not wrap it."""
 
 OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
-"""Keys that are allowed beside one behaviour only."""
+"""The behaviour beside which a key is allowed, for keys that belong to one behaviour only."""
 
 LIST_HINT = "`mission list behaviours` lists all; put your own into behaviours/NAME.py beside the mission"
 MISSING_MESSAGE = "a behaviour is missing here"
 
 
 def read_step(context: CheckContext, node: Node) -> Step:
-    """Read one node of the tree; return a placeholder if it has errors."""
+    """Return the step of one YAML node of the tree; a placeholder if the node has errors."""
     above = context.depth
     context.depth += 1 + sum(key.text in MODIFIERS for key, _ in (node.entries if isinstance(node, Mapping) else ()))
     try:
@@ -218,7 +218,7 @@ def read_step(context: CheckContext, node: Node) -> Step:
 
 
 def _report_too_deep(context: CheckContext, node: Node) -> Step:
-    """Report the depth once, although each of a thousand leaves may be too deep."""
+    """Report a tree that is too deep, once, although each of a thousand leaves may be; return a placeholder."""
     message = f"nested too deeply: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
     if all(fault.message != message for fault in context.faults):
         context.fault(node.mark, message, certain=True)
@@ -288,7 +288,7 @@ def _is_behaviour(context: CheckContext, word: str) -> bool:
 
 
 def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
-    """Read a behaviour with the keys beside it; None if it has errors."""
+    """Return the step of a behaviour with the keys beside it; None if it has errors."""
     if not _is_behaviour(context, key.text):
         _report_unknown_word(context, key, "behaviour", alone=True)
         return None
@@ -317,7 +317,7 @@ def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, besi
 def _read_by_kind(
     context: CheckContext, key: Scalar, value: Node | None, beside: Mapping, name: str | None
 ) -> Step | None:
-    """Read a leaf, a sub-mission, a switch or another composite."""
+    """Return the step of a leaf, a sub-mission, a switch or another composite; None if it has errors."""
     leaf = context.leaves.get(key.text)
     shown = name or key.text
     if leaf is not None:

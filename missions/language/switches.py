@@ -19,7 +19,7 @@ from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.plan import Step
 
 YES_NO_MEANINGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-"""Words for true and false."""
+"""Meaning, true or false, of words in the cases of a switch."""
 
 
 def impossible_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
@@ -92,7 +92,7 @@ SWITCH_EXAMPLE = "write {}: {{on: face.count, cases: {{1: ..., 2: ...}}, default
 def read_switch(
     context: CheckContext, key: Scalar, value: Node | None, name: str, read_step: Callable[[CheckContext, Node], Step]
 ) -> Step | None:
-    """Read a switch of either kind; None if it has errors."""
+    """Return the step of a ``switch`` or ``reactive_switch``; None if it has errors."""
     word, form = key.text, SWITCH_EXAMPLE.format(key.text)
     if not isinstance(value, Mapping):
         context.fault(key.mark, f"'{word}' needs 'on' and 'cases'", form)

@@ -129,7 +129,7 @@ MIN_LONG_LIKENESS = 0.85
 """Minimum similarity ratio of long words with up to two typing errors."""
 
 MIN_LONG_WORD = 8
-"""Minimum letters of a word in which a changed letter is a typing error; shorter ones differ: wander and wonder."""
+"""Minimum letters of a word in which a changed letter is a typing error; not so in short ones: wander, wonder."""
 
 SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 
@@ -161,7 +161,7 @@ def unknown_word_hint(
 
 
 def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
-    """Return our words within one typing error, of themselves or of their synonyms."""
+    """Return the words of ``ours`` that are within one typing error of ``word``, by themselves or by a synonym."""
     slips = {each for each in ours if is_one_edit(word, each)}
     for each, names in SYNONYMS.items():
         # Shorter words are one letter away from too many others: ``trun`` is ``turn``, not ``run``.

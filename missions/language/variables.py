@@ -28,7 +28,7 @@ from missions.language.switches import impossible_cases
 Kinds = Mapping[str, Kind]
 
 MAX_ROUNDS = 8
-"""Changes of a variable's kind by one setter: it is settled, widened at most twice, then unknown."""
+"""Changes of a variable's kind that one setter can cause: settled, widened at most twice, then unknown."""
 
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
@@ -42,7 +42,7 @@ def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value])
 
 
 def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, found: dict[Diagnostic, None]) -> None:
-    """Check one mission and its sub-missions."""
+    """Add the type errors of one mission and its sub-missions to ``found``."""
     kinds = variable_kinds(tree, params)
     values = [value for step in steps_in_scope(tree) for value in step.arguments.values()]
     for value in (*values, *returns.values()):

@@ -11,7 +11,7 @@ from missions.language.plan import PlaceholderLeaf, Step
 from perception.api import ThingSpec
 
 OBJECT_KIND = "object"
-"""Kind of arguments that name an object."""
+"""Kind of an argument that names an object to look for."""
 
 MAX_COMBINATIONS = 2000
 """Maximum combinations of texts tried for one expression; with more, its value is unknown."""

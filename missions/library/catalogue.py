@@ -24,7 +24,7 @@ EXAMPLE_VALUES: dict[str, object] = {
     "head": "lidar_mast",
     "arm": "right_arm",
 }
-"""An example value for each kind without a unit, as written in a mission."""
+"""An example value for each kind of argument without a unit, as written in a mission."""
 
 
 def summary(leaf: type[Leaf]) -> str:
@@ -51,7 +51,7 @@ def kind_text(argument: Argument) -> str:
 
 
 def default_data(argument: Argument) -> object:
-    """Return a default in mission notation as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
+    """Return the default of an argument in mission notation as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
     default = argument.default
     if argument.kind not in UNITS or argument.by_joint or default is None:
         return list(default) if isinstance(default, tuple) else default
@@ -61,7 +61,7 @@ def default_data(argument: Argument) -> object:
 
 
 def default_text(argument: Argument) -> str:
-    """Return a default in mission notation as text."""
+    """Return the default of an argument in mission notation as text."""
     default = default_data(argument)
     if default is None or default in ("", [], {}):
         return "nothing"
@@ -83,7 +83,7 @@ def bounds_text(argument: Argument) -> str:
 
 
 def requirements_text(argument: Argument) -> str:
-    """Return kind, bounds and default: "speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s"."""
+    """Return an argument's kind, bounds, default: "length (m, cm, mm), 0.1 m to 2 m; default 0.5 m"."""
     limits = bounds_text(argument)
     default = "must be given" if argument.required else f"default {default_text(argument)}"
     return kind_text(argument) + (f", {limits}" if limits else "") + f"; {default}"

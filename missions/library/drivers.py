@@ -115,7 +115,7 @@ def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
 
 
 def _find_problem(name: str, driver: Driver) -> str:
-    """Return the error in a declaration; empty if it is valid."""
+    """Return the error in the declaration of a driver; empty if it is valid."""
     if name != f"{driver.kind}.{driver.name}":
         return f"declares the driver {driver.kind}.{driver.name}: both must have one name"
     kind = KINDS[driver.kind]

@@ -11,7 +11,7 @@ from drivers.api.sections import Ros2Keys
 
 
 def data_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder for the user's data: models, pictures of people."""
+    """Return the folder for the user's data: trained models, pictures of people."""
     return _folder(environment.get("XDG_DATA_HOME", ""), ".local/share")
 
 
@@ -35,7 +35,7 @@ def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def _folder(named: str, otherwise: str) -> Path:
-    """Return our folder in ``named``; a relative path counts as not set, by the specification."""
+    """Return our folder in ``named``, or in ``otherwise`` of the home folder if ``named`` is not an absolute path."""
     return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"
 
 

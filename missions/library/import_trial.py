@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 IMPORT_TIMEOUT = 20.0
-"""Seconds for an import."""
+"""Seconds for the trial import in a separate process."""
 
 MAX_REPORT = 1 << 16
-"""Maximum bytes read of the report."""
+"""Maximum bytes that are read of the trial process's report."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportProblem:
-    """Reason why code cannot be imported; ``line`` in its file is 0 if unknown."""
+    """Reason why Python code cannot be imported; ``line`` in its file is 0 if unknown."""
 
     message: str
     line: int = 0
@@ -95,7 +95,7 @@ def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -
 
 
 def _parse_report(report: bytes, code: int) -> ImportProblem | None:
-    """Return the problem in the report of a process that ended with ``code``."""
+    """Return the problem in the report of a trial process that ended with ``code``; None if the import succeeded."""
     try:
         found = json.loads(report)
         return None if found is None else ImportProblem(str(found[0]), int(found[1]), int(found[2]))
@@ -106,7 +106,7 @@ def _parse_report(report: bytes, code: int) -> ImportProblem | None:
 
 
 def error_text(error: BaseException) -> str:
-    """Return type and message of an error."""
+    """Return the type and message of an exception."""
     try:
         words = str(error.msg if isinstance(error, SyntaxError) else error)
     except Exception:  # its __str__ raises

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Interests:
-    """Detectors to run: faces, their ``names``, ``objects``, robots with ``markers``, and motion; and phrases."""
+    """Detectors to run (faces, their ``names``, ``objects``, robots with ``markers``, motion), and phrases to hear."""
 
     objects: tuple[ThingSpec, ...] = ()
     markers: "MarkerSet | None" = None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 MAX_SHOWN_PATH = 400
-"""Maximum characters of a path in a message."""
+"""Maximum number of characters of a file's path in a message."""
 
 
 def find_gesture(name: str) -> Gesture:
@@ -109,7 +109,7 @@ LOOKUPS: Mapping[str, Callable[[str], object]] = {
     "object": find_object,
     "file": existing_file,
 }
-"""Lookup functions by kind."""
+"""Function that looks up a name, for each kind of argument that names an object."""
 
 
 def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Path] | None = None) -> T:

@@ -28,7 +28,7 @@ from perception.people import MAX_PICTURES, MAX_PICTURES_TOGETHER, MIN_PICTURES
 # programs may add and remove files: a file that disappears between listing and reading is skipped.
 
 NEW_PREFIX = ".new-"
-"""Prefix of folders whose pictures are not complete yet."""
+"""Prefix of a person's folder while the pictures in it are not complete yet."""
 
 FEATURES_FILE = ".features.json"
 """File with the features of the pictures in a folder: see ``missions.assembly.gallery``."""
@@ -114,13 +114,13 @@ def _write_picture(path: Path, picture: Image) -> None:
 
 
 MAX_NAME_LENGTH = 60
-"""Maximum letters of a name; with four bytes each, they fit into a folder name."""
+"""Maximum letters of a person's name; with four bytes each, they fit into the name of a folder."""
 
 JOINERS = "\u200c\u200d"
-"""Invisible characters that separate and join letters in Persian and Indic names."""
+"""Invisible characters that separate and join letters in Persian and Indic names of people."""
 
 NAME_SIGNS = frozenset(" -_'\u2019." + JOINERS)
-"""Characters of a name in addition to letters, marks and digits."""
+"""Characters allowed in a person's name in addition to letters, marks and digits."""
 
 
 class PeopleError(RuntimeError):
@@ -132,7 +132,7 @@ class PeopleError(RuntimeError):
 
 
 ProblemListener = Callable[[PeopleError], None]
-"""Called for each picture that is skipped."""
+"""Called with the problem for each picture that is skipped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,7 @@ def proper_name(name: str) -> str:
 
 
 class People:
-    """The people in one folder. The folder is accessed only by the methods."""
+    """The known people whose pictures are in one folder, which is accessed only by the methods."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -317,7 +317,7 @@ class People:
         return found
 
     def _folders(self) -> list[Path]:
-        """Return all folders in the folder, without symbolic links. Raises PeopleError."""
+        """Return all folders in the folder of people, without symbolic links. Raises PeopleError."""
         try:
             return sorted(path for path in self.folder.iterdir() if path.is_dir() and not path.is_symlink())
         except FileNotFoundError:

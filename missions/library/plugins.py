@@ -84,7 +84,7 @@ def _missing_needs(plugin: Plugin, found: Mapping[str, Plugin]) -> list[str]:
 
 
 def _conflict(plugin: Plugin, others: Iterable[Plugin]) -> str:
-    """Return which name of a plug-in is taken by another; empty if none is."""
+    """Return the error if a plug-in's name, command or file suffix is taken by another one; empty if none is."""
     for other in others:
         if plugin.name == other.name:
             return f"a plug-in '{plugin.name}' exists already"

@@ -16,7 +16,7 @@ from config.file_io import PRIVATE_MODE, replace_file
 
 
 class ExistsError(ValueError):
-    """The file or folder to write already exists; the message has a hint how to overwrite it."""
+    """The output file or folder exists already; the message has a hint how to overwrite it."""
 
 
 def open_for_owner(path: str, flags: int) -> int:

@@ -12,7 +12,7 @@ from drivers.sound.engines import EspeakEngine
 from perception.hearing.lexicon import Lexicon, espeak_to_phones, find_confusable, load_english
 
 DEFAULT_MANNER = SpeechStyle("en-us", 150.0)
-"""Voice and rate for the pronunciation of unknown words."""
+"""Synthesiser voice and speech rate with which the pronunciation of unknown words is found."""
 
 
 def find_unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:

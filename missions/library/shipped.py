@@ -35,7 +35,7 @@ MOTIONS = {
 
 
 MISSION_NAME = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
-"""Names of missions that can be requested over a network: library names, no paths."""
+"""Pattern of mission names that can be requested over a network: library names, no paths."""
 
 
 @cache

@@ -16,10 +16,10 @@ from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys
 from missions.library.drivers import parse_robot
 
 LIMIT_ENDS = ("lower", "upper")
-"""Ends of ``limits``."""
+"""Names of the two ends of a joint's ``limits``."""
 
 TOLERANCE = radians(0.001)
-"""Maximum difference of equal values."""
+"""Maximum difference of two values that count as equal."""
 
 
 def file_values(robot: RobotConfig) -> dict[str, tuple[float, str]]:
@@ -32,7 +32,7 @@ def file_values(robot: RobotConfig) -> dict[str, tuple[float, str]]:
 
 
 def _tunable_values(keys: Any) -> Iterator[tuple[str, float, str]]:
-    """Yield the tunable values of a part."""
+    """Yield name, value and dimension of each tunable value in the keys of a part."""
     match keys:
         case BaseKeys():
             yield "max_speed", keys.max_speed, "speed"

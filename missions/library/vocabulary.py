@@ -47,23 +47,23 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 ENTRY_POINT_GROUP = "missiontree.behaviours"
-"""Group of entry points with leaves."""
+"""Group of entry points by which packages offer leaves."""
 
 BEHAVIOURS_FOLDER = "behaviours"
-"""Folder with behaviour files, beside missions."""
+"""Name of the folder with behaviour files, beside missions."""
 
 RESERVED_WORDS = frozenset({*BRANCHES, *MODIFIERS, *BESIDE_KEYS, *MISSION_KEYS})
-"""Words with another meaning in missions."""
+"""Words with another meaning in missions, which no leaf can have as its tag."""
 
 MODULE_PREFIX = "missiontree_behaviours."
 """Prefix of the names of modules that are loaded from files."""
 
 ARGUMENT_KINDS = frozenset({*UNITS, *EXAMPLE_VALUES, "name", "gesture", "move", "gait", "controller"})
-"""Kinds of arguments."""
+"""Kinds that an argument of a leaf can have."""
 
 
 SENSES = frozenset({"faces", "names", "things", "markers", "motion"})
-"""Detectors that a leaf can use."""
+"""Detectors that a leaf can list in ``senses``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def real_path(path: Path) -> str:
 
 
 def load_leaves(files: Iterable[Path] = (), required_files: Iterable[Path] | None = None) -> Mapping[str, type[Leaf]]:
-    """Return all leaves by word.
+    """Return all leaves by their tag.
 
     Raises InvalidFileError with all errors in the ``required_files`` (all ``files``, if None). Other files and
     installed packages with errors are skipped with a warning, so that other missions are not affected.

@@ -32,12 +32,12 @@ def build_world(config: WorldConfig) -> SimulatedWorld:
 
 
 def build_physics(physics: PhysicsConfig) -> Physics:
-    """Return the error model of a base in a world."""
+    """Return the error model of the simulated base in a world."""
     return Physics(physics.lag, physics.slip, physics.gyro_noise, physics.dropouts, build_battery(physics))
 
 
 def build_battery(physics: PhysicsConfig) -> Battery | None:
-    """Return the battery of a base in a world; None if the world has none."""
+    """Return the battery of the simulated base in a world; None if the world has none."""
     battery = physics.battery
     return (
         None if battery is None else Battery(100 * battery.level, drain=battery.drain, resistance=INTERNAL_RESISTANCE)

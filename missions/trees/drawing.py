@@ -8,7 +8,7 @@ from drivers.api.fast_dataclass import dataclass
 from missions.codec import Bound, CodecError, JsonName, Rules, decode, definitions, encode, object_schema
 
 Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]
-"""Status of a node, in the words of events."""
+"""Status of a node, in the words of run events."""
 
 ACTIVE: frozenset[str] = frozenset({"running", "suspended"})
 """Statuses of a node that has started and not ended."""
@@ -21,7 +21,7 @@ SIGNS: Mapping[Status, str] = {
     "skipped": "»",
     "failure": "✗",
 }
-"""Sign of each status, so that pictures do not depend on colour alone."""
+"""Sign of each node status, so that pictures do not depend on colour alone."""
 
 ASCII_SIGNS: Mapping[Status, str] = {
     "idle": "o",
@@ -31,7 +31,7 @@ ASCII_SIGNS: Mapping[Status, str] = {
     "skipped": "/",
     "failure": "x",
 }
-"""Signs without Unicode."""
+"""Sign of each node status, without Unicode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ Reason = Annotated[str, "Reason of a failure or a wait; empty otherwise."]
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """Modifier, drawn on the node that it modifies."""
+    """Modifier of a mission, drawn on the box of the node that it modifies."""
 
     key: Key
     kind: Annotated[str, "Tag of the modifier, such as timeout."]
@@ -63,7 +63,7 @@ class Badge:
 
 @dataclass(frozen=True, slots=True)
 class TreeBox:
-    """Node that is not a modifier."""
+    """Box of a drawing: a node of the mission's tree that is not a modifier."""
 
     derived: ClassVar[Mapping[str, str]] = {"title": "Title for people."}
 
@@ -122,7 +122,7 @@ class TreeBox:
 
 @dataclass(frozen=True, slots=True)
 class TreeDrawing:
-    """Drawing of a whole tree."""
+    """Drawing of a mission's whole tree."""
 
     mission: Annotated[str, "Name of the mission."]
     summary: Annotated[str, "Description in a line."]
@@ -182,7 +182,7 @@ class NodeLabels:
 
 
 def outline(drawing: TreeDrawing) -> str:
-    """Return a line per node and modifier; in a drawing of a run, after a line with mission and time."""
+    """Return the tree as text, a line per node and modifier; in a drawing of a run, mission and time come first."""
     head = [] if drawing.time is None else [f"{drawing.mission} at {drawing.time:.2f} s"]
     return "\n".join([*head, *_lines(drawing.root, NodeLabels(drawing), "", "")]) + "\n"
 
@@ -208,7 +208,7 @@ def _badge(title: str, *more: str) -> str:
 # Drawings as JSON, and back: for other programs, for pages and records, and for a view of a running mission.
 
 FORMAT = "missiontree-tree/1"
-"""Format name of tree dumps; its number grows with each incompatible change."""
+"""Format name of tree dumps in JSON; its number grows with each incompatible change."""
 
 RULES = Rules()
 

@@ -32,14 +32,14 @@ def legend() -> tuple[tuple[str, str, str], ...]:
 
 
 HERE = Path(__file__).parents[1]
-"""Folder of the shipped missions; drawings name their files relative to it."""
+"""Folder of the shipped missions; drawings name mission files relative to it."""
 
 JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
-"""Zero-width joiners that some scripts and emoji need."""
+"""Zero-width characters that some scripts and emoji need, so they are kept in names."""
 
 
 def drawing_of(plan: Plan) -> TreeDrawing:
-    """Return the drawing of a mission at rest, with the keys of its nodes in a run."""
+    """Return the drawing of a mission at rest; its nodes have the same keys as in a run."""
     return TreeDrawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
 
 

@@ -1,4 +1,4 @@
-"""Run's side of a view: collects events into few messages, and executes the commands of a person."""
+"""Feed of a view (the terminal or the studio) from a run: collects events, and executes the person's commands."""
 
 import os
 import signal
@@ -20,7 +20,7 @@ from missions.trees.value_text import value_text
 Json = dict[str, object]
 
 VIEW_COMMANDS = ("pause", "resume", "step", "stop", "interrupt")
-"""Commands of a view; ``interrupt`` is a Ctrl-C, which reaches even a run that hangs."""
+"""Commands that a view can send; ``interrupt`` is a Ctrl-C, which reaches even a run that hangs."""
 
 STOPPED_REASON = "stopped from the view"
 """Reason of a run that was stopped from a view."""
@@ -35,7 +35,7 @@ MAX_LOG_LINES = 1000
 """Maximum number of log lines that wait for a slow view; older lines are dropped."""
 
 MAX_SHOWN_LENGTH = 200
-"""Maximum length of a value or reason in a message."""
+"""Maximum length of a variable's value or a node's reason in a message to a view."""
 
 
 class ViewFeed:
@@ -74,7 +74,7 @@ class ViewFeed:
     # --- told by the run ----------------------------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Store an event."""
+        """Store the changes in an event of the run."""
         match event:
             case NodeChanged():
                 with self._lock:

@@ -6,10 +6,10 @@ from missions.executive.events import Event, NodeChanged
 from missions.trees.drawing import SIGNS, NodeState, Status
 
 STATUSES: Mapping[str, Status] = {status: status for status in SIGNS}
-"""Statuses by their word in events."""
+"""Node statuses by their word in run events."""
 
 TIME_TOLERANCE = 1e-6
-"""Seconds within which two times are equal, since a sum of ticks differs slightly from a typed time."""
+"""Difference in seconds within which two times are equal, since a sum of ticks differs slightly from a typed time."""
 
 
 def state_after(change: NodeChanged) -> NodeState:
@@ -24,7 +24,7 @@ class NodeStates:
         self.by_key: dict[str, NodeState] = {}
 
     def on_event(self, event: Event) -> None:
-        """Update the states with an event."""
+        """Update the states of the nodes with an event."""
         if isinstance(event, NodeChanged):
             self.by_key[event.node] = state_after(event)
 

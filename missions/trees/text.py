@@ -23,7 +23,7 @@ STYLES: Mapping[Status, str] = {
     "skipped": "fill:#f4f5f7,stroke:#56616d,color:#1d2530,stroke-dasharray:1 3",
     "failure": "fill:#fdf0e9,stroke:#b3400a,color:#1d2530,stroke-width:2px",
 }
-"""Mermaid style of each status, with its own border."""
+"""Mermaid style of each node status, with a border of its own."""
 
 _ENTITIES = str.maketrans({mark: f"#{ord(mark)};" for mark in '#"<>&`|\\'})
 """Characters that need escaping in Mermaid labels, with their character codes."""
@@ -128,7 +128,7 @@ def _tree(box: TreeBox, names: Mapping[str, str]) -> Behaviour:
 
 
 class _Leaf(Behaviour):
-    """Placeholder in a dump for a leaf or a folded sub-mission."""
+    """Placeholder for a leaf or a folded sub-mission in a text tree."""
 
     def update(self) -> Result:
         return Result.INVALID

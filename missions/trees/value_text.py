@@ -14,7 +14,7 @@ from missions.trees.drawing_builder import one_line
 from perception.api import UNKNOWN, Face, Marker, Percept, Thing
 
 MAX_SHOWN_LENGTH = 120
-"""Maximum length of a value."""
+"""Maximum length of a variable's value as text."""
 
 
 def seconds_text(time: float) -> str:
@@ -23,7 +23,7 @@ def seconds_text(time: float) -> str:
 
 
 def count_text(number: int, noun: str) -> str:
-    """Return "1 picture", "2 pictures"."""
+    """Return a number with its noun in singular or plural: "1 picture", "2 pictures"."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 

@@ -14,7 +14,7 @@ import numpy as np
 MODEL_FILE = Path(__file__).with_name("acceptance.json")
 
 MAX_DEVIATIONS = 4.0
-"""Standard deviations at which a feature is clipped, so that one outlier does not decide alone."""
+"""Standard deviations at which a feature of a decoding is clipped, so that one outlier does not decide alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class AcceptanceModel:
 
 
 def load_acceptance(path: Path = MODEL_FILE) -> AcceptanceModel:
-    """Read the trained parameters."""
+    """Return the acceptance model with the trained parameters in a file."""
     found = json.loads(path.read_text(encoding="utf-8"))
     return AcceptanceModel(
         names=tuple(found["names"]),

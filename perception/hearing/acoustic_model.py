@@ -25,10 +25,10 @@ CEPSTRUM_SIZE, BAND_COUNT, MIN_FREQUENCY, MAX_FREQUENCY = 13, 25, 130.0, 6800.0
 """Number of cepstra and of triangles, and frequency range of the triangles (Hz)."""
 
 TYPICAL_CEPSTRA = (41.6, -6.2, -4.3, -0.8, -3.5, -6.0, -4.9, -2.5, 0.8, -2.2, -1.2, -1.6, -0.7)
-"""Mean of the cepstra of words at the level ``perception.hearing.sound.TARGET_LEVEL``, over people and microphones."""
+"""Mean cepstra of words at the level ``perception.hearing.sound.TARGET_LEVEL``, over people and microphones."""
 
 TYPICAL_ROWS = 100
-"""Rows that ``TYPICAL_CEPSTRA`` counts for: the mean of one word depends as much on its sounds as on the microphone."""
+"""Rows that ``TYPICAL_CEPSTRA`` counts for: a word's mean depends as much on its sounds as on the microphone."""
 
 _KEPT, _RISE, _FALL, _FADE, _MASK, _GAIN, _BESIDE = 0.7, 0.995, 0.5, 0.85, 0.2, 20.0, 4
 
@@ -146,7 +146,7 @@ class WordStates:
 
 
 class AcousticModel:
-    """Model in a ``folder``. Raises OSError if a file is missing, ValueError for another format."""
+    """Acoustic model of pocketsphinx in a ``folder``. Raises OSError (no such file), ValueError (another format)."""
 
     def __init__(self, folder: Path) -> None:
         settings = dict(
@@ -165,7 +165,7 @@ class AcousticModel:
         self.weights = self._read_weights((folder / "sendump").read_bytes(), means.shape[1:3])
 
     def _read_phones(self, data: bytes) -> None:
-        """Read the states of each phone between its neighbours."""
+        """Read the states of each phone, which depend on its neighbours."""
         if data[:4] != b"BMDF":
             raise ValueError("the acoustic model has no binary mdef")
         at = 12 + int(np.frombuffer(data, "<i4", 1, 8)[0])
@@ -230,7 +230,7 @@ class AcousticModel:
 
 
 class StateLikelihoods:
-    """Likelihoods of sounds in some ``states`` of a model."""
+    """Likelihoods of sounds in some ``states`` of an acoustic model."""
 
     def __init__(self, model: AcousticModel, states: Iterable[int]) -> None:
         self.states = np.unique(np.fromiter(states, np.int64))
@@ -243,7 +243,7 @@ class StateLikelihoods:
         ]
 
     def columns(self, states: Integers) -> Integers:
-        """Return the columns of some states in the result."""
+        """Return the columns of the likelihood table that belong to some states."""
         return np.searchsorted(self.states, states)
 
     def __call__(self, features: Floats) -> Floats32:
@@ -279,14 +279,14 @@ def _read_table(path: Path) -> Floats:
 # sound on its best path; that of two words differs by the same whatever the sound was recorded with.
 
 FILLERS = {SILENCE: 0.005, "+NSN+": 1e-8, "+SPN+": 1e-8}
-"""Sounds beside a word, and their probabilities: silence, noise, and voices."""
+"""Sounds beside a word (silence, noise, and voices) and their probabilities."""
 
 _LOG_ZERO = np.float32(-np.inf)
 
 
 @dataclass(frozen=True, slots=True)
 class WordScore:
-    """Result of one word: the frames of 10 ms in which it was spoken, and the log likelihood of the whole sound."""
+    """Result of one word: the frames (10 ms) in which it was spoken, and the log likelihood of the whole sound."""
 
     word: str
     frames: int

@@ -12,7 +12,7 @@ from perception.hearing.lexicon import Lexicon
 from perception.hearing.sound import Clip, enhance_speech
 
 Judgement = tuple[str, float]
-"""The nearest phrase and its score, the logarithm of the odds; ``NO_PHRASE`` if there is none."""
+"""The nearest phrase and its score, the logarithm of the odds that it was spoken; ``NO_PHRASE`` if there is none."""
 
 NO_PHRASE: Judgement = ("", -99.0)
 
@@ -48,7 +48,7 @@ class SphinxEngine:
         return enhance_speech(clip.samples, clip.noise).tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
-        """Return the phrase and score for a reply."""
+        """Return the phrase and score for the worker's reply to a clip."""
         said = Decoding.from_answer(answer)
         if said is None:
             return NO_PHRASE
@@ -76,7 +76,7 @@ class ModelEngine:
         return clip.samples.tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:  # noqa: ARG002 - the answer says it all
-        """Return the phrase and score for a reply: the lowest confidence of its parts; other text is refused."""
+        """Return the phrase for a worker's reply, and as score the lowest confidence of its parts."""
         phrase, parts = normalise(str(answer.get("phrase", ""))), answer.get("sure", ())
         if phrase not in self._grammar.phrases or not parts:
             return NO_PHRASE
@@ -85,14 +85,14 @@ class ModelEngine:
 
 
 class VoskEngine(ModelEngine):
-    """Vosk. It recognises only the phrases, and has its own "unknown" for other speech."""
+    """Recognition engine Vosk. It recognises only the phrases, and has its own "unknown" for other speech."""
 
     program = Path(__file__).with_name("vosk_worker.py")
     hint = "`pip install 'missiontree[vosk]'` installs Vosk; alphacephei.com/vosk/models has models"
 
 
 class SherpaEngine(ModelEngine):
-    """Sherpa-onnx with a streaming transducer. It transcribes all speech, of which only phrases count."""
+    """Recognition engine sherpa-onnx with a streaming transducer. It transcribes all speech; only phrases count."""
 
     program = Path(__file__).with_name("sherpa_worker.py")
     hint = "`pip install 'missiontree[sherpa]'` installs sherpa-onnx; its documentation has streaming transducers"

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from drivers.api.fast_dataclass import dataclass
 
 Arc = tuple[int, int, float, str]
-"""Arc of the network: from state, to state, probability, word."""
+"""Arc of the word network: from state, to state, probability, word."""
 
 START, END = 0, 1
 
@@ -41,7 +41,7 @@ def phrase_error(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class PhraseGrammar:
-    """The normalised ``phrases``, each once. Use ``PhraseGrammar.from_texts`` to make one."""
+    """The normalised ``phrases`` to listen for, each once. Use ``PhraseGrammar.from_texts`` to make one."""
 
     phrases: tuple[str, ...] = ()
 

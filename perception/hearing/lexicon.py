@@ -23,7 +23,7 @@ _ESPEAK_PHONES = {
     "U@": "UH R", "u:": "UW", "eI": "EY", "aI": "AY", "aI@": "AY AH", "aI3": "AY ER", "OI": "OY", "aU": "AW",
     "oU": "OW",
 }  # fmt: skip
-"""Phones by mnemonics of the voice en-us, without stress."""
+"""Phones by the phoneme mnemonics of espeak-ng's voice en-us, without stress."""
 
 _SILENT_MNEMONICS = frozenset(("", "_", "_:", "?", ";", "|"))
 
@@ -49,7 +49,7 @@ PHONE_KINDS = {
     "nasal": ("M", "N", "NG"),
     "glide": ("L", "R", "W", "Y"),
 }
-"""Phones of each kind; those of one kind are easily confused."""
+"""Phones of each kind; phones of one kind are easily confused."""
 
 KIND_OF = {phone: kind for kind, phones in PHONE_KINDS.items() for phone in phones}
 """Kind of each phone; noises and silence have none."""
@@ -158,14 +158,14 @@ def _read_lexicon(path: Path, overrides: Sequence[tuple[str, str]]) -> Lexicon:
 # Which phrases are easily confused: those that differ by hardly more than one sound.
 
 MAX_CONFUSABLE_CHANGES = 1.0
-"""Largest phone distance of confusable phrases; a replacement within a kind (m by n) counts half."""
+"""Largest edit distance, in phones, of confusable phrases; a replacement within a kind (m by n) counts half."""
 
 MAX_PRONUNCIATIONS = 16
-"""Number of pronunciations of a phrase that are compared."""
+"""Maximum number of pronunciations of a phrase that are compared."""
 
 
 def find_confusable(phrases: Sequence[str], lexicon: Lexicon) -> list[tuple[str, str]]:
-    """Return the pairs of normalised phrases that are easily confused, without those with unknown words."""
+    """Return the pairs of normalised phrases that are easily confused; phrases with unknown words are ignored."""
     said = {phrase: _phrase_pronunciations(phrase, lexicon) for phrase in phrases}
     return [
         (one, other)

@@ -14,19 +14,19 @@ from perception.hearing.engines import Judgement
 from perception.hearing.sound import FULL_SCALE_LEVEL, RATE, Clip, EndPointer, Piece, levels
 
 MAX_WORD_AGE = 30.0
-"""Seconds for which words are kept."""
+"""Seconds for which recognised words are kept."""
 
 MAX_WAITING_CLIPS = 8
 """Largest number of clips that wait for the recogniser, which is ten times as fast as speech unless it has died."""
 
 SILENCE_LEVEL = -90.0
-"""dBFS of digital silence."""
+"""Level of digital silence in dBFS."""
 
 CLIP_TIMEOUT = 10.0
 """Seconds to decode a clip, after which the recogniser hangs and is killed."""
 
 START_TIMEOUT = 60.0
-"""Seconds to start: large models of Vosk load slowly."""
+"""Seconds for the recogniser to start: large models of Vosk load slowly."""
 
 
 class RecogniserState(Enum):
@@ -100,12 +100,12 @@ class RecogniserEngine(Protocol):
         ...
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
-        """Return the phrase and score for a reply."""
+        """Return the phrase and score for the worker's reply to a clip."""
         ...
 
 
 def never_deaf(_start: float, _end: float) -> bool:
-    """Return False: the default for a robot without a voice."""
+    """Return False, since the robot does not speak: the default ``is_deaf`` for a robot without a voice."""
     return False
 
 

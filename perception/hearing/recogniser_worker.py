@@ -43,13 +43,13 @@ MAX_COMMON_WORDS, MAX_DECOY_PHONES = 1000, 6
 """Number of the most common words that may be decoys, and the largest number of their phones."""
 
 CONNECTED_MARGIN = 1.6
-"""Log per frame by which words fit worse within a phrase, because they run into each other."""
+"""Log likelihood per frame by which words fit worse within a phrase, because they run into each other."""
 
 MIN_MARGIN_FRAMES = 5
 """Smallest number of frames of 10 ms by which a margin is divided."""
 
 Segments = list[tuple[str, int, int, float]]
-"""Name, first frame (of 10 ms), number of frames, and total score."""
+"""Segments of a decoding: name, first frame (of 10 ms), number of frames, and total score of each."""
 
 
 def make_decoder(**settings: Any) -> pocketsphinx.Decoder:
@@ -59,14 +59,14 @@ def make_decoder(**settings: Any) -> pocketsphinx.Decoder:
 
 
 def decode_sound(engine: pocketsphinx.Decoder, sound: bytes) -> None:
-    """Decode a whole sound."""
+    """Decode a whole sound; the decoder keeps the result."""
     engine.start_utt()
     engine.process_raw(sound, no_search=False, full_utt=True)
     engine.end_utt()
 
 
 def to_log(score: float) -> float:
-    """Return a score as a logarithm."""
+    """Return a score of pocketsphinx as a natural logarithm."""
     return math.log(max(score, 1e-300)) * LOG_SCALE
 
 
@@ -123,7 +123,7 @@ def make_contest(words: dict[str, list[str]]) -> WordContest:
 
 
 class SpeechRecogniser:
-    """A grammar, and a loop over phones, in separate decoders, because beams apply to a whole decoder.
+    """Recogniser of phrases: a grammar, and a loop over phones, in two decoders, as beams apply to a whole decoder.
 
     Single words are compared with each other and with decoys, if the acoustic model's files can be read. Each word of a
     longer phrase is compared with decoys.
@@ -138,7 +138,7 @@ class SpeechRecogniser:
         self.loop.activate_search("phones")
 
     def set_grammar(self, words: dict[str, list[str]], arcs: list[list[Any]]) -> None:
-        """Replace the grammar."""
+        """Replace the words and the network of phrases to listen for."""
         self.grammar = make_decoder(**GRAMMAR_BEAMS)
         add_search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
         self.single_words = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
@@ -218,7 +218,7 @@ def decode_phrase(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
 
 
 def main() -> None:
-    """Answer requests until the input ends."""
+    """Answer requests on standard input until it ends."""
     pocketsphinx.set_loglevel("FATAL")
     recogniser = SpeechRecogniser()
     for line in sys.stdin.buffer:

@@ -19,7 +19,7 @@ RATE = 16_000
 """Samples per second."""
 
 TRAILING_SILENCE = np.zeros(int(0.6 * RATE), np.float32)
-"""Appended to a sound: a streaming model looks ahead, and would withhold the last word."""
+"""Silence appended to a sound: a streaming model looks ahead, and would withhold the last word."""
 
 
 def find_model_part(model: Path, name: str) -> str:
@@ -57,7 +57,7 @@ def decode(recogniser: "sherpa_onnx.OnlineRecognizer", sound: bytes) -> dict[str
 
 
 def main() -> None:
-    """Answer requests until the input ends."""
+    """Answer requests on standard input until it ends."""
     recogniser = None
     for line in sys.stdin.buffer:
         message = json.loads(line)

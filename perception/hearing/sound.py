@@ -15,7 +15,7 @@ FRAME_SAMPLES = 320
 """Samples per level measurement: 20 ms."""
 
 FULL_SCALE_LEVEL = 20 * np.log10(32768.0)
-"""dB of a full-scale square wave over one of a single step; dBFS is a level minus this."""
+"""Level of a full-scale square wave in dB over one of a single step; dBFS is a level minus this."""
 
 Samples = npt.NDArray[np.int16]
 """Sound: shape (n,), dtype int16, one channel, ``RATE`` samples per second."""
@@ -43,7 +43,7 @@ class Piece(Protocol):
 
     @property
     def end(self) -> float:
-        """Time of the end."""
+        """Time of the end of the piece."""
         ...
 
 
@@ -65,13 +65,13 @@ OVERSUBTRACTION = 1.5
 """Factor of the measured noise that is removed, because residual noise sounds like voices."""
 
 MIN_GAIN = 0.1
-"""Smallest gain of a frequency."""
+"""Smallest gain of a frequency in noise reduction."""
 
 SMOOTHING = 0.95
-"""Weight of the previous frame in the estimate."""
+"""Weight of the previous frame in the estimate of the signal-to-noise ratio."""
 
 TARGET_LEVEL = 66.0
-"""dB to which the loud frames of a clip are amplified."""
+"""Level to which the loud frames of a clip are amplified, in dB over one step."""
 
 MAX_AMPLIFICATION = 30.0
 """Largest amplification of a clip, in dB."""
@@ -143,7 +143,7 @@ MIN_BACKGROUND_LEVEL = 20.0
 
 @dataclass(frozen=True, slots=True)
 class SpeechGate:
-    """Criteria of speech. Levels in dB, times in seconds.
+    """Criteria of speech in a sound. Levels in dB, times in seconds.
 
     A frame is speech if it is ``rise`` over the background, and at most ``drop`` below the loudest frame of the
     utterance. An utterance ends after a ``pause``, or when it is ``longest``. Less speech than ``shortest`` is a click.
@@ -263,5 +263,5 @@ def _select_quiet_frames(frames: Sequence[Samples], rise: float) -> list[tuple[S
 
 
 def _frame_count(seconds: float) -> int:
-    """Return the number of frames in ``seconds``."""
+    """Return the number of frames of sound in ``seconds``."""
     return round(seconds * RATE / FRAME_SAMPLES)

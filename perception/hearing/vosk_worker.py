@@ -25,7 +25,7 @@ def decode(recogniser: "vosk.KaldiRecognizer", sound: bytes) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Answer requests until the input ends."""
+    """Answer requests on standard input until it ends."""
     vosk.SetLogLevel(-1)
     recogniser = None
     for line in sys.stdin.buffer:

@@ -68,7 +68,7 @@ def apply_dead_band(angles: Iterable[float], resolution: float) -> list[float]:
 MAX_FILE_BYTES = 5_000_000
 
 MAX_AX_STEP = 1023
-"""Highest step of the servos that RoboPlus moves."""
+"""Highest position, in steps, of the Dynamixel AX servos that RoboPlus moves."""
 
 
 def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
@@ -101,7 +101,7 @@ def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
 
 
 def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
-    """Return degrees by motor, by time (s); a motor has its angle, or angle and speed."""
+    """Return a pypot movement as degrees by motor, by time (s). A motor has its angle, or angle and speed."""
     rows = data["positions"]
     if isinstance(rows, list):  # the form of older versions
         rows = {number / float(data["framerate"]): row for number, row in enumerate(rows)}
@@ -113,7 +113,7 @@ def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
 
 
 def _workbench(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
-    """Return radians by joint, by time (s) from the start."""
+    """Return a dynamixel_workbench movement as radians by joint, by time (s) from the start."""
     joints, motion = data["joint"]["names"], data["motion"]
     steps = [motion[name] for name in motion["names"]]
     return {float(step["time_from_start"]): dict(zip(joints, map(float, step["step"]), strict=True)) for step in steps}
@@ -247,7 +247,7 @@ def _heading_hint(heading: str, arm: ArmKeys) -> str:
 
 
 def _times(sheet: Sheet, rate: float | None) -> list[float]:
-    """Return the times of the rows (s), the first at 0."""
+    """Return the times of a sheet's rows (s), the first at 0."""
     column = time_column(sheet)
     if not column:
         if rate is None:
@@ -268,7 +268,7 @@ def time_column(sheet: Sheet) -> str:
 
 
 def _in_degrees(move: MoveConfig, source: JointSource) -> bool:
-    """Return whether a column is in degrees: by its heading, or else by the move file."""
+    """Return whether a column of a sheet is in degrees: by its heading, or else by the move file."""
     unit = parse_heading(source.column, move.joints).unit
     return unit == "deg" if unit in ("deg", "rad") else move.degrees
 
@@ -301,7 +301,7 @@ def _point_angles(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
 
 
 def _check_reach(sheet: Sheet, joint: str, move: MoveConfig, angles: Sequence[float], arm: ArmKeys) -> None:
-    """Report angles beyond the joint's limits."""
+    """Report an error for each angle in a sheet beyond the joint's limits."""
     limits, source, hint = arm.ranges[joint], move.joints[joint], ""
     found = [(row, limit_error(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
     if source.points is None and not _in_degrees(move, source):

@@ -43,7 +43,7 @@ class JointRecording:
 
     @property
     def seconds(self) -> float:
-        """Duration so far."""
+        """Duration of the recording so far in seconds."""
         return self.snapshots[-1].time - self.snapshots[0].time if self.snapshots else 0.0
 
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
@@ -140,7 +140,7 @@ class FileRecording(JointRecording):
         self._path = path
 
     def write(self) -> None:
-        """Write the file. Raises BadRequest if it exists, cannot be written, or nothing moved."""
+        """Write the recording to its file. Raises BadRequest if the file exists, or nothing moved, and for OSErrors."""
         gesture = self.gesture(self._path.stem, f"Recorded by a mission, {self.seconds:.1f} s.")
         try:
             write_new(self._path, gesture_text(gesture, str(self._path)))

@@ -33,7 +33,7 @@ UNIT_WORDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), "s"),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), "ms"),
 }
-"""Spellings of units, English and German, with the unit."""
+"""Unit for each of its spellings in a heading, English and German."""
 
 TIME_HEADING = "time"
 """Heading of the time column, in seconds unless it has another unit."""
@@ -46,7 +46,7 @@ _BEHIND = re.compile(r"(.*?)(?:[\s_,;:/.-]+(?:in\s+)?([A-Za-z]+)|\s*([°º]))\s*
 
 
 class Heading(NamedTuple):
-    """Name and unit of a heading; ``unit`` is deg, rad, s or ms, another unit as written, or empty."""
+    """Heading of a column: name and ``unit``, which is deg, rad, s or ms, another unit as written, or empty."""
 
     name: str
     unit: str
@@ -94,14 +94,14 @@ def is_unit_word(text: str) -> bool:
 # sheet, or ``{"error": reason}``. The default is the first sheet that is not hidden.
 
 MAX_MEMORY_BYTES = 2_000_000_000
-"""Memory limit of the reader process."""
+"""Memory limit of the process that reads a workbook, in bytes."""
 
 MAX_ROWS = 100_000
-"""Maximum rows; of a longer sheet, one more is read."""
+"""Maximum number of a spreadsheet's rows; of a longer sheet, one more is read."""
 
 
 def main(path: str, sheet: str | None = None) -> None:
-    """Print the sheet as JSON, or the first sheet."""
+    """Print a workbook's ``sheet``, or its first sheet, as JSON."""
     from python_calamine import CalamineError, CalamineWorkbook  # noqa: PLC0415 - an extra
 
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
@@ -133,7 +133,7 @@ _COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
 _SEPARATOR = re.compile(r"sep=([,;\t])\s*$", re.MULTILINE)
 
 Cell = float | str
-"""A number or a text; an empty cell is an empty text."""
+"""Cell of a spreadsheet: a number or a text; an empty cell is an empty text."""
 
 
 @dataclass(slots=True)
@@ -157,7 +157,7 @@ class Sheet:
 
     @property
     def is_workbook(self) -> bool:
-        """True if it comes from a workbook."""
+        """True if the sheet comes from a workbook, and not from a file of separated values."""
         return bool(self.tab)
 
     @property
