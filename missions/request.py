@@ -186,7 +186,6 @@ def contradictions(
     for each, fault in faults(request):
         yield f"{named(each.flag.removeprefix('--'))}: {fault}"
     yield from _clock_contradictions(request, named)
-    wire = named("simulate", "wire")
     if request.ports and request.simulation is not None:
         yield f"{named('port')} names real ports: it goes with {named('robot', 'NAME')}, and not with a simulation"
     for part in request.ports:
@@ -194,7 +193,8 @@ def contradictions(
             known = ", ".join((*PORT_KINDS, *others))
             yield f"{named('port')}: '{part}' is not a part with a port; parts with ports: {known}"
     if request.world is not None and request.simulation is None:
-        yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
+        simulate = named("simulate") if named("simulate").startswith("-") else named("simulate", "wire")
+        yield f"{named('world')} is for a simulated robot: add {simulate}"
     if request.camera is not None and not _may_be_camera(request.camera):
         source = without_secrets(request.camera)
         yield f"{named('camera')}: '{source}': not a file, index, device or address of a camera"

@@ -26,7 +26,8 @@ class NotForThisRobotError(InvalidFileError):
 
     def __init__(self, faults: Sequence[Diagnostic], name: str, robot: str, able: str) -> None:
         super().__init__(faults)
-        cure = f"robot '{able}' can do it: --robot {able}" if able else "for another robot: --robot NAME"
+        run = f"`mission run {name} --robot {able} --simulate`"
+        cure = f"robot '{able}' can do it: {run}" if able else "for another robot: --robot NAME"
         self.args = (f"{self.args[0]}\n  {name} was checked for the default robot ({robot}); {cure}",)
 
 

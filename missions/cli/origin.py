@@ -14,33 +14,44 @@ def forget_origin() -> None:
     _origin.set(("", ""))
 
 
-def take_default(robot: str) -> None:
-    """Record that ``robot`` comes from the defaults file."""
+OTHER_ROBOT = "--robot NAME selects another"
+"""Hint for a command that uses hardware without ``--robot``, or never."""
+
+OTHER_SIMULATED_ROBOT = "--robot NAME --simulate selects another"
+"""Hint for a command that simulates only while the user names no robot: ``--robot`` alone would move hardware."""
+
+OTHER_ROBOT_OF_TESTS = "`with: {robot: NAME}` in the test file selects another"
+"""Hint for `mission test`, which has no ``--robot``."""
+
+
+def take_default(robot: str, other: str = OTHER_ROBOT) -> None:
+    """Record that ``robot`` comes from the defaults file; ``other`` says how to select another robot."""
     from config.defaults import DEFAULTS_FILE, config_folder  # noqa: PLC0415 - most commands name their robot
 
-    ignore = "--robot NAME selects another, `mission robot use --none` removes it"
+    ignore = f"{other}, `mission robot use --none` removes it"
     _origin.set((robot, f"the robot is '{robot}', this computer's own by {config_folder() / DEFAULTS_FILE}: {ignore}"))
 
 
-def chosen_robot(robot: str | None) -> str | None:
+def chosen_robot(robot: str | None, other: str = OTHER_ROBOT) -> str | None:
     """Return the robot for a simulation: ``robot``, else this computer's own; None for the default of MissionTree.
 
-    The origin of an unnamed robot is recorded. Raises InvalidFileError for a defaults file with errors.
+    The origin of an unnamed robot is recorded, with ``other``, the hint for another robot. Raises InvalidFileError for
+    a defaults file with errors.
     """
     from config.defaults import load_defaults  # noqa: PLC0415 - most commands name their robot
 
     if robot is None and (default_robot := load_defaults().robot):
-        take_default(default_robot)
+        take_default(default_robot, other)
         return default_robot
     if robot is None:
-        robot_file(None)
+        robot_file(None, other=other)
     return robot
 
 
-def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
+def robot_file(name: str | None, default: str = DEFAULT_ROBOT, other: str = OTHER_ROBOT) -> Path:
     """Return the file of the named robot, or of ``default``; then its origin is recorded. Raises UnknownNameError."""
     if name is None:
-        _origin.set((default, f"the robot is '{default}', the default: --robot NAME selects another"))
+        _origin.set((default, f"the robot is '{default}', the default: {other}"))
     elif name == OWN_ROBOT:
         from config.defaults import load_defaults  # noqa: PLC0415 - as above
 

@@ -18,7 +18,7 @@ from config.library import OWN_ROBOT
 from drivers.api.fast_dataclass import dataclass
 from missions.cli.names import MISSION
 from missions.cli.option_declarations import DeclaredCommand, add_options
-from missions.cli.origin import chosen_robot, robot_file
+from missions.cli.origin import OTHER_ROBOT, OTHER_SIMULATED_ROBOT, chosen_robot, robot_file
 from missions.cli.running import EXIT_CODES, run
 from missions.cli.session import RunContext
 from missions.executive.executive import Result
@@ -132,7 +132,7 @@ def with_defaults(request: RunRequest) -> RunRequest:
     if robot == OWN_ROBOT:
         robot_file(OWN_ROBOT)
         robot = defaults.robot  # records need a name that stays valid if the default changes
-    elif robot is None and (default_robot := chosen_robot(None)):
+    elif robot is None and (default_robot := chosen_robot(None, OTHER_ROBOT if simulate else OTHER_SIMULATED_ROBOT)):
         robot, simulate = default_robot, simulate or "wire"
     if world is None and defaults.world and (robot is None or simulate is not None):
         world = defaults.world

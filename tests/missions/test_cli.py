@@ -119,8 +119,8 @@ def test_where_no_robot_is_named_check_finds_what_the_usual_one_cannot_do(missio
     assert [knee.code, toe.code, wave.code] == [2, 2, 2]
     assert "robot 'turtlebot2_arm': the arm has no joint 'right_elbow'" in knee.err
     assert (
-        "knee.yaml was checked for the default robot (turtlebot2_arm); robot 'humanoid' can do it: --robot humanoid"
-        in knee.err
+        "knee.yaml was checked for the default robot (turtlebot2_arm); robot 'humanoid' can do it: "
+        "`mission run knee.yaml --robot humanoid --simulate`" in knee.err
     )
     assert "toe.yaml was checked for the default robot (turtlebot2_arm); for another robot: --robot NAME" in toe.err
     assert "robot 'humanoid' can do it" in wave.err

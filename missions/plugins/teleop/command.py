@@ -23,7 +23,7 @@ from missions.assembly.part_factory import Hooks, Overrides
 from missions.cli.keys import KeyReader, interruptible
 from missions.cli.leash import watch_outputs
 from missions.cli.names import ROBOT, WORLD
-from missions.cli.origin import robot_file
+from missions.cli.origin import OTHER_SIMULATED_ROBOT, robot_file
 from missions.cli.outputs import check_writable
 from missions.cli.printable import overwrite_line
 from missions.cli.root import SUCCESS
@@ -185,7 +185,7 @@ def command(
     if virtual and port is not None:
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
     if not virtual and world is not None:
-        raise click.UsageError("--world is for a simulated robot: add --simulate, or leave it out")
+        raise click.UsageError("--world is for a simulated robot: add --simulate, or leave out --world")
     if node is None and not sys.stdin.isatty():
         raise click.UsageError("the keys need a terminal; or drive with a game pad: --pad")
     wishes = Overrides(
@@ -248,7 +248,7 @@ def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock)
 
     Raises NotConnected, with the reason, after ``CONNECT_TIME``.
     """
-    config = load_robot(robot_file(name))
+    config = load_robot(robot_file(name, other=OTHER_SIMULATED_ROBOT))
     if config.base is None:
         raise click.UsageError(f"{config.name} has no base")
     if head != DEFAULT_HEAD:

@@ -18,7 +18,7 @@ from missions.cli.names import TESTED_NAME
 from missions.cli.numbers import WholeNumber
 from missions.cli.option_declarations import behaviours_option
 from missions.cli.options import print_found_files
-from missions.cli.origin import chosen_robot
+from missions.cli.origin import OTHER_ROBOT_OF_TESTS, chosen_robot
 from missions.cli.outputs import report_write_errors
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.shipped import behaviour_files
@@ -72,7 +72,7 @@ def command(
     Without arguments: the test files in this folder and below; if there are none, those shipped with MissionTree. Exit
     codes: 0 all cases passed; 1 a case failed; 2 an error in the command or a file.
     """
-    chosen_robot(None)  # of the cases that name none
+    chosen_robot(None, OTHER_ROBOT_OF_TESTS)  # of the cases that name none
     cases = _select_cases(names, words, files)
     if physics:
         cases = [replace(case, physics=True) for case in cases]
