@@ -25,19 +25,19 @@ RIGHT_BEAMS = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 BEAM_HOLD_TIME = 0.3
-"""Seconds for which a beam counts as received, since single reports miss it.
+"""Seconds for which a beam of the dock counts as received, since single reports miss it.
 
 (The vendor's docking combines 20 reports.)
 """
 
 BEAM_TIMEOUT = 1.0
-"""Seconds without a beam after which the search starts again."""
+"""Seconds without a beam of the dock after which the search starts again."""
 
 SWEEP_RATE, MEASURE_RATE = 0.8, 0.4
 """Turn rates in rad/s of the search for the dock, and of the measurement of its direction."""
 
 MAX_SEARCH_ANGLE = math.radians(380)
-"""Angle in radians of a search before it fails."""
+"""Angle in radians by which the base turns to search for the dock before the leaf fails."""
 
 CROSSING_ANGLE = math.radians(50)
 """Angle in radians beside the dock at which the base crosses to the middle, still within a side receiver's range."""
@@ -49,10 +49,10 @@ HEADING_TOLERANCE, TURN_GAIN = math.radians(0.5), 1.5
 """Heading error in radians that is ignored, and the gain of the turn controller in 1/s."""
 
 CONTACT_SPEED = 0.05
-"""Speed in m/s of the last part. It is too slow to trigger the bumper or to push the dock away."""
+"""Speed in m/s on the last part of the way to the dock, too slow to trigger the bumper or to push the dock away."""
 
 CONTACT_TIMEOUT = 15.0
-"""Seconds on the last part after which the base has missed the contacts."""
+"""Seconds on the last part of the way to the dock after which the base has missed the contacts."""
 
 BACK_OFF_DISTANCE, BACK_OFF_SPEED, BACK_OFF_TIMEOUT = 0.35, 0.1, 7.0
 """Distance (m) and speed (m/s) of backing off after a miss, and its timeout in seconds."""
@@ -76,7 +76,7 @@ class HomingStage(StrEnum):
 
 
 class HomingEvent(Enum):
-    """Event that ends a stage. HEARD_AHEAD, HEARD_ASIDE: a sweep has measured the direction of the dock."""
+    """Event that ends a stage of docking. HEARD_AHEAD, HEARD_ASIDE: a sweep has measured the direction of the dock."""
 
     SILENCE, HEARD_AHEAD, HEARD_ASIDE, AIMED, CONTACTS_MISSED, DOCK_LOST = range(6)
 
@@ -96,7 +96,7 @@ TRANSITIONS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Homing:
-    """State of the homing between two steps. ``origin`` and ``since`` (s) are where and when the stage began.
+    """State of the way to the dock between two steps. ``origin`` and ``since`` (s) are where and when the stage began.
 
     ``side`` is the direction of turns and crossings, 1 for left, and ``course`` the heading to keep. In the present
     sweep, the centre receiver received ``beams`` at headings from ``first_heading`` to ``last_heading``.
@@ -244,7 +244,7 @@ def _distance_gone(homing: Homing, state: BaseState) -> float:
 
 
 CONTACT_SETTLE_TIME = 0.4
-"""Seconds on the contacts before docking counts as done: twenty reports of a Kobuki."""
+"""Seconds on the contacts of the dock before docking counts as done: twenty reports of a Kobuki."""
 
 
 DOCK_ACTION = "dock"

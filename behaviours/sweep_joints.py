@@ -13,7 +13,7 @@ from drivers.api import Keyframe
 
 
 class SwingPath:
-    """Motion between ``low`` and ``high`` (radians) with ``period`` seconds, from ``low`` on, after a run-in.
+    """Motion of joints between ``low`` and ``high`` (radians) with ``period`` seconds, from ``low`` on, after a run-in.
 
     ``phases`` are the lead of each joint in radians of a full cycle.
     """

@@ -13,7 +13,7 @@ from drivers.api import BASE_RADIUS, ZERO_VELOCITY, BaseState, Pose2D, Sides, St
 # Where a base has been, and what of the floor it has not seen yet.
 
 CELL_SIZE = 0.25
-"""Edge length of a grid cell in metres."""
+"""Edge length in metres of a cell in the grid of visited floor."""
 
 
 class VisitedCells:

@@ -118,7 +118,7 @@ class DelegatedMotion(BaseMotion):
 
 
 MAX_TURN_RATE = math.radians(60)
-"""Maximum turn rate in rad/s."""
+"""Maximum turn rate of the base on its way to a place, in rad/s."""
 
 TURN_GAIN = 2.5
 """Gain from the bearing of the place to the turn rate, in 1/s."""

@@ -62,7 +62,7 @@ class MotionClock:
         self._at: float | None = None
 
     def restart(self) -> None:
-        """Reset to 0."""
+        """Reset the counted seconds to 0."""
         self.spent, self._at = 0.0, None
 
     def stop(self) -> None:
@@ -70,7 +70,7 @@ class MotionClock:
         self._at = None
 
     def grant(self, seconds: float) -> None:
-        """Extend the time by some seconds, for work that the limit does not include."""
+        """Subtract ``seconds`` from the counted time, for work that the time limit does not include."""
         self.spent -= seconds
 
     def scale(self, before: float, limit: float) -> None:
@@ -345,7 +345,7 @@ def override_reason(steering: Steering) -> str:
 # Turning on the spot to a heading, exactly: what all leaves do the same way that end with a turn.
 
 HEADING_TOLERANCE = math.radians(0.1)
-"""Heading error in radians that is ignored."""
+"""Heading error in radians after a turn that is not corrected."""
 
 NUDGE_RATE = CRAWL_TURN_RATE / 2
 """Turn rate of a correction in rad/s: a Kobuki's wheels then turn at 4 mm/s, and it accepts whole mm/s."""
@@ -354,7 +354,7 @@ MAX_NUDGE_TIME = 5.0
 """Maximum seconds by which a correction extends the time limit: with rare odometry a turn can end degrees off."""
 
 MAX_NUDGES = 3
-"""Maximum number of corrections."""
+"""Maximum number of corrections of a turn."""
 
 
 class Spin(BaseMotion):
@@ -408,7 +408,7 @@ STEERING_GAIN = 2.0
 """Gain from the heading error to the turn rate in 1/s: a degree is corrected within about a second."""
 
 MAX_STEERING_RATE = 0.5
-"""Maximum turn rate in rad/s."""
+"""Maximum turn rate in rad/s with which a base on a straight line corrects its heading."""
 
 
 class DriveLeaf(BaseMotion):

@@ -78,7 +78,7 @@ def _clamp_share(share: float) -> float:
 
 Conjunction = Callable[[Iterable[float]], float]
 CONJUNCTIONS: Mapping[str, Conjunction] = {"product": math.prod, "min": min}
-"""Conjunctions of grades by name."""
+"""Functions that combine the grades of a rule's conditions ("and"), by name."""
 
 METHODS: Mapping[str, tuple[Callable[[str, Any], OutputVariable], str]] = {
     "sugeno": (Singletons, "product"),
@@ -87,7 +87,7 @@ METHODS: Mapping[str, tuple[Callable[[str, Any], OutputVariable], str]] = {
 """Constructor of the output and default conjunction of each inference method."""
 
 TABLE_PIECES = 8
-"""Number of table cells between two corners."""
+"""Default number of cells of a lookup table between two corners of an input's terms."""
 
 _CONDITION = re.compile(r"(\w+) is (\w+)")
 _SENTENCE = re.compile(r"if (\w+ is \w+(?: and \w+ is \w+)*) then (\w+) is (\w+)")

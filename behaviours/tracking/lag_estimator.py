@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from drivers.api.fast_dataclass import dataclass
 
 LAG_GRID = tuple(step * 0.02 for step in range(26))
-"""Candidate lags in seconds."""
+"""Candidate command lags of a base in seconds."""
 
 PRIOR_SIGMA = 0.1
-"""Standard deviation of the prior in seconds."""
+"""Standard deviation of the prior of the command lag in seconds."""
 
 TURN_RATE_SIGMA = 0.1
 """Standard deviation in rad/s of reported against simulated turn rates."""
@@ -26,7 +26,7 @@ MAX_SQUARED_ERROR = 9.0
 """Upper bound of a squared error, in sigmas: a person, a reflex or a wall may have moved the base."""
 
 REPORT_WEIGHT = 0.3
-"""Weight of a report: errors of reports within 20 ms are not independent."""
+"""Weight of a report of the base: errors of reports within 20 ms are not independent."""
 
 MEMORY_REPORTS = 500
 """Number of reports after which evidence has decayed to a third."""

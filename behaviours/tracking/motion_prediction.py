@@ -227,7 +227,7 @@ class MotionPredictor:
 
 
 MAX_LOOKAHEAD = 1.0
-"""Maximum seconds of a prediction."""
+"""Maximum seconds for which the state of a base is predicted."""
 
 STEP = 0.02
 """Step of the prediction in seconds, equal to the interval at which base drivers resend their command."""

@@ -242,7 +242,7 @@ def _pair(left: TreeDrawing, right: TreeDrawing, form: str, output: Path | None)
 
 
 def _write(dump: Dump, output: Path | None, form: str, name: str, *, private: bool) -> None:
-    """Write to a file as UTF-8, or to stdout; never write bytes to a terminal.
+    """Write a drawing to a file as UTF-8, or to stdout; never write bytes to a terminal.
 
     A ``private`` file is readable by its owner only.
     """

@@ -40,7 +40,7 @@ class AbstractName:
 
     @property
     def is_run(self) -> bool:
-        """True if a run listens there; a command can only be ended by a signal."""
+        """True if a run listens at the socket; a command can only be ended by a signal."""
         return self.kind.startswith("run")
 
     @property

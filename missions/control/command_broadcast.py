@@ -18,7 +18,7 @@ from missions.control.run_search import FoundProcess, SearchResult, error_text, 
 from missions.control.sockets import RunConnection
 
 StopOutcomes = dict[object, tuple[bool, str]]
-"""Outcome for each run: whether it succeeded, and the text for people."""
+"""Outcome of the commands for each run: whether they succeeded, and the text for people."""
 
 JsonCommand = Mapping[str, object]
 

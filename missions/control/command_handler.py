@@ -46,7 +46,7 @@ MIN_SPEED_SHARE = 0.05
 """Minimum share of its speed to which a part can be tuned."""
 
 LIMIT_FIELDS = {"max_speed": "speed", "max_turn": "turn"}
-"""Fields of base limits for keys of the robot file."""
+"""Field of the base limits for each tunable limit in the robot file."""
 
 
 @dataclass(slots=True)

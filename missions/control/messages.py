@@ -224,7 +224,7 @@ MESSAGES: Mapping[str, type[Any]] = {
         RunOverMessage,
     )
 }
-"""Messages by word."""
+"""Classes of the messages to clients, by message word."""
 
 
 def encode_message(message: Any) -> bytes:

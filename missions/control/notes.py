@@ -187,7 +187,7 @@ class RunNotes:
 
     @property
     def paths(self) -> list[Path]:
-        """Paths of the notes."""
+        """Paths of the note files."""
         return [*self._files]
 
     def write(self, listening: Sequence[str] = (), seconds: float = FOLDER_TIMEOUT) -> None:

@@ -38,7 +38,7 @@ class FolderTimeoutError(TimeoutError):
 
 
 class _FolderCall(Generic[Result]):
-    """A call in its own thread."""
+    """A call on a folder in a thread of its own, since the folder may hang."""
 
     def __init__(self, work: Callable[[], Result]) -> None:
         self.results: list[Result] = []
@@ -140,7 +140,7 @@ class RunFolder:
         return self.folder
 
     def file_names(self) -> list[str]:
-        """Return the file names; empty if the folder does not exist or belongs to another user.
+        """Return the names of the files in the folder; empty if it does not exist or belongs to another user.
 
         Raises OSError if the folder cannot be read.
         """

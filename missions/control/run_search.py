@@ -48,7 +48,7 @@ class FoundProcess:
 
     @property
     def is_command(self) -> bool:
-        """True if it has no control socket and can only be ended."""
+        """True if the process has no control socket and can only be ended."""
         if self.addresses or (self.holder is not None and self.holder.is_run):
             return False
         return self.holder is not None or (self.abstract_name is not None and not self.abstract_name.is_run)
@@ -83,7 +83,7 @@ class FoundProcess:
         )
 
     def end_hint(self, peer: ProcessIdentity | None = None) -> str:
-        """Return the command that ends it by force. ``peer`` is the process that listens at its socket, if known."""
+        """Return the command that ends the process by force. ``peer`` is the process at its socket, if known."""
         for known in (self.local_identity, peer):
             with suppress(OSError):  # the process has no number in this namespace
                 if known is not None and known.is_visible:
@@ -92,7 +92,7 @@ class FoundProcess:
 
     @property
     def uid(self) -> int:
-        """User id of its owner."""
+        """User id of the owner of the process."""
         if self.abstract_name is not None:
             return self.abstract_name.uid
         return os.geteuid() if self.holder is None or self.holder.uid is None else self.holder.uid
@@ -145,14 +145,14 @@ class FoundProcess:
         return f"{self.run}: {'a command' if self.is_command else 'a run'}"
 
     def matches(self, wanted_names: Sequence[str]) -> bool | None:
-        """Return whether one of the names is its own; None if this is unknown until it replies."""
+        """Return whether the process has one of ``wanted_names``; None if this is unknown until it replies."""
         if not wanted_names or not self.names.isdisjoint(wanted_names):
             return True
         return None if self.holder is None else False
 
     @property
     def names(self) -> set[str]:
-        """Known names by which a user can select it."""
+        """Known names by which a user can select the process."""
         if self.holder is None:
             return {self.run}
         return {self.run, str(self.holder.process), self.holder.name, *self.holder.name.split()[:1]}
@@ -272,7 +272,7 @@ def _with_files(process: FoundProcess, files: Sequence[Path]) -> FoundProcess:
 
 
 def warning_for(subject: str, error: OSError) -> StopWarning:
-    """Return the warning for an error."""
+    """Return the warning that ``subject``, a searched place or process, caused ``error``."""
     hints: Mapping[int | None, str] = {
         errno.EMFILE: "mission stop  (in another terminal: no file descriptor is left here; ulimit -n shows the limit)",
         errno.ENFILE: "mission stop  (again: no file descriptor is left on this computer)",
@@ -288,7 +288,7 @@ def error_text(error: OSError) -> str:
 
 
 def is_own_process(process: FoundProcess) -> bool:
-    """Return whether it is this process, which must not end itself."""
+    """Return whether a found process is the present one, which must not end itself."""
     if process.holder is not None and process.holder.identity is None:
         return process.holder.process == os.getpid()
     known = process.identity

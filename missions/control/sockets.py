@@ -204,7 +204,7 @@ class RunConnection:
 
     @classmethod
     def open(cls, where: Address) -> Self:
-        """Connect, and receive the first message; it is empty if the run hangs or has no room. Raises OSError."""
+        """Connect to a run, and receive its first message; empty if the run hangs or has no room. Raises OSError."""
         for tries_left in reversed(range(CONNECT_TRIES)):
             connection = connect(where)
             link = cls(connection, *peer_credentials(connection), {})

@@ -22,7 +22,7 @@ MAX_POSITIONS = 2000
 """Stored positions of the path; when it is full, every second one is dropped."""
 
 MAX_VALUES = 60
-"""Stored values of each variable."""
+"""Maximum number of stored values of each variable of a mission."""
 
 
 class RunHistory:
@@ -69,10 +69,10 @@ class RunHistory:
 Json = dict[str, object]
 
 UNLOGGED_EVENTS = (Ticked, NodeChanged, VariableSet, PerceptSeen, CommandSent)
-"""Events that are not lines of the log."""
+"""Events that are not lines of the run's log."""
 
 LOGGED_PARTS = ("voice", "screen")
-"""Parts whose commands are lines of the log."""
+"""Parts of the robot whose commands are lines of the run's log."""
 
 MAX_LOG_LINES = 500
 """Log lines stored for new clients, and queued for slow ones."""

@@ -15,7 +15,7 @@ from missions.control.pilot import MAX_STATE_AGE, DriveInput, Pilot
 # Stamps of the states that a run sends: they give the age of the state behind a drive command.
 
 STAMP_BITS = 53
-"""Bits of a stamp; JavaScript has no larger exact integers."""
+"""Bits of the stamp of a state message; JavaScript has no larger exact integers."""
 
 STAMP_LIFETIME = 10.0
 """Seconds for which the age of a stamp is known."""

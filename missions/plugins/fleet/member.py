@@ -88,7 +88,7 @@ class RobotInfo:
 
 
 class FleetMember:
-    """A robot in a fleet while it is entered.
+    """The membership of a robot in a fleet, which lasts while the context is entered.
 
     ``services`` handle requests other than stop and release. ``current_activity`` is called on the member's thread.
     """

@@ -34,12 +34,12 @@ MAX_MESSAGE_BYTES, MAX_ANSWER_BYTES = 64 * 1024, 1024 * 1024
 """Maximum size of a message, and of an answer, in bytes."""
 
 MAX_TEXT_LENGTH = 1000
-"""Maximum length of a text in characters."""
+"""Maximum length of a text in a fleet message, in characters."""
 
 RULES = Rules(
     max_text=MAX_TEXT_LENGTH, max_members=4096, max_number=MAX_INTEGER, is_text=str.isprintable, text="a printable text"
 )
-"""Rules for encoding and decoding; a message that deviates from its declaration is refused as a whole."""
+"""Rules for encoding and decoding fleet messages; one that deviates from its declaration is refused as a whole."""
 
 VERSION = 1
 """Version of keys and messages; robots with different versions do not see each other."""
@@ -80,12 +80,12 @@ class Address:
 
 
 def zenoh_key(fleet: str, kind: str, where: str = "*/*") -> str:
-    """Return the key of a kind (here, state, stop, ask) for a robot, or for all."""
+    """Return the Zenoh key of a kind of message (here, state, stop, ask) for one robot, or for all."""
     return f"missiontree/{VERSION}/{fleet}/{kind}/{where}"
 
 
 def address_of_key(text: str) -> Address:
-    """Return the address in a key. Raises CodecError."""
+    """Return the robot's address in a Zenoh key. Raises CodecError."""
     return Address.read("/".join(text.split("/")[-2:]))
 
 

@@ -71,7 +71,7 @@ class FleetTask:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the state is final."""
+        """Whether the state of the task is final."""
         return self.state in ("FINISHED", "FAILED")
 
     def is_due(self, now: float) -> bool:
@@ -134,7 +134,7 @@ class TaskStore:
 
 
 MAX_OPEN_TASKS = 10_000
-"""Maximum number of open tasks."""
+"""Maximum number of open fleet tasks that one robot keeps."""
 
 MAX_PAGE_TASKS = 500
 """Maximum number of tasks in an answer; an operator requests older ones page by page."""

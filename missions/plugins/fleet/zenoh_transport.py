@@ -46,7 +46,7 @@ class RosterEntry:
 
     @property
     def is_online(self) -> bool:
-        """Whether it is connected and has sent a state."""
+        """Whether the robot is connected and has sent a state."""
         return self.connection == "ONLINE" and self.state is not None
 
 

@@ -44,7 +44,7 @@ TIME_COLUMN = "time"
 
 
 class LeggedRobot:
-    """A robot with legs, for gaits. Raises BadRequest for a robot without."""
+    """A robot with legs, which checks and loads gaits. Raises BadRequest for a robot without legs."""
 
     def __init__(self, robot: RobotConfig) -> None:
         keys, arm = robot.keys(LegsKeys), robot.arm

@@ -20,7 +20,7 @@ from missions.plugins.pictures.moves_plot import FORMATS, GOAL_COLOUR, LIMIT_COL
 # A gait as a stick figure, from the right and from the front, over two cycles on a treadmill.
 
 FRAME_RATE = 25.0
-"""Frames per second."""
+"""Frames per second of the film of a gait."""
 
 FILM_CYCLES = 2
 
@@ -31,7 +31,7 @@ LINE_HALF_WIDTH = 0.004
 
 
 def gait_pictures(gait: Gait, body: LeggedBody) -> Iterator[Image]:
-    """Yield the frames of a reachable gait."""
+    """Yield the frames of the film of a reachable gait."""
     angles, _ = gait.angles(body)
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     lowest = gait.feet[..., 2].min()

@@ -14,7 +14,7 @@ from missions.trees.drawing import ASCII_SIGNS, SIGNS, Status, TreeBox, TreeDraw
 Change = Literal["same", "changed", "added", "removed"]
 
 CHANGES: Mapping[Change, str] = {"same": "=", "changed": "≠", "added": "+", "removed": "-"}
-"""Sign of each change."""
+"""Sign of each kind of difference between two missions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ Match = tuple[TreeBox | None, TreeBox | None]
 
 
 def _align(left: Sequence[TreeBox], right: Sequence[TreeBox], likenesses: Sequence[Likeness]) -> Iterator[Match]:
-    """Yield matches in order: by the first likeness, and between two of these by the next likeness."""
+    """Yield matching boxes in order: first those alike by the first likeness, between them those by the next one."""
     if not likenesses or not left or not right:
         yield from ((old, None) for old in left)
         yield from ((None, new) for new in right)
@@ -173,10 +173,10 @@ def _differences(left: TreeBox, right: TreeBox) -> Iterator[str]:
 # Two missions in two columns of text; signs between them mark equal, changed, added and removed nodes.
 
 MIN_SIDE_COLUMNS = 16
-"""Minimum columns of a side, even on a narrow terminal."""
+"""Minimum text columns for each of two missions side by side, even on a narrow terminal."""
 
 Signs = Mapping[Status, str]
-"""Status texts in a column; empty if the column shows no moment of a run."""
+"""Texts for the statuses of nodes in a column; empty if the column shows no moment of a run."""
 
 
 def side_by_side(comparison: TreeComparison, width: int, *, ascii_only: bool = False) -> str:

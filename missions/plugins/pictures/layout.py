@@ -61,7 +61,7 @@ def truncate(text: str, size: float, max_width: float, *, bold: bool = False) ->
 
 
 def wrap_items(items: Iterable[str], separator: str, size: float, max_width: float, max_lines: int) -> tuple[str, ...]:
-    """Wrap ``items``, joined by ``blank``, to at most ``lines`` lines; an ellipsis replaces the rest.
+    """Wrap ``items``, joined by ``separator``, to at most ``max_lines`` lines; an ellipsis replaces the rest.
 
     An item wider than a line is broken between its words; other items are not broken.
     """
@@ -163,7 +163,7 @@ class _CardWriter:
         self._y = 5  # top of the next row
 
     def title(self, box: TreeBox, live: bool) -> None:
-        """Add kind, name, status sign, and line number in the file."""
+        """Add the title row of a node: kind, name, status sign, and line number in the file."""
         base = self._y + 15
         self._write("symbol", box.symbol, (BAND_WIDTH - ceil(text_width(box.symbol, SIZES["symbol"]))) // 2, base)
         kind = truncate(box.kind, SIZES["kind"], MAX_LINE_WIDTH / 2, bold=True)
@@ -216,13 +216,13 @@ class _CardWriter:
 
 
 def _name(box: TreeBox) -> str:
-    """Return the title after the kind; an argument that is too long for it gets lines of its own."""
+    """Return the name of a node for its title; an argument that is too long for the title gets lines of its own."""
     name = box.title.removeprefix(box.kind)
     return "" if not box.untitled_arguments and box.said and text_width(name, SIZES["name"]) > MAX_LINE_WIDTH else name
 
 
 def _arguments(box: TreeBox) -> Iterator[str]:
-    """Yield the arguments as written in the file, without one shown in the title, and the variable for the result."""
+    """Yield a node's arguments as written in the file, except one in the title, and the variable for the result."""
     untold = box.untitled_arguments if _name(box) else box.arguments
     yield from (f"{name}: {text}" for name, text in untold.items())
     if box.keep_as:
@@ -230,7 +230,7 @@ def _arguments(box: TreeBox) -> Iterator[str]:
 
 
 def _reasons(box: TreeBox) -> Iterator[str]:
-    """Yield the reason of the status, its age, and the messages of the modifiers."""
+    """Yield the reason and the age of a node's status, and the messages of its modifiers."""
     if box.reason:
         yield box.reason
     if box.since is not None:
@@ -338,7 +338,7 @@ class _Row:
         self.spans = tuple(self._width(picture) + blank + inner[picture] + after for picture in self._pictures)
 
     def place(self, xs: tuple[int, ...], top: int, page: int) -> None:
-        """Set the positions of its subtree: ``xs`` in each picture, ``top`` in all of them."""
+        """Set the positions of the node and its subtree: ``xs`` in each picture, ``top`` in all of them."""
         self.xs, self.y = xs, top
         self.bottom = top + max(each.height for each in self.cards if each is not None)
         if not self.children:
@@ -354,12 +354,12 @@ class _Row:
 
     @property
     def panel_top(self) -> int:
-        """The y coordinate at which its children begin."""
+        """The y coordinate at which the node's children begin."""
         return self.y + max(each.height for each in self.cards if each is not None) + ROW if self.below else self.y
 
     @property
     def _left_margin(self) -> int:
-        """The width needed before its children: for a panel's margin and a switch's cases."""
+        """The width needed to the left of the node's children: for a panel's margin and a switch's cases."""
         cards = (each for child in self.children for each in child.cards if each is not None)
         return (INSET if self.has_panel else 0) + max((case_width(each.box) for each in cards), default=0)
 

@@ -35,7 +35,7 @@ PICTURES_PER_CHECK = 25
 
 
 def check_output(path: Path, option: str) -> None:
-    """Raise click.UsageError if a film cannot be written there, or would replace an existing file.
+    """Raise click.UsageError if no film can be written to ``path``, or if it would replace an existing file.
 
     ``option`` is the option's name, for the message.
     """
@@ -102,7 +102,7 @@ class Movie:
 
     @property
     def is_film(self) -> bool:
-        """Whether it is a film, with a fixed picture rate, instead of a folder."""
+        """Whether the output is a film, with a fixed picture rate, instead of a folder."""
         return self._path.suffix in CODECS
 
     def write(self, picture: Image) -> None:

@@ -249,7 +249,7 @@ def _header(canvas: SvgCanvas, drawing: TreeDrawing, x: int, wide: int) -> None:
 
 
 def _legend(canvas: SvgCanvas, y: int, samples: Sequence[tuple[str, str, str]]) -> None:
-    """Draw a sample of each class that occurs, with its sign and its word."""
+    """Draw the legend of a tree: a sample of each colour in the drawing, with its sign and its word."""
     x, y = MARGIN, y + LEGEND - 20
     for sort, word, sign in samples:
         canvas.rect(f"{sort} {word}", x, y - 12, 24, 16, radius=4)

@@ -9,7 +9,7 @@ from missions.plugins.schema.values import HOLE, SCALAR, Schema, quantity_schema
 
 
 def keys_schema(cls: type) -> Schema:
-    """Return the schema of a section with the keys of a class."""
+    """Return the JSON Schema of a section of a file, with the keys that a class declares."""
     found = declared_keys(cls)
     rest = next((key for key in found if key.form == "rest"), None)
     return {

@@ -54,7 +54,7 @@ PHRASES: Schema = {
     "minItems": 1,
     "errorMessage": "needs a phrase, or a list of them, in words",
 }
-"""Schema of phrases."""
+"""Schema of the phrases that a leaf listens for."""
 
 _SPECIAL_KINDS: Mapping[str, Schema] = {
     "phrases": PHRASES,

@@ -83,7 +83,7 @@ class SignIn:
 
 @dataclass(slots=True)
 class StudioAccess:
-    """The tokens and the sign-ins, until the process ends or the tokens are renewed.
+    """The tokens and the sign-ins of a studio, until the process ends or the tokens are renewed.
 
     ``save`` stores new tokens for later studios; ``epoch`` counts the renewals.
     """

@@ -30,10 +30,10 @@ from missions.plugins.studio.studio import Studio
 from missions.plugins.studio.studio_commands import COMMANDS, Hello, RecordQuery
 
 MAX_COMMAND_RATE = 100.0
-"""Maximum rate of commands per second, with a small burst. A `stop` is never refused."""
+"""Maximum rate of a client's commands per second, with a small burst. A `stop` is never refused."""
 
 MAX_PENDING_COMMANDS = 64
-"""Maximum number of queued commands."""
+"""Maximum number of queued commands of a client."""
 
 MAX_UNREAD_BYTES = 65536
 """Maximum number of bytes that wait for a run which does not read them."""
@@ -126,7 +126,7 @@ class ClientSession:
                 await self.send(self._runs)
 
     async def send(self, message: object) -> None:
-        """Send a message."""
+        """Send a message to the client."""
         await self._send_text(encode_message(message).decode())
 
     async def _send_text(self, text: str) -> None:

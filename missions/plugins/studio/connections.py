@@ -22,7 +22,7 @@ from drivers.clock import Clock, SystemClock
 # Reserve of file descriptors for a stop: without free descriptors, the studio can still search for runs.
 
 RESERVED_DESCRIPTORS = 64
-"""Number of descriptors in reserve: a folder, a file and a socket for each of several runs at the same time."""
+"""File descriptors reserved for stops: a folder, a file and a socket for each of several runs at the same time."""
 
 
 class SpareDescriptors:
@@ -59,7 +59,7 @@ class SpareDescriptors:
 
 
 MAX_CONNECTIONS = 200
-"""Maximum number of connections, if there are descriptors for them."""
+"""Maximum number of connections to the studio, if there are file descriptors for them."""
 
 MAX_CONNECTIONS_PER_ADDRESS = 128
 """Maximum number of connections of one address that have not signed in."""

@@ -27,4 +27,4 @@ def answer_failsafe(command: ClientCommand) -> Json:
 
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"failsafe": answer_failsafe}
-"""Handlers by command word."""
+"""Handler of the command `failsafe`, by its word."""

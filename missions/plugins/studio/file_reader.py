@@ -22,13 +22,13 @@ from missions.plugins.studio.studio_commands import StartRun
 from missions.plugins.tasks.task import TaskError
 
 MAX_WORKERS = 2
-"""Number of processes: one answers while another reads a long record."""
+"""Number of worker processes: one answers while another reads a long record."""
 
 WORK_TIMEOUT = 60.0
-"""Seconds that one piece of work may take."""
+"""Seconds that a worker process may take for one command or report."""
 
 NICENESS = 5
-"""Niceness of the processes: runs have priority."""
+"""Niceness of the worker processes: runs have priority."""
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], dict[str, object]]] = {
     **library.HANDLERS,

@@ -123,7 +123,7 @@ FILE_TIMEOUT = 5.0
 """Seconds allowed for one file of a list: a mission of 10,000 steps takes 4."""
 
 LIST_TIMEOUT = 30.0
-"""Seconds after which remaining files are left for the next request; the reader is ended after twice as many."""
+"""Seconds of work on one list; its remaining files wait for the next request. The reader ends after twice as many."""
 
 DEPENDENCY_SUFFIXES = (*SUFFIXES, *SHEET_SUFFIXES, ".py")
 """Suffixes of files on which a mission, a robot or a world may depend."""
@@ -252,7 +252,7 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
     "mission": answer_mission,
     "world": answer_world,
 }
-"""Handlers by command word."""
+"""Handlers of the commands about the library, by command word."""
 
 
 def _paths_below(place: Path) -> Iterator[Path]:
@@ -265,7 +265,7 @@ def _paths_below(place: Path) -> Iterator[Path]:
 
 
 def _edition(paths: Iterable[Path], before: str = "") -> str:
-    """Return a text that changes when a file is added, changed or removed."""
+    """Return a text that changes when one of the files at ``paths`` is added, changed or removed."""
     digest = hashlib.sha256(before.encode())
     for path in paths:
         with suppress(OSError):

@@ -22,16 +22,16 @@ from missions.trees.value_text import variable_text
 Json = dict[str, object]
 
 CHANGE_TOPICS = ("/nodes", "/feedback", "/variables", "/state/base")
-"""Topics of which every message up to the moment counts."""
+"""Topics of a record of which every message up to the moment counts."""
 
 LATEST_TOPICS = ("/percepts", "/state/head", "/state/arm", "/state/devices", "/scan")
-"""Topics of which only the latest message counts."""
+"""Topics of a record of which only the latest message counts."""
 
 PART_FIGURES: Mapping[str, Mapping[str, str]] = {
     "base": {**{name: name for name in ("x", "y", "heading", "speed", "turn")}, "battery": "battery_percent"},
     "head": {"pan": "pan", "tilt": "tilt"},
 }
-"""Figures of parts, and the names of them in messages."""
+"""Values that the answer has for each part of the robot, and their names in recorded messages."""
 
 
 def answer_moment(command: ClientCommand) -> Json:
@@ -77,7 +77,7 @@ def answer_moment(command: ClientCommand) -> Json:
 
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"moment": answer_moment}
-"""Handlers by command word."""
+"""Handler of the command `moment`, by its word."""
 
 
 def _parts(now: Mapping[str, Any]) -> list[Json]:

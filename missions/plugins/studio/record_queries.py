@@ -95,7 +95,7 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
     "record": answer_record,
     "compare": answer_compare,
 }
-"""Handlers by command word."""
+"""Handlers of the commands about records, by command word."""
 
 
 def messages(piece: RunRecord, topics: frozenset[str], time: float = inf) -> "Iterator[McapMessage]":

@@ -29,7 +29,7 @@ START_TIMEOUT = 60.0
 """Seconds within which a run must open its control socket."""
 
 POLL_INTERVAL = 0.05
-"""Seconds between two checks for the control socket."""
+"""Seconds between two checks for the control socket of a started run."""
 
 RUN_EXIT_CODES = (0, 1)
 """Exit codes of a run that did run, but ended before its control socket was seen."""
@@ -211,7 +211,7 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
     "cancel_task": answer_cancel_task,
     "move_task": answer_move_task,
 }
-"""Handlers by command word."""
+"""Handlers of the commands about tasks, by command word."""
 
 
 def check_names(command: AddTask | StartRun) -> None:

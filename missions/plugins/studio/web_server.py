@@ -70,7 +70,7 @@ def application(make: MakeStudio, access: StudioAccess, *, hosts: Collection[str
 
 
 def routes() -> list[BaseRoute]:
-    """Return all routes."""
+    """Return all routes of the studio's web server."""
     return [
         WebSocketRoute("/ws", serve_websocket),
         Route("/", serve_page),
@@ -81,7 +81,7 @@ def routes() -> list[BaseRoute]:
 
 
 async def serve_websocket(socket: WebSocket) -> None:
-    """Serve a client."""
+    """Serve a client of the studio over its websocket."""
     studio: Studio = socket.app.state.studio
     if studio.client_count >= MAX_CLIENTS:
         await socket.close(CLOSE_TRY_LATER)
@@ -249,7 +249,7 @@ class StudioServer(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Shut down at a signal."""
+        """Shut the server down at SIGINT, SIGTERM or SIGHUP while the context is entered."""
         loop, numbers = asyncio.get_running_loop(), (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         for number in numbers:
             loop.add_signal_handler(number, self.end)
@@ -260,7 +260,7 @@ class StudioServer(uvicorn.Server):
                 loop.remove_signal_handler(number)
 
     def end(self) -> None:
-        """Shut down soon."""
+        """Request the shutdown of the server; returns at once."""
         self.should_exit = True
 
 
@@ -313,7 +313,7 @@ def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
 
 
 def serve(address: StudioAddress, sockets: Sequence[socket.socket], on_started: Any) -> list[int]:
-    """Serve until a signal; call ``on_started`` when ready. Return the process ids of started runs that go on."""
+    """Serve the studio until a signal; call ``on_started`` when ready. Return the ids of started runs that go on."""
     launcher = RunLauncher(record=address.record)
     reader = FileReader()
     server = StudioServer(

@@ -15,7 +15,7 @@ class NotifiedTask(Protocol):
 
     @property
     def robot(self) -> str:
-        """Name or file of its robot; empty for the simulated default."""
+        """Name or file of the task's robot; empty for the simulated default."""
         ...
 
     @property

@@ -15,7 +15,7 @@ LOCK_TIMEOUT = 1.0
 """Seconds to try for a lock; a check by ``is_locked`` holds it for a moment."""
 
 RETRY_INTERVAL = 0.02
-"""Seconds between two tries."""
+"""Seconds between two tries to take a lock."""
 
 
 class LockHeldError(TaskError):
@@ -65,7 +65,7 @@ def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether a process holds the lock. Raises OSError if that is unknown."""
+    """Return whether a process holds the lock file at ``path``. Raises OSError if that is unknown."""
     try:
         number = regular_opener(str(path), os.O_RDONLY)
     except FileNotFoundError:
@@ -80,7 +80,7 @@ def is_locked(path: Path) -> bool:
 
 
 def lock_holder(path: Path) -> str:
-    """Return the ID of the process that acquired the lock last; it may have passed the lock to a child."""
+    """Return the ID of the process that last took the lock file at ``path``; it may have passed the lock to a child."""
     try:
         return read_regular_text(path).strip()
     except (OSError, UnicodeDecodeError):

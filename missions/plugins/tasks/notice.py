@@ -123,14 +123,14 @@ def check_texts(new: NewTask) -> None:
 
 
 def row_of(value: Any) -> dict[str, object]:
-    """Return the columns of a value; the fields of its retry policy are columns too."""
+    """Return the fields of a dataclass object as database columns; the fields of its retry policy are columns too."""
     found = asdict(value)
     found |= found.pop("policy", {})
     return {name: json.dumps(each) if isinstance(each, tuple | list | dict) else each for name, each in found.items()}
 
 
 def from_row(kind: type[T], row: sqlite3.Row, **more: object) -> T:
-    """Return the value of a row, with ``more`` members. Raises sqlite3.DatabaseError for an invalid row."""
+    """Return the ``kind`` object in a row, with ``more`` fields. Raises sqlite3.DatabaseError for an invalid row."""
     columns, dataclass_type = {**row, **more}, cast("Any", kind)
     try:
         values = {
@@ -147,7 +147,7 @@ def from_row(kind: type[T], row: sqlite3.Row, **more: object) -> T:
 
 
 def _column_value(kind: Any, value: Any) -> Any:
-    """Return a column as a JSON value."""
+    """Return a database column as the JSON value of a field of type ``kind``."""
     if isinstance(value, bytes):
         raise TypeError("bytes instead of a text or a number")
     if kind is bool and value in (0, 1):

@@ -31,17 +31,17 @@ from missions.plugins.tasks.task import Attempt, AttemptOutcome, Claim, How, New
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 
 MIN_INTERVAL = 1.0
-"""Minimum seconds between two repetitions."""
+"""Minimum seconds between two repetitions of a task."""
 
 MAX_INTERVAL = 366 * 24 * 3600.0
-"""Maximum seconds between two repetitions: a year."""
+"""Maximum seconds between two repetitions of a task: a year."""
 
 _DATE_AND_TIME = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[ T]+([0-9]{1,2}:[0-9]{2})")
 
 
 @dataclass(frozen=True, slots=True)
 class Repetition:
-    """A repetition: every ``period`` seconds; or, if that is 0, daily or on a week ``day`` (0 is Monday) at ``at``."""
+    """Repetition of a task: every ``period`` seconds; if 0, daily or on a week ``day`` (0 is Monday) at ``at``."""
 
     period: float = 0.0
     day: int | None = None
@@ -171,7 +171,7 @@ RETRY_INTERVAL = 30.0
 """Seconds between the end of an attempt and the next one. Other tasks run meanwhile."""
 
 _READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
-"""SQL condition: the pause is over, or the clock was set back. ?1 is the time, ?2 the pause."""
+"""SQL condition: a task's pause between attempts is over, or the clock was set back. ?1 is the time, ?2 the pause."""
 
 _MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
 """SQL condition of missed tasks; the same as ``_is_too_late``."""

@@ -67,7 +67,7 @@ Work = Callable[[Claim, Stopping, Say], AttemptOutcome]
 """Runs a task and reports its messages with ``Say``; ends as interrupted once ``Stopping`` returns True."""
 
 STOP_CHECK_INTERVAL = 0.2
-"""Seconds between two checks whether to stop."""
+"""Seconds between two checks whether to stop a run."""
 
 STOP_TIMEOUT = 10.0
 """Seconds for a run to stop safely before it is killed; then its devices stop by themselves."""

@@ -117,17 +117,17 @@ class Task(NewTask):
 
     @property
     def awaits_approval(self) -> bool:
-        """Whether it waits for a person's approval."""
+        """Whether the task waits for a person's approval."""
         return self.needs_approval and self.approved is None and self.state == "waiting"
 
     @property
     def has_ended(self) -> bool:
-        """Whether its state is final."""
+        """Whether the state of the task is final."""
         return self.state not in ("waiting", "running")
 
     @property
     def due_since(self) -> float:
-        """Time at which it was due, or was added if it has no time."""
+        """Time at which the task was due, or was added if it has no time."""
         return max(self.due, self.added)
 
 

@@ -46,7 +46,7 @@ REMOTE_PROGRAMS = ("sshd", "dropbear", "telnetd", "in.telnetd", "ttyd", "gotty")
 REMOTE_VARIABLES = ("SSH_CONNECTION", "SSH_TTY")
 
 LAST_ANSWERS_TIMEOUT = 0.6
-"""Seconds to wait for answers at the end: the shell would take later ones for keys."""
+"""Seconds to wait at the end for answers of the terminal: the shell would take later ones for keys."""
 
 
 @contextmanager
@@ -271,7 +271,7 @@ def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock)
 
 
 def _pause(seconds: float) -> str:
-    """Wait; without a terminal no key is pressed."""
+    """Wait ``seconds``, and return an empty text: without a terminal no key is pressed."""
     Event().wait(seconds)
     return ""
 

@@ -78,13 +78,13 @@ class HeldKeys:
 # the question.
 
 QUERY_INTERVAL = 0.1
-"""Seconds between two queries."""
+"""Seconds between two queries of the terminal's cursor position."""
 
 MAX_OPEN_QUERIES = 8
-"""Queries without an answer; more would add nothing, and their answers would reach the shell at the end."""
+"""Maximum queries to a terminal without an answer; more answers would only reach the shell at the end."""
 
 ANSWER_TIMEOUT = 60.0
-"""Seconds after which a query counts as lost."""
+"""Seconds after which a query to the terminal counts as lost."""
 
 FIRST_ANSWER_TIMEOUT = 12.0
 """Seconds after which a local terminal counts as one that never answers, so its keys drive.
@@ -179,7 +179,7 @@ class LineDelay:
 
 
 COMMAND_INTERVAL = 0.05
-"""Seconds between two commands: a command expires after 0.3 s, so five may be missed."""
+"""Seconds between two drive commands: a command expires after 0.3 s, so five may be missed."""
 
 
 def drive_by_hand(

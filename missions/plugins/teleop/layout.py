@@ -28,7 +28,7 @@ TRIGGER = 0x120
 """First button of a joystick, and of a pad in its D mode, which numbers its buttons from here on."""
 
 BUTTONS = range(0x100, 0x300)
-"""Codes of buttons."""
+"""Event codes that are buttons of an input device."""
 
 STICK_X, STICK_Y, HAT_X, HAT_Y = 0x00, 0x01, 0x10, 0x11
 
@@ -48,7 +48,7 @@ class PadEvent:
 
 @dataclass(frozen=True, slots=True)
 class AxisRange:
-    """Range of an axis; ``rest`` is its rest position if that is not the middle."""
+    """Range of an axis of a game pad; ``rest`` is the axis's rest position if that is not the middle."""
 
     least: int
     most: int
@@ -142,11 +142,11 @@ class Control:
 
     @property
     def kind(self) -> int:
-        """Kind of its events."""
+        """Kind of the control's events: ``KEY`` or ``ABS``."""
         return KEY if self.rest is None else ABS
 
     def is_pressed_after(self, event: PadEvent, *, before: bool) -> bool | None:
-        """Return whether it is pressed after an event, given the state ``before``; None for other controls."""
+        """Return whether the control is pressed after ``event``, given ``before``; None for another control's event."""
         if (event.kind, event.code) != (self.kind, self.code):
             return None
         if self.rest is None:
@@ -196,12 +196,12 @@ STANDARD_LAYOUT = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(ST
 """Layout of linux/Documentation/input/gamepad.rst."""
 
 D_MODE_LAYOUT = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
-"""Left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2, depending on the maker, so both stop."""
+"""Layout of pads in D mode: left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2 by maker, so both stop."""
 
 UNIDENTIFIED_LAYOUT = PadLayout(
     STANDARD_LAYOUT.hold, (*STANDARD_LAYOUT.stops, *D_MODE_LAYOUT.stops), STANDARD_LAYOUT.enable
 )
-"""Layout of a node that the kernel does not describe: both kinds of stop."""
+"""Layout of a game pad that the kernel does not describe: the stop buttons of both other layouts."""
 
 D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
     {
@@ -216,7 +216,7 @@ D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class PadModel:
-    """Model of a pad, and its ``buttons`` and ``axes``."""
+    """Model of a game pad, and the codes of its ``buttons`` and ``axes``."""
 
     vendor: int
     product: int
@@ -264,7 +264,7 @@ def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout
 
 
 class PadState:
-    """State of a pad: whether ``hold`` is pressed, and the positions of the stick. ``ranges`` are those of its axes."""
+    """State of a game pad: whether ``hold`` is pressed, and the stick's position. ``ranges`` are its axes' ranges."""
 
     def __init__(self, layout: PadLayout, ranges: Mapping[int, AxisRange], dead_zone: float) -> None:
         self.layout = layout

@@ -57,7 +57,7 @@ class PadEventSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Movement:
-    """Changes from one rest to the next: pressed ``buttons``, and moved axes."""
+    """Changes of a game pad from one moment at rest to the next: pressed ``buttons``, and moved axes."""
 
     buttons: tuple[int, ...]
     axes: Mapping[int, tuple[int, int, float]]  # rest, farthest value, share of the span between them

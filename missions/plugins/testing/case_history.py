@@ -36,7 +36,7 @@ NOTICE_VERBS = {"offline": "disconnects", "online": "reconnects", "fault": "comp
 
 @dataclass(frozen=True, slots=True)
 class NodeRecord:
-    """Results of one node: position in the file, statuses, counts of starts and ends, and failure reasons.
+    """Results of one node of a mission: position in the file, statuses, counts of starts and ends, and failure reasons.
 
     ``ends`` are its possible ends.
     """
@@ -53,7 +53,7 @@ class NodeRecord:
 
 @dataclass(slots=True)
 class CaseHistory:
-    """Records a run. ``listeners`` are called with each event, at once.
+    """Records the events of a case's run. ``listeners`` are called with each event, at once.
 
     ``claim_conflict`` names a part that two leaves drove at the same time, ``is_moving`` says whether the base moved at
     the last tick, ``pose`` is its final pose in the world frame, and ``joints`` the final arm angles (radians).

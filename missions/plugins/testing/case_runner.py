@@ -22,15 +22,15 @@ REST_TIME = 1.0
 """Seconds after the mission's end within which the robot must come to rest."""
 
 REST_CHECK_TIME = 0.1
-"""Seconds for which nothing may move then."""
+"""Seconds, after ``REST_TIME``, for which no part of the robot may move."""
 
 MAX_SWAY = 0.01
-"""Distance in metres, and angle in radians, by which a body in physics may sway during that time."""
+"""Distance in metres, and angle in radians, by which a robot in physics may sway during ``REST_CHECK_TIME``."""
 
 Posture = tuple[Pose2D, HeadPose | None, dict[str, float]]
 
 IN_PROCESS_LIMITS = WatchdogLimits(slow=math.inf, stall=math.inf, fail=10.0, lost=math.inf)
-"""Limits for a run in a shared process: a hanging behaviour is waited for instead of ending the process."""
+"""Watchdog limits for a run in a shared process: a hanging behaviour is waited for instead of ending the process."""
 
 
 class CaseRunner:
@@ -107,13 +107,13 @@ def _velocity_getter(twins: Twins) -> Callable[[], Velocity] | None:
 
 
 def _posture(twins: Twins) -> Posture:
-    """Return the true pose of base, head and joints now."""
+    """Return the present true poses of the twins: base, head and joints."""
     head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
     return twins.pose(), head, _joint_angles(twins)
 
 
 def _is_still(before: Posture, after: Posture, max_sway: float) -> bool:
-    """Return whether nothing moved farther than ``max_sway``, in metres and radians."""
+    """Return whether base, head and joints moved no farther than ``max_sway``, in metres and radians."""
     if not max_sway:
         return before == after
     (there, looked, were), (here, looks, are) = before, after

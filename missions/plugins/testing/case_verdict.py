@@ -22,7 +22,7 @@ from missions.plugins.testing.suite import Case
 # Whether a run was as a test file expects: what was seen instead, at the place of each expectation.
 
 Miss = tuple[Mark, str]
-"""An unmet expectation: its position in the file, and the observed value."""
+"""An unmet expectation: its position in the test file, and the observed value."""
 
 
 def check_expectations(expectations: Sequence[Expectation], history: CaseHistory) -> list[Miss]:
@@ -153,7 +153,7 @@ def _check_order(expectation: Expectation, history: CaseHistory) -> Iterator[Mis
 
 
 def _check_faults(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Require that each text is part of a notice, and that each notice contains one of the texts."""
+    """Require that each expected text is part of a fault notice, and that each notice contains one of the texts."""
     verbs = ("disconnects", "complains")
     notices = [f"{each.names[0]} {each.verb}: {each.text}" for each in history.observed_events if each.verb in verbs]
     for item in expectation.items:
@@ -165,7 +165,7 @@ def _check_faults(expectation: Expectation, history: CaseHistory) -> Iterator[Mi
 
 
 def _check_reflexes(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Require that each text is part of a reflex's message."""
+    """Require that each expected text is part of the message of a reflex that fired."""
     fired = [f"{each.names[0]} {each.text}".strip() for each in history.observed_events if each.verb == "fires"]
     if fired and not expectation.items:
         yield expectation.mark, f"these reflexes fired: {_quote_list(fired)}"
@@ -237,7 +237,7 @@ CHECKS: Mapping[str, Callable[[Expectation, CaseHistory], Iterator[Miss]]] = {
     "joints": _check_joints,
     "returns": _check_returns,
 }
-"""Check of each key of ``expect``."""
+"""Function that checks each key of ``expect`` in a test file."""
 
 
 def _result_and_reason(history: CaseHistory) -> tuple[str, str]:

@@ -20,7 +20,7 @@ NodeError = Callable[[str], str]
 
 @dataclass(frozen=True, slots=True)
 class ObservedEvent:
-    """An event ``time`` seconds after the start: an action of a node, part or other source with any of ``names``.
+    """An event ``time`` seconds after a run's start: an action of a node, part or other source with any of ``names``.
 
     ``text`` is an utterance, a failure reason, a part's fault, or a reflex's detail. ``key`` is the node's key in the
     tree, with a dot appended for events that the node's behaviour caused itself.
@@ -55,7 +55,7 @@ class EventSpec:
 
 
 def read_event(phrase: Phrase, node_error: NodeError) -> EventSpec:
-    """Read an event; the following words are not consumed."""
+    """Read an event from the words of a phrase; the words after the event are not consumed."""
     if phrase.word in SAYS and phrase.following_word not in NODE_VERBS:  # else it is a behaviour of that name
         phrase.take()
         return EventSpec("robot", "says", phrase.take_quoted("'says'"))

@@ -18,7 +18,7 @@ from missions.plugins.testing.event_specs import NodeError, read_event
 from missions.plugins.testing.phrases import Phrase
 
 MAY_BE_EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
-"""Keys whose list may be empty, which expects that there is none."""
+"""Keys of ``expect`` whose list may be empty: the case then expects none of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def read_expectations(case: Fields, keys: ExpectKeys | None, names: CaseNames) -
 
 
 def _read_texts(node: Node) -> Iterator[ExpectedItem]:
-    """Yield the texts of a list, or a single text."""
+    """Yield the texts that a key of ``expect`` lists, or its single text."""
     for item in _scalars(node):
         yield ExpectedItem(item.mark, item.text)
 
@@ -143,7 +143,7 @@ def _read_pose(fields: Fields, node: Node, _: CaseNames) -> Iterator[ExpectedIte
 
 
 def _read_joints(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield joints as (name, angle, tolerance), in radians."""
+    """Yield the expected joint angles as (joint name, angle, tolerance), in radians."""
     for name, angle in _entries(node):
         if name.text in names.joints:
             yield ExpectedItem(name.mark, (name.text, *_read_angle(fields, name.text, angle, JOINT_TOLERANCE)))
@@ -164,7 +164,7 @@ def _read_angle(fields: Fields, key: str, node: Node, default_tolerance: float) 
 
 
 def _read_returns(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield results as (name, value)."""
+    """Yield the expected results of the mission as (name, value)."""
     for name, value in _entries(node):
         if name.text not in names.returns:
             hint = suggest_from(name.text, names.returns) or "it has no results"
@@ -202,4 +202,4 @@ READERS: dict[str, ReadItems] = {
     "joints": _read_joints,
     "returns": _read_returns,
 }
-"""Readers of the keys whose values depend on the case; other values are used as they are."""
+"""Readers of the keys of ``expect`` whose values depend on the case; other values are used as they are."""

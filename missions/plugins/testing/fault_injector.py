@@ -56,7 +56,7 @@ def _switch_drive(base: BaseTwin, fault: FaultSpec, now: float, *, on: bool) -> 
 
 
 class FaultInjector:
-    """Faults of the twins of one run. Raises TypeError for a run that is not in simulated time.
+    """Injects faults into the twins of one run. Raises TypeError for a run that is not in simulated time.
 
     Fault times go on while the run is paused or stopped, so that such a fault can end.
     """

@@ -33,10 +33,10 @@ RUN = "run"
 
 SIDES = ("left", "centre", "right")
 PERMANENT_STATES = ("battery", "overloaded", "turned")
-"""States that never end by themselves."""
+"""Fault states that never end by themselves."""
 
 TEMPORARY_STATES = ("stalled", "paused", "stopped")
-"""States that suspend the mission, and so must have an end."""
+"""Fault states that suspend the mission, and so must have an end."""
 
 JOINT_STATES = {
     "overloaded": "elbow",
@@ -53,10 +53,10 @@ A stiff joint resists a turn by hand; a push holds the joint there by force.
 """
 
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})
-"""For a robot without additional parts of a kind."""
+"""Additional parts of a robot that has none."""
 
 AMOUNT_STATES = {"drifting": ("at", "turn rate"), "late": ("by", "duration")}
-"""States with an amount: the word before it, and its dimension."""
+"""Fault states with an amount: the word before the amount, and the dimension of the amount."""
 
 TIME_WORDS = ("from", "at", "for", "when")
 
@@ -109,7 +109,7 @@ def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] 
 
 
 def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
-    """Read the detail and the amount of a state."""
+    """Return the detail and the amount of a fault state."""
     if state in ("bumped", "cliff"):
         return phrase.take_if(*SIDES) or "centre", 0.0
     if state == "button":
@@ -128,7 +128,7 @@ def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
 
 
 def _read_joint(phrase: Phrase, state: str) -> tuple[str, float]:
-    """Read a joint name, and the angle to which it is turned."""
+    """Return a joint name, and the angle to which a fault turns the joint."""
     if phrase.word in ("", "to", *TIME_WORDS):
         phrase.add_fault(f"which joint is {state} is missing here", f"such as 'arm {state} {JOINT_STATES[state]}'")
     joint = phrase.take()
@@ -140,7 +140,7 @@ def _read_joint(phrase: Phrase, state: str) -> tuple[str, float]:
 
 
 def _read_button(phrase: Phrase) -> str:
-    """Read ``0 pressed``."""
+    """Read a button fault such as ``0 pressed``; return the number of the button."""
     numbers = tuple(map(str, range(BUTTON_COUNT)))
     number = phrase.take_if(*numbers)
     if not number:
@@ -151,7 +151,7 @@ def _read_button(phrase: Phrase) -> str:
 
 
 def _read_time(phrase: Phrase, node_error: NodeError) -> tuple[float, float, EventSpec | None]:
-    """Read start, duration and trigger; by default from the beginning, without end."""
+    """Return start, duration and trigger of a fault; by default it lasts from the beginning, without end."""
     start, moment = 0.0, None
     if phrase.take_if("from"):
         start = phrase.take_quantity("'from'", "duration")

@@ -29,7 +29,7 @@ STATE_EXAMPLES = {
     "drifting": "drifting at 2 deg/s", "late": "late by 0.5 s",
     "turned": "turned {joint} to 30 deg", "pushed": "pushed {joint} to 30 deg",
 }  # fmt: skip
-"""Examples of the states that need a detail."""
+"""Examples of the fault states that need a detail."""
 
 
 def read_live_fault(words: str, runner: Runner) -> FaultSpec:

@@ -99,5 +99,5 @@ def run_mission(
 
 
 def _text(value: object) -> str:
-    """Return a param as a file would write it."""
+    """Return the value of a param as a mission file would write it."""
     return str(value).lower() if isinstance(value, bool) else str(value)

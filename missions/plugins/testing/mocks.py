@@ -47,7 +47,7 @@ Script = tuple[MockTurn, ...]
 
 
 def read_script(phrase: Phrase) -> Script:
-    """Read a script; an error is reported, and the turns before it are returned."""
+    """Return the turns in the script of a mock; an error is reported, and the turns before it are returned."""
     turns: list[MockTurn] = []
     waited: MockTurn | None = None  # "runs for 2 s": the beginning of the next turn
     while True:
@@ -94,7 +94,7 @@ def _read_running(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
 
 
 def _read_duration(phrase: Phrase, turn: MockTurn) -> MockTurn:
-    """Read ``3 ticks`` or ``2 s``."""
+    """Return ``turn`` with the duration that the phrase names, such as ``3 ticks`` or ``2 s``."""
     if phrase.following_word in ("tick", "ticks"):
         turn = replace(turn, ticks=phrase.take_count("how many ticks"))
         phrase.take()
@@ -103,7 +103,7 @@ def _read_duration(phrase: Phrase, turn: MockTurn) -> MockTurn:
 
 
 def _read_times(phrase: Phrase) -> int:
-    """Read a repeat count; once by default."""
+    """Return how often a turn is repeated; 1 if the phrase does not say."""
     if phrase.following_word == "times":
         times = phrase.take_count("how often")
         phrase.take()
@@ -112,7 +112,7 @@ def _read_times(phrase: Phrase) -> int:
 
 
 WILDCARDS = frozenset("*?")
-"""Wildcard characters of a pattern."""
+"""Wildcard characters in the target of a mock."""
 
 FACE_FIELDS = tuple(field.name for field in fields(Face) if field.name not in {"box", "stamp"})
 """Fields of a mocked face that a test file can set; the others have default values."""
@@ -138,7 +138,7 @@ class TurnSequence:
         self._left = [turn for turn in script for _ in range(turn.times)]
 
     def take(self) -> MockTurn:
-        """Return the next turn; at the end, the last one repeatedly."""
+        """Return the next turn of the script; after its end, the last turn again and again."""
         return self._left.pop(0) if len(self._left) > 1 else self._left[0]
 
 

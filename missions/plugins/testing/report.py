@@ -70,12 +70,12 @@ class FileCoverage:
 
     @property
     def endings(self) -> tuple[int, int]:
-        """Numbers of observed and of possible ends."""
+        """Numbers of observed and of possible ends of all nodes in the file."""
         possible = sum(len(node.ends) for node in self.nodes)
         return possible - sum(len(node.missing_ends) for node in self.nodes), possible
 
     def text(self) -> str | None:
-        """Text of the file; None if it can no longer be read."""
+        """Text of the mission file; None if it can no longer be read."""
         try:
             return Path(self.file).read_text(encoding="utf-8")
         except OSError:

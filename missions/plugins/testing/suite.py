@@ -86,12 +86,12 @@ def _read_mock(fields: Fields, key: Scalar, value: Node, setting: CaseSetting) -
 
 
 def _is_listening_mock(key: Scalar, setting: CaseSetting) -> bool:
-    """Return whether the mocked leaf stores a phrase."""
+    """Return whether a mock replaces a leaf that listens for phrases."""
     return any(step.leaf is not None and issubclass(step.leaf, HearingLeaf) for step in _mocked_steps(key, setting))
 
 
 def _read_phrase(fields: Fields, node: Node, key: Scalar, setting: CaseSetting) -> str:
-    """Read the phrase heard by a mock: one for which the mission listens there."""
+    """Return the phrase that a mock hears: one of those for which the mission listens in the mocked step."""
     text = node.text if isinstance(node, Scalar) else ""
     if not text.strip():
         fields.add_error(node.mark, "'result' needs a text")
@@ -122,7 +122,7 @@ def _check_target(fields: Fields, key: Scalar, setting: CaseSetting) -> None:
 
 
 def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str, object]:
-    """Read the values of ``as``, by name: fields of a face, or results of a mission."""
+    """Return the values of a mock's result by name: fields of a face, or results of a mission."""
     steps = _mocked_steps(key, setting)
     if steps and all(step.leaf is None for step in steps):
         return _read_returns(fields, key, {name for step in steps for name in step.returns})
@@ -132,7 +132,7 @@ def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str
 
 
 def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
-    """Read the results of a mission, where a mapping means a face."""
+    """Return a mocked mission's results by name; a mapping among them means a face."""
     found: dict[str, object] = {}
     for name, value in fields.entries():
         if name.text not in returns:
@@ -146,7 +146,7 @@ def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Name
 
 
 def _read_face(fields: Fields) -> dict[str, object]:
-    """Read the fields of a face."""
+    """Return the fields of a mocked face by name, such as its bearing; unknown fields are errors."""
     found: dict[str, object] = {}
     for name, value in fields.entries():
         if name.text not in FACE_FIELDS:
@@ -165,7 +165,7 @@ def _read_face(fields: Fields) -> dict[str, object]:
 
 
 def _read_value(fields: Fields, name: Scalar, value: Node) -> object:
-    """Read one value."""
+    """Return one value of a mock's result; a list or a mapping is an error."""
     if isinstance(value, Scalar):
         return default_value(value)
     fields.add_error(value.mark, f"'{name.text}' needs one value")
@@ -197,7 +197,7 @@ class Case:
 
     @property
     def location(self) -> str:
-        """Position as ``FILE:LINE``."""
+        """Position of the case as ``FILE:LINE``."""
         return f"{self.source.name}:{self.mark.line}"
 
     def __str__(self) -> str:

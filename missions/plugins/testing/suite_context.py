@@ -60,7 +60,7 @@ class CaseSetting:
         )
 
     def steps(self, name: str) -> list[Step]:
-        """Return the steps with this word or name; modifiers are not steps of their own."""
+        """Return the mission's steps with this word or name; modifiers are not steps of their own."""
         tree = () if self.plan is None else self.plan.tree.walk()
         return [step for step in tree if name in (step.kind, step.name) and step.kind not in MODIFIERS]
 
@@ -76,7 +76,7 @@ class CaseSetting:
 
 @dataclass(frozen=True, slots=True)
 class SuiteContext:
-    """Properties shared by all cases of a file. ``mission`` is a path; names are relative to ``folder``."""
+    """Properties shared by all cases of a test file. ``mission`` is a path; names are relative to ``folder``."""
 
     folder: Path
     mission: str

@@ -133,10 +133,10 @@ class NondetValue(Value):
     only_checked: bool = False
     abstraction: Callable[[object], object] = lambda found: found
     needed: frozenset[str] = field(init=False)
-    """Variables that it certainly reads. Precomputed, since it is used tens of thousands of times."""
+    """Variables that the expression certainly reads. Precomputed, since they are used tens of thousands of times."""
     sensed: bool = field(init=False)
     sensors: Sequence[str] = field(init=False)
-    """Sensors that must report; whether they do is a choice."""
+    """Sensors whose data the expression reads; whether each of them reports is a choice."""
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -172,7 +172,7 @@ class NondetValue(Value):
                 raise ExpressionError(f"'{name}' is not set")
 
     def _reads_unknown(self, scope: Mapping[str, object]) -> bool:
-        """Return whether a variable that it reads is unknown in ``scope``."""
+        """Return whether the expression reads a variable that is unknown in ``scope``."""
         reads = self.template.reads if self.template is not None else ()
         return self.sensed or any(contains_unknown(scope.get(read.name)) for read in reads)
 

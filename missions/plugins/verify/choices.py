@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 Script = tuple[int, ...]
-"""Choices of one step, as indices of the options."""
+"""Choices of one step of the exploration, as indices of the options."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ MAX_TRANSITIONS_PER_STATE = 40
 
 @dataclass(slots=True)
 class ExploredState:
-    """An explored state, and the step by which it was first reached.
+    """An explored state of a mission, and the step by which it was first reached.
 
     ``kind`` is GOING, HALTING, RESTED, or "success" or "failure" for a run that has ended. ``state`` is None if no step
     follows. ``completes_round`` means that a step from here completes a round of a ``repeat: forever``.
@@ -56,7 +56,7 @@ class FirstViolation:
 
 
 class StateSpace:
-    """Explored state space. ``open`` are the states that were not completely expanded.
+    """Explored state space of a mission. ``open`` are the states that were not completely expanded.
 
     The exploration ends at ``bound`` states, or when ``is_late`` returns true.
     """
@@ -86,7 +86,7 @@ class StateSpace:
 
     @property
     def depth(self) -> int:
-        """Steps from the start to the farthest state."""
+        """Number of steps from the start to the farthest state."""
         return self.places[-1].depth
 
     def explore(self) -> None:
@@ -108,7 +108,7 @@ class StateSpace:
         )
 
     def _expand(self, number: int, *, halted: bool) -> None:
-        """Take every step of one kind from a state."""
+        """Take every possible step from a state: all ticks, or all halts if ``halted``."""
         script: Script | None = ()
         while script is not None:
             if self._is_full():

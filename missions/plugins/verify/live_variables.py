@@ -56,7 +56,7 @@ def live_while_running(tree: Step) -> Mapping[str, Names]:
 
 
 class LivenessAnalysis:
-    """Repeated passes over the tree, until no pass adds a live variable."""
+    """Liveness analysis of a mission's tree: its passes are repeated until no pass adds a live variable."""
 
     def __init__(self) -> None:
         self.running: dict[str, Names] = {}

@@ -269,7 +269,7 @@ def variable_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozens
 
 
 def _read_variables(step: Step, key: str, names: frozenset[str]) -> Iterator[tuple[str, frozenset[str]]]:
-    """Yield the variables by the keys of their nodes."""
+    """Yield the key of each node with the variables that it reads at its start."""
     if step.kind not in DURATION_MODIFIERS:
         yield key, frozenset[str]().union(*map(always_read_names, step.arguments.values())) & names
     inner = step.children[0].variables if step.kind == MISSION else names
@@ -409,7 +409,7 @@ class Shuffler(Random):
         self.is_sampled = False
 
     def shuffle(self, x: MutableSequence[Any]) -> None:
-        """Put ``x`` into one of its orders."""
+        """Reorder ``x`` in place; the order is a choice."""
         before = list(x)
         if len(before) <= MAX_ORDERED_CHILDREN:
             orders = [list(order) for order in permutations(before)]

@@ -71,7 +71,7 @@ class PropertyMonitor:
         return "" if alone is None else f"{alone.label} runs, and nothing of {self.promise.other} does"
 
     def is_stopped(self, live: Iterable[Leaf]) -> bool:
-        """Return whether no leaf of the subject runs."""
+        """Return whether none of the leaves named by the property's subject runs."""
         return not any(leaf in self.subject for leaf in live)
 
 
@@ -123,7 +123,7 @@ class Monitor(Protocol):
 
     @property
     def rule(self) -> str:
-        """Name in verdicts."""
+        """Name of the monitored property in verdicts."""
         ...
 
     def on_start(self, leaf: "StandIn", live_leaves: "Sequence[StandIn]") -> str:
@@ -170,7 +170,7 @@ class RuleMonitor:
         self._acting.clear()
 
     def begin(self, happened: Sequence[bool], moving: frozenset[str]) -> None:
-        """Begin a step."""
+        """Begin a step, given the memory of the monitors and the actuators left moving."""
         self.moving = moving
         self.violations, self.changes, self.completed_round = [], [], False
         self._acting = dict.fromkeys(leaf for leaf in self.live_leaves if leaf.drives)

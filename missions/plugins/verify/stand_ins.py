@@ -24,7 +24,7 @@ class TickOutcome(NamedTuple):
 
 
 EARLY_RESULT = TickOutcome(RUNNING, has_result=True)
-"""A leaf that has a result and keeps running."""
+"""Outcome of a leaf that has a result to store and keeps running."""
 
 STATUS_VERBS = {RUNNING: "runs", SUCCESS: "succeeds", FAILURE: "fails"}
 
@@ -93,7 +93,7 @@ class StandIn(Leaf):
 
     @property
     def can_end(self) -> bool:
-        """Whether it may ever succeed or fail."""
+        """Whether the leaf may ever succeed or fail."""
         return any(outcome.status is not RUNNING for outcome in self.outcomes)
 
     def _describe_outcome(self, outcome: TickOutcome) -> str:

@@ -17,7 +17,7 @@ from missions.plugins.verify.choices import Oracle
 # its bounds, so one state of the exploration stands for infinitely many real ones, and no timing is left out.
 
 Bound = tuple[float, int]
-"""Upper bound on a difference: seconds, and 1 if the bound itself is allowed, 0 if the difference must be less."""
+"""Upper bound on the difference of two instants: seconds, and 1 if the bound itself is allowed, else 0."""
 
 UNBOUNDED: Bound = (inf, 0)
 ZERO_BOUND: Bound = (0.0, 1)

@@ -261,10 +261,10 @@ def _unwrap_modifiers(step: Step) -> Step:
 # Verification of a checked mission.
 
 MAX_STATES = 10_000
-"""Maximum number of states; the shipped missions have a few hundred at most."""
+"""Default maximum of explored states; the shipped missions have a few hundred at most."""
 
 TIME_LIMIT = 60.0
-"""Time limit in seconds."""
+"""Default time limit of an exploration in seconds."""
 
 
 def verify(

@@ -11,7 +11,7 @@ from drivers.clock import SystemClock
 from missions.plugins.view.app import ViewApp
 
 MAX_MESSAGE_SIZE = 1 << 26
-"""Bytes of a message: the drawing of the largest allowed mission."""
+"""Maximum bytes of a message from the run: the drawing of the largest allowed mission."""
 
 
 def main() -> None:

@@ -15,10 +15,10 @@ from missions.plugins.view.terminal import TerminalSnapshot, hold_output
 from missions.trees.feed import Json, ViewFeed
 
 SEND_INTERVAL = 0.1
-"""Shortest interval between two messages, in seconds."""
+"""Shortest interval between two messages to the view process, in seconds."""
 
 EXIT_TIMEOUT = 5.0
-"""Seconds for the process to restore the terminal and exit; then it is killed."""
+"""Seconds for the view process to restore the terminal and exit; then it is killed."""
 
 _READ_SIZE = 1 << 16
 

@@ -60,7 +60,7 @@ ICON = "data:,"
 def document(
     title: str, body: Markup, *, data: Mapping[str, object] | None = None, assets: Sequence[Traversable] = ()
 ) -> str:
-    """Return the page. Its script finds ``data`` as ``missiontree.data``: plain JSON.
+    """Return an HTML page. Its script finds ``data`` as ``missiontree.data``: plain JSON.
 
     ``assets`` are further styles (``.css``) and scripts (``.js``), in order.
 

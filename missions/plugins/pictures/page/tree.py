@@ -18,7 +18,7 @@ from missions.trees.drawing_builder import legend
 
 
 def card(box: TreeBox, time: float | None = None) -> Markup:
-    """Return the lines of a card. With a ``time``, they include the node's status and its age."""
+    """Return the lines of a node's card as HTML. With a ``time``, they include the node's status and its age."""
     return join(*_card_lines(box, time))
 
 
@@ -63,7 +63,7 @@ def _title(box: TreeBox, *, live: bool) -> Markup:
 
 
 def _age(status: Status, seconds: float) -> str:
-    """Return the running time, or the time since the end, as the report's script writes it too."""
+    """Return a node's running time, or the time since its end, as text; the report's script writes it alike."""
     return f"{seconds:.1f} s" if status in ("running", "suspended") else f"{seconds:.1f} s ago"
 
 

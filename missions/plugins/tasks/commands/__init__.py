@@ -1,1 +1,1 @@
-"""The commands of the queue."""
+"""The commands of the task queue."""

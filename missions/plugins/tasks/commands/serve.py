@@ -45,7 +45,7 @@ FLUSH_TIMEOUT = 60.0
 
 
 OPTIONS = {name: cls for name in ("studio_options", "fleet_options") if (cls := service(name)) is not None}
-"""Options that other plug-ins add."""
+"""Options of `mission task serve` that other plug-ins add."""
 
 
 @click.command("serve", epilog="Example: mission task serve --once")

@@ -18,11 +18,11 @@ POLL_INTERVAL = 0.05
 """Seconds between two checks whether the program has ended."""
 
 MAX_ERROR_BYTES = 200
-"""Bytes of its standard error that are reported."""
+"""Maximum bytes of the program's standard error in an error message."""
 
 
 class CommandChannel:
-    """Starts the program for each notice; exit code 0 means delivered."""
+    """Starts the user's program for each notice; exit code 0 means delivered."""
 
     def __init__(self, config: CommandNotice, timeout: float = TIMEOUT) -> None:
         self._command, self._timeout = config.command, timeout

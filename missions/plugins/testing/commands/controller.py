@@ -28,7 +28,7 @@ from missions.plugins.testing.controllers.bench import (
 from missions.plugins.testing.controllers.tracking_trial import DELAY_SCENARIOS, STAMP_SCENARIOS
 
 DEFAULT_LAG = TrackFace.lag
-"""Default of a base's lag in seconds until it is measured, as in missions."""
+"""Default lag of a base in seconds until the lag is measured, as in missions."""
 
 
 picture_option = click.option(

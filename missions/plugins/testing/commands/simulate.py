@@ -43,14 +43,14 @@ JOINT_COMMANDS = {
     "remove": "JOINT: take its servo off the bus",
     "insert": "JOINT: put its servo on the bus again",
 }
-"""Commands for one servo, and their further words."""
+"""Commands for the servo of one joint, each with its arguments and meaning."""
 
 COMMAND_HELP = JOINT_COMMANDS | {
     "unplug": "[PART]: unplug base, head, arm or another part; all parts by default",
     "plug": "[PART]: plug it in again",
     "help": "this list",
 }
-"""Help text: all commands."""
+"""Help text of all commands, for one servo and for whole devices."""
 
 
 class DeviceCommands:
@@ -119,7 +119,7 @@ def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> No
 
 
 class LineReader:
-    """Reads whole lines from a file descriptor; None, or its end, yields no lines."""
+    """Reads whole lines from a file descriptor; yields no lines at the end of the file, or with None."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor

@@ -34,7 +34,7 @@ _TIME_STEP = 0.0005
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Score of a trial.
+    """Score of a controller in a trial of face tracking.
 
     ``centred`` is the time in seconds from which the face stayed centred, None if it never did; ``bound`` its lower
     limit if the face's motion is known from the first picture, ``known`` if it must be observed. ``overshoot`` is the
@@ -156,10 +156,10 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "rate": ("deg/s", math.degrees(1)),
     "edge": ("px", 1.0),
 }
-"""Display unit of each input, and its number per SI unit."""
+"""Display unit of each input of a controller, and its number per SI unit."""
 
 OUTPUT_UNIT = ("deg/s", math.degrees(1))
-"""Display unit of the outputs, which are rates, and its number per SI unit."""
+"""Display unit of the outputs of controllers, which are rates, and its number per SI unit."""
 
 
 def describe_controller(config: ControllerConfig) -> Iterator[str]:
@@ -192,7 +192,7 @@ def _rule_base_lines(name: str, controller: Controller) -> Iterator[str]:
 
 
 def _term_centre(full: float, until: float) -> float:
-    """Return the middle of a term's plateau; of a shoulder, its inner end."""
+    """Return the middle of a fuzzy term's plateau; for a shoulder (an outermost term), the inner end of the plateau."""
     if math.isinf(full):
         return until
     return full if math.isinf(until) else (full + until) / 2
@@ -246,7 +246,7 @@ def run_bench(
 
 
 def table_lines(rows: Sequence[BenchRow]) -> Iterator[str]:
-    """Yield the lines of a table: a block for each scenario and body, a line for each controller."""
+    """Yield the lines of the benchmark's table: a block for each scenario and body, a line for each controller."""
     width = max((len(row.controller) for row in rows), default=0)
     yield f"{'':<{width + 2}} {'centred':>9} {'x bound':>8} {'x known':>8} {'overshoot':>10} {'RMS error':>10}"
     block = None

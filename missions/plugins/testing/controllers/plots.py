@@ -22,16 +22,16 @@ MUTED_COLOUR = "#8a8f98"
 """Colour of axes and other secondary elements."""
 
 COLOURS = ("#c8553d", "#d9a21b", "#6a9f58", "#2a78b5", "#7a5aa6", "#4a4f57")
-"""Colours of the controllers, in order."""
+"""Colours of the controllers in a plot, in order."""
 
 MARGIN_SHARE = 0.12
-"""Share of the range added on each side of the terms."""
+"""Margin on each side of a plot of fuzzy terms, as a share of the range of the terms."""
 
 CURVE_POINTS = 201
-"""Number of points along a curve."""
+"""Number of points along a plotted curve."""
 
 SURFACE_POINTS = 61
-"""Number of points along a side of a surface."""
+"""Number of points along each side of a plotted rule surface."""
 
 
 def draw_controller(path: Path, config: ControllerConfig) -> None:
@@ -53,7 +53,7 @@ def draw_controller(path: Path, config: ControllerConfig) -> None:
 
 
 def draw_bench(path: Path, rows: Sequence[BenchRow]) -> None:
-    """Draw the error over time, a panel for each scenario and body. Raises OSError if it cannot be written."""
+    """Draw the tracking error over time, a panel for each scenario and body. Raises OSError if it cannot be written."""
     names = list(dict.fromkeys(row.controller for row in rows))
     colours = dict(zip(names, COLOURS * len(names), strict=False))
     panels = [(key, list(found)) for key, found in groupby(rows, key=lambda row: (row.scenario, row.body))]
@@ -139,7 +139,7 @@ def _draw_terms(
 def _draw_surface(
     axes: Axes, names: Sequence[str], corners: Sequence[Sequence[float]], surface: Callable[..., float]
 ) -> None:
-    """Draw a curve for one input, a map for two; further inputs are 0."""
+    """Draw a controller's output over its inputs: a curve for one input, a map for two; further inputs are 0."""
     spans = [
         np.linspace(*_padded_range(along), CURVE_POINTS if len(names) == 1 else SURFACE_POINTS) for along in corners
     ]
@@ -161,7 +161,7 @@ def _draw_surface(
 
 
 def _padded_range(corners: Sequence[float]) -> tuple[float, float]:
-    """Return a range that includes the outermost corners and a margin."""
+    """Return the plotted range of an input: from the lowest to the highest corner of its terms, with a margin."""
     margin = MARGIN_SHARE * (corners[-1] - corners[0])
     return corners[0] - margin, corners[-1] + margin
 

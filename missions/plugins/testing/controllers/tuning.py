@@ -37,7 +37,7 @@ NEVER_CENTRED_COST, LOST_FACE_COST, INVALID_COST = 10.0, 50.0, 1000.0
 
 @dataclass(frozen=True, slots=True)
 class FigureGroup:
-    """Figures that are changed together: those of one variable that are equal except for their sign."""
+    """Numbers of a controller that are tuned together: those of one variable that are equal except for their sign."""
 
     name: str
     figures: tuple[TunableNumber, ...]
@@ -45,7 +45,7 @@ class FigureGroup:
 
 @dataclass(frozen=True, slots=True)
 class TuningResult:
-    """Text of the new file, and the costs before and after tuning."""
+    """Result of tuning: text of the new controller file, and the costs before and after."""
 
     text: str
     before: float
@@ -147,7 +147,7 @@ class ControllerTuning:
 
 
 def figure_groups(source: SourceText, rules: str) -> list[FigureGroup]:
-    """Return the groups of figures of one rule base; mirrored figures share a group, so left and right stay alike."""
+    """Return the groups of numbers of one rule base; mirrored numbers share a group, so left and right stay alike."""
     found: dict[tuple[tuple[str, ...], float], list[TunableNumber]] = defaultdict(list)
     for figure in tunable_numbers(source):
         if figure.keys[0] == rules and figure.number:

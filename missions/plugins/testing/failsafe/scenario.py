@@ -66,7 +66,7 @@ class BaseRig(Protocol):
 
 
 TimedActions = Sequence[tuple[float, Callable[[BaseRig], object]]]
-"""Actions on the rig, each with its time in seconds after the first."""
+"""Actions on a BaseRig, each with its time in seconds after the first."""
 
 
 def _press_for(
@@ -132,7 +132,7 @@ FAULTS: Mapping[str, TimedActions] = {
     "no scans for 4 s": ((0.0, _freeze(frozen=True)), (4.0, _freeze(frozen=False))),
     "the commands stop": (),
 }
-"""Faults, as actions from ``FAULT_START`` on."""
+"""Faults of a base, each as actions on the rig from ``FAULT_START`` on."""
 
 SILENT_FAULT = "the commands stop"
 
@@ -142,7 +142,7 @@ BATTERIES: Mapping[str, tuple[float, bool]] = {
     "critical": (5.0, False),
     "critical, on the dock": (5.0, True),
 }
-"""Battery level in percent, and whether it charges."""
+"""Battery states: the level in percent, and whether the battery charges."""
 
 REFLEXES: Mapping[str, Mapping[str, Any]] = {
     "default": {},
@@ -175,7 +175,7 @@ CHOICES: Mapping[str, Sequence[str]] = {
     "battery": tuple(BATTERIES),
     "reflexes": tuple(REFLEXES),
 }
-"""Available choices by field of a setting."""
+"""Available choices by field of a FailsafeSetting."""
 
 
 @cache
@@ -208,7 +208,7 @@ WAITING = "waits"
 
 @dataclass(frozen=True, slots=True)
 class ScenarioMoment:
-    """State from ``t`` seconds after the fault began on (negative: before it); compared without ``t`` and ``ahead``.
+    """Base state from ``t`` seconds after the fault began on (negative: before); compared without ``t`` and ``ahead``.
 
     ``source`` is the commanding source ("" for none), ``setpoint`` and ``limited`` are speeds (m/s, rad/s), ``reason``
     is the reason of their difference, and ``latched`` the reason of the latch, from the driver. ``mission`` and

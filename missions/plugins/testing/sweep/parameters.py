@@ -24,7 +24,7 @@ ApplyValue = Callable[[PlainMapping, DrawnValue, Random], None]
 
 @dataclass(frozen=True, slots=True)
 class SweepParameter:
-    """A parameter that can be varied: the ``kind`` of its values, its description, and the function that applies it.
+    """A parameter that a sweep can vary: the ``kind`` of its values, its description, and the function that applies it.
 
     ``rank`` sorts parameters: those on which others depend are applied first.
     """

@@ -8,7 +8,7 @@ from config.units import si_value
 from missions.plugins.testing.sweep.variation import DrawnValue
 
 PlainMapping = dict[str, Any]
-"""Mapping of a world file as plain lists, mappings and values."""
+"""A world file, or a section of it, as plain lists, mappings and values."""
 
 WALK_HALF_LENGTH = 0.8
 """Metres that a walking person walks to each side of their position, across the robot's view."""
@@ -51,7 +51,7 @@ def set_bearing(world: PlainMapping, person: PlainMapping, value: DrawnValue) ->
 
 
 def set_height(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Set a person's height so that their eyes are at that height."""
+    """Set a person's height so that their eyes are ``value`` metres above the floor."""
     del world
     person["height"] = f"{value} m"
 
@@ -97,7 +97,7 @@ PERSON_PARAMETERS: dict[str, tuple[str, Callable[[PlainMapping, PlainMapping, Dr
 
 
 def _move_person(person: PlainMapping, to: Callable[[float, float], tuple[float, float]]) -> None:
-    """Move a person and their path."""
+    """Move a person and their path; ``to`` returns the new position of each point."""
     person["at"] = _position_text(*to(*position_of(person)))
     if person.get("walk"):
         points = [tuple(si_value(value, "length") for value in point) for point in person["walk"]]

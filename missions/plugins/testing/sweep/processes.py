@@ -21,7 +21,7 @@ CHUNKS_PER_WORKER = 2
 """Chunks in the pool for each worker: one running and one queued."""
 
 WORKER_DIED = "the worker process died in this run"
-"""Reason of a run that killed its worker."""
+"""Failure reason in the row of a run that killed its worker process."""
 
 Chunk = Sequence[int]
 Work = Callable[[SweepPlan, Chunk], list[SweepRow]]

@@ -7,7 +7,7 @@ from missions.plugins.testing.sweep.variation import SweepRow
 
 
 def report(summary: Summary, describe_run: Callable[[SweepRow], Sequence[str]]) -> str:
-    """Return the table; ``describe_run`` returns a run's drawn values and the command that repeats it."""
+    """Return a sweep's table; ``describe_run`` returns a run's drawn values and the command that repeats the run."""
     parts = [_overall(summary), _causes(summary), *_variation_tables(summary), _worst(summary.worst, describe_run)]
     return "\n\n".join("\n".join(part) for part in parts if part)
 

@@ -37,7 +37,7 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Number of successes in ``runs``."""
+    """Success rate of a sweep: number of successes in ``runs``."""
 
     successes: int
     runs: int
@@ -49,12 +49,12 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of that share."""
+        """95 % confidence interval of the share of successes."""
         return wilson(self.successes, self.runs)
 
 
 RANGE_BIN_COUNT = 5
-"""Number of parts into which a range is cut."""
+"""Number of bins into which the range of a varied parameter is cut."""
 
 MAX_UNCUT_RANGE = 10
 """Largest count of whole numbers in a range that is not cut: each number has its own bin."""
@@ -146,7 +146,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Summary of all rows. The keys of ``bins`` are titles of variations."""
+    """Summary of all rows of a sweep. The keys of ``bins`` are titles of variations."""
 
     rate: Rate
     times: RunTimes | None
@@ -172,7 +172,7 @@ def summarise(rows: Sequence[SweepRow], variations: Sequence[Variation]) -> Summ
 
 
 def _causes(rows: Sequence[SweepRow]) -> tuple[Cause, ...]:
-    """Return the causes, most frequent first; with their numbers if those are equal in all runs."""
+    """Return the causes of failures, most frequent first; a reason keeps its numbers if all its runs have the same."""
     found: dict[str, list[SweepRow]] = {}
     for row in rows:
         if text := cause_of(row):

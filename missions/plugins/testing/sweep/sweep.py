@@ -35,12 +35,12 @@ from missions.request import RunRequest
 from missions.runner import Runner, load_plan, requested_robot
 
 PARAM_PREFIX = "param."
-"""Prefix of the names of varied params."""
+"""Prefix of a mission's params among the names of a sweep's variations: ``param.speed``."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepPlan:
-    """Settings shared by all runs, and the variations.
+    """Settings shared by all runs of a sweep, and the variations.
 
     ``world`` is a world file as plain data, ``file`` its path. ``limit`` is the time limit of a run in simulated
     seconds.
@@ -99,7 +99,7 @@ class SweepPlan:
         return parse_world(SourceText(f"{self.file} as of run {seed}", self.world_of(values, seed)))
 
     def command(self, seed: int, world: Path | None = None) -> str:
-        """Return the command that repeats one seed; in the file ``world``, if given, which holds its world."""
+        """Return the command that repeats the run of one seed, in the world file ``world`` if given."""
         words = ["mission", "run", self.mission, "--simulate", "fast", "--eyes", self.eyes, "--seed", str(seed)]
         words += [] if self.robot is None else ["--robot", self.robot]
         words += ["--physics"] if self.physics else []
@@ -161,7 +161,7 @@ class SweepRuns:
 
 
 def run_seeds(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
-    """Run some seeds in order, in a worker. Raises KeyboardInterrupt.
+    """Run some seeds of a sweep in order, in a worker; return their rows. Raises KeyboardInterrupt.
 
     OpenCV is limited to one thread: there is a worker for every core.
     """

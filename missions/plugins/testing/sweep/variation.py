@@ -13,7 +13,7 @@ DrawnValue = float | int | str
 """Drawn value of a run: a number in the unit of its variation, or a word."""
 
 ANGULAR_KINDS = ("angle", "turn rate")
-"""Dimensions for which a bare number is not in the SI unit."""
+"""Dimensions for which a number without a unit is refused."""
 
 DECIMALS = 4
 """Decimals of drawn numbers: tables and files show the exact value."""
@@ -36,7 +36,7 @@ class ValueRange:
         return round(self.low + share * (self.high - self.low), DECIMALS)
 
     def ends(self) -> Sequence[DrawnValue]:
-        """Return the two ends."""
+        """Return the lowest and the highest number of the range."""
         return self.low, self.high
 
 
@@ -51,13 +51,13 @@ class ValueList:
         return self.values[int(random.random() * len(self.values))]
 
     def ends(self) -> Sequence[DrawnValue]:
-        """Return all values."""
+        """Return all values of the list."""
         return self.values
 
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """A varied parameter. Numbers are in ``unit``, the first of their dimension; empty for none."""
+    """A parameter that a sweep varies. Numbers are in ``unit``, the first one of their dimension, if any."""
 
     name: str
     unit: str
@@ -110,7 +110,7 @@ def _read_word(text: str) -> str:
 
 
 def _read_number(text: str, kind: str) -> float | int:
-    """Return one number in the first unit of its kind."""
+    """Return a number converted to the first unit of its dimension ``kind`` in ``config.units``."""
     text = text.strip()
     if kind == "count":
         if not re.fullmatch("[0-9]{1,9}", text):
