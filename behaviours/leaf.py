@@ -52,8 +52,8 @@ RENAMED = {"word": "tag", "uses": "optional_parts", "stores": "output_doc"}
 class Leaf(HaltableNode):
     """Base of leaves: an action or condition of the robot. Subclasses declare it in class attributes.
 
-    The docstring is the help text of the leaf: the first line says what it does, the rest when it is running, succeeds
-    and fails.
+    The docstring is the help text of the leaf: the first line describes the action, the rest when it is running,
+    succeeds and fails.
 
     ``tag`` is the name in missions, and ``example`` a step with it. ``drives`` are the actuators that the leaf claims
     (``base``, ``head``, ``arm``, ``voice``), ``needs`` the required parts and ``optional_parts`` the optional ones

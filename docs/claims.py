@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 FIGURES = Path(__file__).with_suffix(".json")
 
 
-class Claim(NamedTuple):
+class ReliabilityClaim(NamedTuple):
     """A claim, its command and its gaps.
 
     ``words`` is the command; leading ``NAME=VALUE`` words set environment variables. ``gap`` is not covered by the
@@ -41,91 +41,91 @@ MAX_OUTPUT = 8000
 
 TESTS = "pytest -n 0 "
 CLAIMS = (
-    Claim(
+    ReliabilityClaim(
         "storm",
         "all promises of this page hold, for every seed",
         "python -m tests.storm --seeds 2000",
         "twins in simulated time: no wire, no server, no page",
     ),
-    Claim(
+    ReliabilityClaim(
         "range guard",
         "among people and furniture, whoever commands it: a base does not hit anything that its range finder saw "
         "in time ([definition](base.md#visible-in-time)); 95 % of clean missions still finish, 10 % slower at most",
         f"TRIES=10000 {TESTS}tests/drivers/test_guard_campaign.py",
         "a simulated range finder without obstacles above or below its plane; other than round bases",
     ),
-    Claim(
+    ReliabilityClaim(
         "run killed",
         "`kill -9` while it drives: the base is at rest 0.7 s after it last received data; at any moment since its "
         "start: its record can be read, and no process, note or socket is left behind",
         f"TRIES=500 {TESTS}tests/missions/test_killed.py",
         "the virtual base's firmware, not a real one's",
     ),
-    Claim(
+    ReliabilityClaim(
         "stop anywhere",
         "a stop that is reported has happened: 40 combinations of variables, sessions, containers, studios, and "
         "folders that are full, emptied, replaced or missing",
         f"TRIES=most {TESTS}tests/missions/studio/test_stop_anywhere.py",
         "two computers with one home; containers that share neither folders nor network, except for root outside",
     ),
-    Claim(
+    ReliabilityClaim(
         "processes",
         "a run, its recorder, the studio and its client, killed, frozen, cut off and stopped at random: the base is at "
         "rest 0.7 s after it last received data, a stop persists, and only a readable record is left",
         f"TRIES=200 {TESTS}tests/missions/test_process_storm.py",
         "arms and heads; two failures at the same instant",
     ),
-    Claim(
+    ReliabilityClaim(
         "wire of a base",
         "lost, doubled and damaged bytes, an unplugged cable, silence, a stalled loop: the base is at rest 0.7 s "
         "after its last command, and keeps its limits",
         f"TRIES=500 {TESTS}tests/drivers/test_wire_storm.py",
         "heads and arms, which have wire tests of their own; whole missions",
     ),
-    Claim(
+    ReliabilityClaim(
         "limbs",
         "`kill -9`, SIGSTOP or a crash while arm and head move: at rest within 0.5 s; resumed, nothing leaps",
         f"{TESTS}tests/missions/test_killed_limbs.py",
         "virtual servos",
     ),
-    Claim(
+    ReliabilityClaim(
         "stalled loop",
         "a loop that stalls at any time while it drives: the base comes to rest",
         f"{TESTS}tests/missions/test_stalled.py",
         "virtual bases",
     ),
-    Claim(
+    ReliabilityClaim(
         "hanging leaf",
         "a leaf that hangs, in Python or in C: its name and line are reported, the robot is kept still, signals end it",
         f"{TESTS}tests/missions/test_watchdog.py tests/missions/test_lifeline.py",
         "a kernel that hangs",
     ),
-    Claim(
+    ReliabilityClaim(
         "recorder killed",
         "`kill -9` of the run and of its recorder: at most the last second is missing",
         f"TRIES=500 {TESTS}tests/missions/records/recording/test_recorder.py -k kill_at_any_moment",
         "pictures; a disk slower than a second",
     ),
-    Claim(
+    ReliabilityClaim(
         "server killed",
         "`kill -9` of the task server: no task is lost, none is completed twice",
         f"TRIES=500 {TESTS}tests/missions/service/test_killed_queue.py",
         "two servers on a network disk",
     ),
-    Claim(
+    ReliabilityClaim(
         "power cut",
         "no acknowledged task is lost or reverted; a record has everything up to its last sync (every 0.6 s, and 0.3 s "
         "after a rare event), and everything after it is closed",
         f"CUTS=200 {TESTS}tests/missions/testing/test_power_cut.py",
         "a file system that reorders names; a disk that reports false syncs; the audit log of the studio",
     ),
-    Claim(
+    ReliabilityClaim(
         "network",
         "any failure of the driving person's network: the base stops",
         f"{TESTS}tests/missions/studio/test_link_lost.py tests/missions/studio/test_control.py",
         "real radios",
     ),
-    Claim(
+    ReliabilityClaim(
         "planted",
         "faults planted in a copy of the code are found",
         "python -m tests.planted --seeds 200",
@@ -134,7 +134,7 @@ CLAIMS = (
 )
 
 
-def run_claim(claim: Claim) -> Mapping[str, object]:
+def run_claim(claim: ReliabilityClaim) -> Mapping[str, object]:
     """Run the command of a claim, and return its result, figures, day and commit."""
     words = claim.words.split()
     given = dict(word.split("=", 1) for word in words if re.fullmatch(r"[A-Z]+=\w+", word))
@@ -193,7 +193,7 @@ def claims() -> str:
     )
 
 
-def _row(claim: Claim, kept: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:
+def _row(claim: ReliabilityClaim, kept: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:
     last = kept.get(claim.name)
     told = "not run yet"
     if last is not None:

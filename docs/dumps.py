@@ -122,7 +122,8 @@ def gallery() -> str:
 
 
 def _entry(name: str) -> str:
-    entry = f"## {name}\n\n{wrap_paragraph(drawing(name).summary)}\n\n![The tree of {name}](gallery/{file_of(name, '.svg').name})"
+    picture = f"![The tree of {name}](gallery/{file_of(name, '.svg').name})"
+    entry = f"## {name}\n\n{wrap_paragraph(drawing(name).summary)}\n\n{picture}"
     if name not in IN_EVERY_FORM:
         return entry
     links = (f"[{label}](gallery/{file_of(name, suffix).name})" for suffix, label in LINKED.items())

@@ -127,7 +127,7 @@ class RunRequest:
 
     @property
     def is_batch(self) -> bool:
-        """True for simulated time at full speed with known truth: nothing moves, and nobody can watch or stop the run.
+        """True for simulated time at full speed with known truth: nothing moves, no client can watch or stop it.
 
         Such a run starts no thread, socket or process, unless code of others takes part.
         """

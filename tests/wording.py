@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 SETTINGS = Path(__file__).with_suffix(".toml")
 MAX_SENTENCE_WORDS = 25
 MAX_LINE_LENGTH = 100
-PRONOUN_START = re.compile(r"(What|Who|Whom|Whose|One|It|That|Those|They|So)\b")
+PRONOUN_START = re.compile(r"(What|Who|Whom|Whose|One (?:that|who|which|is|has)|It|That|Those|They|So)\b")
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ FULL_SPEED = 0.7
 """Speed of a wheel in m/s at full pulse width."""
 
 FLOOR, NO_FLOOR = 2000, 100
-"""What a floor sensor measures with the floor beneath it, and without."""
+"""Reading of a floor sensor with the floor beneath it, and without."""
 
 UNKNOWN_ID = 0x63
 

@@ -143,7 +143,7 @@ def _decode_raw(message: Any) -> Image:
     size, made = _ENCODINGS[encoding]
     width, height, step = int(message.width), int(message.height), int(message.step)
     if not (width and height and width * height <= MAX_PIXELS and step >= of * size * width):
-        raise ValueError(f"{width} x {height} pixels in rows of {step} bytes are no picture")
+        raise ValueError(f"{width} x {height} pixels in rows of {step} bytes are not a valid picture")
     lines = height * 3 // 2 if encoding == "nv21" else height
     if len(message.data) < step * lines:
         raise ValueError(f"{len(message.data)} bytes are not enough")

@@ -7,7 +7,7 @@ waveshareteam/ugv_base_general (WAVE ROVER) and waveshareteam/ugv_base_ros (UGV)
 To the rover: ``1`` sets the wheel speeds, ``130`` requests one report, ``131`` switches periodic reports, ``142`` sets
 their interval in milliseconds, ``143`` switches the echo of valid lines, and ``136`` sets the milliseconds without a
 speed after which the rover stops. From the rover: ``1001``, with the wheel speeds ``L`` and ``R`` and the battery
-voltage ``v``, besides values of its IMU; echoes; and lines of text at boot.
+voltage ``v``, and values of its IMU; echoes; and lines of text at boot.
 
 A line has no checksum: a damaged digit makes another number. So a reader must compare several reports.
 """
@@ -81,9 +81,9 @@ def parse_line(line: bytes) -> WaveshareFeedback | WaveshareEcho | None:
 def _read_number(message: dict[str, Any], name: str) -> float:
     value = message.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_VALUE:
-        raise ValueError(f"{name} is no figure")
+        raise ValueError(f"{name} is not a valid number")
     return float(value)
 
 
 def _refuse(word: str) -> float:
-    raise ValueError(f"{word} is no figure")
+    raise ValueError(f"{word} is not a valid number")

@@ -135,8 +135,8 @@ class VariableSet(Event):
 class ReflexFired(Event):
     """A condition of the base begins, or ends if ``on`` is False: a contact, a hazard, a stop, a low battery.
 
-    ``condition`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: sides, the number of a button, the
-    reason of a stop, the battery percentage.
+    ``condition`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: sides, the number of a button,
+    the reason of a stop, the battery percentage.
     """
 
     event: ClassVar[str] = "reflex"

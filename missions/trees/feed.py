@@ -26,7 +26,7 @@ STOPPED_REASON = "stopped from the view"
 """Reason of a run that was stopped from a view."""
 
 ABANDONED_REASON = "the view ended while the mission was paused"
-"""Reason of a paused run whose view has ended, so that nobody can resume it."""
+"""Reason of a paused run whose view has ended, so that no user can resume it."""
 
 POLL_INTERVAL = 0.5
 """Seconds between two polls of the robot's parts."""
@@ -175,7 +175,7 @@ class ViewFeed:
                 pass
 
     def on_view_lost(self) -> None:
-        """Stop the run if a person had paused it from the lost view: nobody could resume it."""
+        """Stop the run if a person had paused it from the lost view: no user could resume it."""
         if self._paused:
             self._executive.stop(ABANDONED_REASON)
 

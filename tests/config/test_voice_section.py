@@ -68,7 +68,10 @@ def test_what_a_command_may_name_is_what_is_filled_in() -> None:
         (("driver: command", "command: my_tts 'a"), "'command' is not a valid shell command line"),
         (
             ("driver: command", "command: my_tts {text} --as={voice} --pace={speed}"),
-            "'command': {text} is not a placeholder | {voice}, {language}, {name}, {speed}, {volume} are known; the text",
+            (
+                "'command': {text} is not a placeholder"
+                " | {voice}, {language}, {name}, {speed}, {volume} are known; the text"
+            ),
         ),
         (("driver: command", "command: my_tts --pace={pace}"), "{pace} is not a placeholder"),
         (("driver: espeek",), "'driver' cannot be 'espeek' | did you mean 'espeak'?"),

@@ -164,7 +164,7 @@ class Witness:
 
 
 def _checked(case: Case) -> Plan | None:
-    """Return the plan, None for the mistakes that are made here: rivals for an actuator, and modifiers without effect."""
+    """Return the plan, None for the errors of these cases: rivals for an actuator, modifiers without effect."""
     try:
         return case.plan()
     except InvalidFileError as error:

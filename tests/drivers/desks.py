@@ -118,7 +118,7 @@ def gives_pictures(number: int, request: int, data: bytearray) -> None:
 
 
 class HandAsked:
-    """A ``drivers.finding.port_probe.ProbeWire`` to a virtual device, in time of its own; it keeps all that was sent."""
+    """A ``drivers.finding.port_probe.ProbeWire`` to a virtual device, in its own time; it stores all sent bytes."""
 
     def __init__(self, device: WireDevice | None) -> None:
         self.sent: list[tuple[int, bytes]] = []

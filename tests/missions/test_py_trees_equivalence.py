@@ -151,7 +151,7 @@ def test_statuses_calls_and_feedback_are_those_of_py_trees(build: Build, todo: l
         pair.check()
 
 
-# --- the intended differences, one by one (the table of behaviours.py_trees_leaf.PyTreesLeaf) -----------------------------------
+# --- the intended differences, one by one (the table of behaviours.py_trees_leaf.PyTreesLeaf)
 
 
 def test_a_halt_of_what_has_ended_tells_it_nothing() -> None:

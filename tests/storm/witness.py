@@ -119,7 +119,7 @@ class Witness:
         for part in leaf.claims:
             self.claimed.setdefault(part, []).append(time)
 
-    # --- what a record has (missions.plugins.records.replay.rerun.RerunSource) ------------------------------------------
+    # --- what a record has (missions.plugins.records.replay.rerun.RerunSource)
 
     @property
     def events(self) -> list[Event]:

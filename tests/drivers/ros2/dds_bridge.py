@@ -100,7 +100,7 @@ class DdsBridge:
         """Have a node send a message."""
         self._session.put(topic.strip("/"), payload)
 
-    # --- as ``drivers.ros2.node.Ros2Node`` has it, for the action servers of ``drivers.virtual`` -------------------------
+    # --- as ``drivers.ros2.node.Ros2Node`` has it, for the action servers of ``drivers.virtual``
 
     def serve(self, name: str, kind: str, asked: Asked) -> None:
         action, part, _ = name.partition("/_action/")

@@ -191,7 +191,10 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
         ),
         (
             BLINK + "    def __init__(self, name, colour):\n        super().__init__(name)\n",
-            "wrong.py:7:7: Blink: a leaf must be constructible with its name alone: missing a required argument: 'colour'",
+            (
+                "wrong.py:7:7: Blink: a leaf must be constructible with its name alone: "
+                "missing a required argument: 'colour'"
+            ),
         ),
         (COUNTER.replace("limit: int", "limit: list[int]"), "wrong.py:5:7: CountTo needs 'limit' (list"),
         (COUNTER.replace("limit: int", "limit: Nothing"), "NameError: name 'Nothing' is not defined"),

@@ -167,7 +167,8 @@ from missions.plugins.tasks.run_process import RunProcess
 from tests.missions.service.test_task_child import claim
 script = "import sys, select, os; print(os.getpid(), file=sys.stderr, flush=True); n = int(sys.argv[2].split('=')[1]); "
 script += "select.select([n], [], []); assert os.read(n, 1) == b''"
-RunProcess([], lambda line: print(line, flush=True), command=(sys.executable, "-c", script))(claim(), lambda: False, print)
+process = RunProcess([], lambda line: print(line, flush=True), command=(sys.executable, "-c", script))
+process(claim(), lambda: False, print)
 """
 
 

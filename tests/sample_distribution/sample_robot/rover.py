@@ -1,7 +1,7 @@
 """Driver of the rover: lines of text over a serial port.
 
-Its commands are ``v 250 -100``: millimetres and milliradians per second, valid for 0.3 s; ``b 440 200``: a tone in hertz
-and milliseconds. Fifty times per second it reports ``o 1200 -35 1570 250 -100``: position, heading and velocity.
+Its commands are ``v 250 -100``: millimetres and milliradians per second, valid for 0.3 s; ``b 440 200``: a tone in
+hertz and milliseconds. Fifty times per second it reports ``o 1200 -35 1570 250 -100``: position, heading and velocity.
 """
 
 from drivers.api import BaseState, Pose2D, Tune, Velocity

@@ -76,7 +76,7 @@ class TickDecoder:
         """Return the tick record of a message. Raises LookupError, TypeError or ValueError for invalid messages."""
         overheld, kind = data["overheld"], data["kind"]
         if kind not in TICK_KINDS:
-            raise ValueError(f"{kind!s:.40} is no kind of moment")
+            raise ValueError(f"{kind!s:.40} is not a tick kind")
         return TickRecord(
             kind,
             from_json(data["tick"], int),

@@ -285,7 +285,7 @@ def add(
     """Add a person's face, so that a robot recognises them.
 
     From PICTURES that show only their face, or with instructions before the camera. Only the face is stored, in a
-    folder that nobody else can read. Ask them first.
+    folder that no other user can read. Ask them first.
     """
     people, camera = people_for(robot), camera_keys(robot)
     proper_name(name)  # reject an invalid name before anyone poses

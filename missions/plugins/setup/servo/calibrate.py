@@ -128,7 +128,7 @@ def _watch_joints(
 
 
 def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
-    """Switch the torque of ``joints`` off, after identifying each servo, and once somebody holds the arm.
+    """Switch the torque of ``joints`` off, after identifying each servo, and once a person holds the arm.
 
     Nothing is switched off if one servo is not as expected. Raises DeviceFault, NoReply, NotConnected, BadRequest; else
     as ``confirm_limp``.

@@ -219,7 +219,7 @@ class OpenArm:
             pause()
 
     def confirm_limp(self, names: Collection[str], *, yes: bool) -> None:
-        """Wait until somebody holds the arm, whose torque is about to go off; see ``confirm_limp``."""
+        """Wait until a person holds the arm, whose torque is about to go off; see ``confirm_limp``."""
         states = self.joints.states()
         limp = [name for name in names if (it := states[name].value) is not None and not it.torque]
         confirm_limp(names, stiff=len(limp) < len(names), simulated=self.simulated, yes=yes)
@@ -299,7 +299,7 @@ def require_terminal(seconds: float | None) -> None:
 
 
 hold_option = click.option(
-    "--yes", is_flag=True, help="Do not wait for Enter before the torque goes off: somebody holds the arm already."
+    "--yes", is_flag=True, help="Do not wait for Enter before the torque goes off: a person holds the arm already."
 )
 """Adds ``--yes`` to a command that switches torque off."""
 

@@ -103,7 +103,7 @@ def offset_for(shown: int, before: int) -> int:
               help="Distance of the limits from the touched ends.")  # fmt: skip
 @click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N",
               help="Use the present pose as the middle, and watch for this time; by default until Enter.")  # fmt: skip
-@click.option("--yes", is_flag=True, help="Do not ask: somebody holds the arm, and the EEPROM may be written.")
+@click.option("--yes", is_flag=True, help="Do not ask: a person holds the arm, and the EEPROM may be written.")
 def home(
     target: ServoTarget, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool,
     endless: tuple[str, ...], margin: float, seconds: float | None, yes: bool,

@@ -222,7 +222,7 @@ MAX_ID = 253
 yes_option = click.option(
     "--yes",
     is_flag=True,
-    help="Do not ask before the EEPROM is written, or a servo holds with less force: somebody holds the arm.",
+    help="Do not ask before the EEPROM is written, or a servo holds with less force: a person holds the arm.",
 )
 
 

@@ -77,7 +77,7 @@ class FarTerminal:
             self._send("i")
 
     def _typed(self, seconds: float) -> str:
-        """Return a key as ``KeyReader.read`` does: answers and keys come in one stream, which is read without a pause."""
+        """Return a key as ``KeyReader.read`` does: replies and keys come in one stream, read without a pause."""
         until = self.clock.now() + seconds
         while True:
             while self.came:

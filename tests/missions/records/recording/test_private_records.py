@@ -100,7 +100,8 @@ def test_so_is_all_else_that_shows_people(path: Path, tmp_path: Path, capsys: py
         command(capsys, "record", "report", str(path), "-o", str(report), "--plots", str(tmp_path / "plots")).code == 0
     )
     assert command(capsys, "show", str(path), "-o", str(tmp_path / "tree.svg")).code == 0
-    pictured = write(tmp_path / "pictured.mcap", [item._replace(jpeg=picture(9)) if isinstance(item, PictureItem) else item
+    pictured = write(tmp_path / "pictured.mcap", [
+        item._replace(jpeg=picture(9)) if isinstance(item, PictureItem) else item
                                                   for item in items()])  # fmt: skip
     assert command(capsys, "record", "replay", str(pictured), "--frames", str(frames)).code == 0
     run = ("run", "motions/forward", "--events", str(events), "--film", str(film))

@@ -237,7 +237,10 @@ def of_figures() -> Iterator[tuple[str, dict[str, Any]]]:
     for value in (1e308, -1e308, many):
         yield f"a base at {str(value)[:9]}", {"raw": [
             raw("/state/base", base),
-            raw("/state/base", {**base, "x": value, "heading": value, "requested_turn": value, "battery_percent": value}),
+            raw(
+                "/state/base",
+                {**base, "x": value, "heading": value, "requested_turn": value, "battery_percent": value},
+            ),
             raw("/state/base", {**base, "x": -value, "requested_turn": -value}),
         ]}  # fmt: skip
     yield (

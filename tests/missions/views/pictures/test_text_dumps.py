@@ -153,7 +153,8 @@ def test_dumps_are_the_same_bytes_under_every_encoding_of_the_terminal() -> None
         "import sys; from missions.library.shipped import load_mission\n"
         "from missions.trees.text import dot, text_tree\n"
         "from missions.trees.states import NodeState\n"
-        "plan, now = load_mission('patrol'), {'1': NodeState('running', '', 0.0), '1.1': NodeState('failure', 'é', 1.0)}\n"
+        "plan = load_mission('patrol')\n"
+        "now = {'1': NodeState('running', '', 0.0), '1.1': NodeState('failure', 'é', 1.0)}\n"
         "for drawn in (text_tree(plan, now), text_tree(plan, now, ascii=True), dot(plan, now), dot(plan)):\n"
         "    sys.stdout.buffer.write(drawn.encode('utf-8'))\n"
     )
