@@ -1,4 +1,4 @@
-"""Extras of MissionTree: their distributions, and which of these are installed."""
+"""Extras of MissionTree: the distributions that each requires, and which of them are installed."""
 
 import platform
 import re

@@ -120,7 +120,7 @@ class BaseLimits:
 
 @dataclass(frozen=True, slots=True)
 class Odometers:
-    """Raw odometry of each instrument since the first report, neither corrected nor fused.
+    """Raw odometry of each instrument of a base since its first report, neither corrected nor fused.
 
     ``left`` and ``right`` are the distances of the wheels in metres by the encoders, ``turn`` the rotation in radians
     by the encoders, ``gyro`` the heading in radians by the gyro, None without a gyro.
@@ -165,13 +165,13 @@ class BaseState:
     posture: Posture = Posture.UNKNOWN
 
     def figures(self) -> Mapping[str, float]:
-        """Return the figures for displays, by name: metres and radians, m/s and rad/s, percent."""
+        """Return the values that displays show, by name: metres and radians, m/s and rad/s, percent."""
         pose = {"x": self.pose.x, "y": self.pose.y, "heading": self.pose.heading}
         return {**pose, "speed": self.velocity.linear, "turn": self.velocity.angular, "battery": self.battery_percent}
 
 
 LEG_ACTS = ("stand", "sit", "gait")
-"""Acts of a base with legs."""
+"""Names of the acts that a base with legs can perform."""
 
 FALLEN_REASON = "it has fallen"
 """Latch reason of a base with legs that has fallen."""
@@ -258,7 +258,7 @@ class Base(Device, Protocol):
     @property
     @fixed
     def limits(self) -> BaseLimits:
-        """Maximum speeds and accelerations."""
+        """Maximum speeds and accelerations of the base."""
         ...
 
     @command(
@@ -299,7 +299,7 @@ class Base(Device, Protocol):
         ...
 
     def state(self) -> Reading[BaseState]:
-        """Latest state."""
+        """Latest reported state of the base."""
         ...
 
     def steering(self) -> Steering:

@@ -144,7 +144,7 @@ class Limitable(Protocol[L]):
 
     @property
     def limits(self) -> L:
-        """Limits in force."""
+        """Limits of the part that are in force."""
         ...
 
     def restrict_limits(self, limits: L) -> L:

@@ -82,7 +82,7 @@ class DriverCatalogue(Protocol):
     """All drivers: the built-in ones and those of other distributions."""
 
     def names(self, kind: str) -> Sequence[str]:
-        """Return the names of the drivers of a kind."""
+        """Return the names of the drivers of a kind of part."""
         ...
 
     def find(self, kind: str, name: str) -> Driver:
@@ -124,12 +124,12 @@ class Finding:
 
 
 def warning(about: str, message: str, fix: str) -> Finding:
-    """Return a finding that may do harm."""
+    """Return a finding of a check-up: a problem that may do harm."""
     return Finding(about, message, "warning", fix)
 
 
 def failure(about: str, message: str, fix: str) -> Finding:
-    """Return a finding that keeps the robot from working."""
+    """Return a finding of a check-up: a problem that keeps the robot from working."""
     return Finding(about, message, "wrong", fix)
 
 

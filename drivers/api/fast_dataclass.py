@@ -161,7 +161,7 @@ def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: 
 
 
 def _make_values_getter(names: Iterable[str]) -> ValuesGetter:
-    """Return a function that returns the values of these attributes as a tuple, even of one or none."""
+    """Return a function that returns the named attributes of an object, always as a tuple."""
     names_tuple = tuple(names)
     if len(names_tuple) > 1:
         return cast(ValuesGetter, attrgetter(*names_tuple))

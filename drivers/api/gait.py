@@ -1,4 +1,4 @@
-"""Keys of a gait: by its steps, or by the positions of the soles over a cycle."""
+"""Keys of a gait file: a walk described by its steps, or by the positions of the soles over a cycle."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -10,7 +10,7 @@ Vector = tuple[float, float, float]
 
 @keys
 class PointKeys:
-    """Positions of the soles at one point of the cycle."""
+    """Keys of one point of a gait cycle: the positions of both soles."""
 
     at: float = key("share", low=0.0, high=1.0, help="Time as a share of the cycle, below 100 %.")
     left: Vector = key("length", help="Position of the left sole's middle, from the trunk's origin: [x, y, z].")
@@ -22,7 +22,7 @@ class PointKeys:
 
 @keys
 class WalkKeys:
-    """Walk, described by its steps."""
+    """Keys of a walk in a gait file, described by its steps."""
 
     step: float = key("length", help="Distance from one foot to the next; negative is backwards.")
     side: float = key("length", default=0.0, help="Distance to the left in two steps.")

@@ -18,7 +18,7 @@ class HeadPose:
     tilt: Angle
 
     def figures(self) -> Mapping[str, float]:
-        """Return the figures for displays, by name, in radians."""
+        """Return the angles that displays show, by name, in radians."""
         return {"pan": self.pan, "tilt": self.tilt}
 
 
@@ -59,7 +59,7 @@ class Head(Device, Protocol):
     @property
     @fixed
     def limits(self) -> HeadLimits:
-        """Range, maximum speed and acceleration."""
+        """Range, maximum speed and acceleration of the head."""
         ...
 
     @command("after", moves=True, default_reply=lambda head, target: head.limits.clamp(target))
@@ -68,14 +68,14 @@ class Head(Device, Protocol):
         ...
 
     def pose(self) -> Reading[HeadPose]:
-        """Current direction: measured if the servos report, else computed from the setpoints."""
+        """Current direction of the head: measured if the servos report, else computed from the setpoints."""
         ...
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Direction at a past time, interpolated; None if unknown."""
+        """Direction of the head at a past time, interpolated; None if unknown."""
         ...
 
     @command("before")
     def stop(self) -> None:
-        """Brake within the acceleration, and hold. Safe from any state, more than once; never raises when offline."""
+        """Brake the head within its acceleration limit, and hold. Safe from any state; never raises when offline."""
         ...

@@ -61,7 +61,7 @@ class Coupling:
 
 
 def _clamp_goals(joints: "Joints", goals: Mapping[str, float], _: object) -> Mapping[str, float]:
-    """Return the goals after clamping."""
+    """Return the goals of the joints, clamped to their limits."""
     limits = joints.limits
     return {name: limits[name].clamp(goal) for name, goal in goals.items()}
 
@@ -167,7 +167,7 @@ An arm that is read less often leads slowly all the time.
 
 
 class ActiveCouplings:
-    """Couplings in force; initially none. Not thread-safe.
+    """Couplings of joints that are in force; initially none. Not thread-safe.
 
     A follower approaches its goal slowly at first, and again after a pause, so that it never leaps.
     """
@@ -182,7 +182,7 @@ class ActiveCouplings:
 
     @property
     def couplings(self) -> tuple[Coupling, ...]:
-        """Couplings in force."""
+        """Couplings of joints that are in force."""
         return tuple(self._couplings.values())
 
     def followers_without(self, couplings: Sequence[Coupling]) -> list[str]:
@@ -191,7 +191,7 @@ class ActiveCouplings:
         return [follower for follower in self._couplings if follower not in remaining]
 
     def release(self, joints: Collection[str]) -> None:
-        """Stop ``joints`` from following."""
+        """End the couplings of the followers ``joints``."""
         for joint in joints:
             self._couplings.pop(joint, None)
 

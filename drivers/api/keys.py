@@ -51,7 +51,7 @@ Form = Literal[
     "any",
     "rest",
 ]
-"""Form of a value.
+"""Form of the value of a key in a file.
 
 ``span`` is [low, high], ``vector`` several quantities. ``list`` and ``named`` hold values of the form of ``inner``;
 ``either`` is one of ``options``, ``any`` is checked by the reader of the section. ``rest`` is not a key of the file: it
@@ -64,7 +64,7 @@ PERCENT = "percent"
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """Key of a section: ``field`` is the field of the dataclass, ``word`` the name in the file.
+    """Key of a section of a file: ``field`` is the field of the dataclass, ``word`` the name in the file.
 
     ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section, ``sizes`` are the
     possible lengths of a vector. Without ``required``, ``default`` is the value of a missing key. ``each`` is the noun
@@ -100,7 +100,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class KeyDiagnostic:
-    """Error in the values of a section that are valid each by itself.
+    """Error in a section of a file whose values are each valid by themselves.
 
     ``at`` is its place: words, and indexes of lists, from the section on. If the file has no such place,
     ``fallback_at`` is used, then the surrounding section. ``marks_key`` marks the last word itself instead of its
@@ -126,7 +126,7 @@ class ValidatedKeys(Protocol):
     """
 
     def diagnostics(self) -> Iterable[KeyDiagnostic]:
-        """Yield the errors; called only if each key is valid by itself."""
+        """Yield the errors of the section; called only if each key is valid by itself."""
         ...
 
 
@@ -239,7 +239,7 @@ def _read_keys(cls: Any) -> tuple[Key, ...]:
 
 
 def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) -> Key:
-    """Return the key for a type. Raises TypeError for an unsupported type."""
+    """Return the key for a field with the type ``hint``. Raises TypeError for an unsupported type."""
     if get_origin(hint) is Annotated:
         hint, constraints = get_args(hint)[:2]
     parts = [each for each in get_args(hint) if each is not NoneType] if get_origin(hint) in (Union, UnionType) else []
@@ -282,4 +282,4 @@ def _make_collection_key(key: Key, hint: Any, constraints: ValueConstraints) -> 
 
 
 _PLAIN: Mapping[Any, Form] = {str: "text", bool: "flag", int: "integer", float: "number", object: "any"}
-"""Types of single values, and of values that the reader of the section checks."""
+"""Forms of key values by Python type; ``object`` is for values that the reader of the section checks."""

@@ -157,7 +157,7 @@ KINDS: Mapping[str, PartKind] = {
         ),
     )
 }
-"""Kinds by name, in the order in which parts open and close.
+"""Kinds of robot parts by name, in the order in which the parts open and close.
 
 The head comes before the arm whose joints it may use, and last the ROS 2 nodes, which send the last messages of other
 parts.
@@ -165,10 +165,10 @@ parts.
 
 
 CAPABILITIES: Mapping[str, str] = {"sounds": "base", "lights": "base", "legs": "base"}
-"""Optional capabilities by name, as leaves require them, with the kind of part that may have them."""
+"""Optional capabilities of parts by name, as leaves require them, with the kind of part that may have them."""
 
 REPEATABLE_KINDS = tuple(kind.name for kind in KINDS.values() if kind.allows_several)
-"""Kinds of which a robot may have several. A leaf selects one of them by an argument of such a kind."""
+"""Kinds of parts of which a robot may have several. A leaf selects one of them by an argument."""
 
 STOPPABLE_KINDS = tuple(kind.name for kind in KINDS.values() if kind.hold_still is not None)
 """Kinds of parts that a stop reaches: actuators, and voices, which are silenced."""

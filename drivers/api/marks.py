@@ -16,7 +16,7 @@ from drivers.api.fast_dataclass import dataclass
 F = TypeVar("F", bound=Callable[..., object])
 
 UNSAMPLED = "unsampled"
-"""Annotation of the return type of a query that is not sampled."""
+"""Annotation of the return type of a query that is not sampled for the record in each tick."""
 
 _MARK = "mark"
 
@@ -56,7 +56,7 @@ def command(
 
 
 def fixed(member: F) -> F:
-    """Mark the getter of a constant property, which is sampled once."""
+    """Mark the getter of a constant property, which is sampled once for the record."""
     return _set_mark("fixed")(member)
 
 
@@ -80,7 +80,7 @@ def _set_mark(mark: object) -> Callable[[F], F]:
 
 @dataclass(frozen=True, slots=True)
 class ProtocolMember:
-    """Member of a protocol. ``kind`` determines the proxy; a ``reading`` is a query without arguments.
+    """Member of a part's protocol. ``kind`` determines the proxy; a ``reading`` is a query without arguments.
 
     ``command`` is set for commands only, ``parameters`` for methods, ``protocol`` for capabilities. ``is_sampled`` is
     True for members that are sampled in each tick, ``is_fixed`` for those that are sampled once.

@@ -41,7 +41,7 @@ class BusDevice:
 
 @dataclass(frozen=True, slots=True)
 class ProbeResult:
-    """Device that was recognised: ``about`` describes it, ``keys`` belong into its section of a robot file.
+    """Device that a probe recognised: ``about`` describes it, ``keys`` belong into its section of a robot file.
 
     ``trouble`` describes a problem of the device, and ``hint`` a fix.
     """

@@ -15,7 +15,7 @@ START_FRAME = "start"
 
 
 class GoalState(StrEnum):
-    """State of a request."""
+    """State of a request to a ROS 2 service or action."""
 
     SENT = "sent"
     RUNNING = "running"
@@ -27,12 +27,12 @@ class GoalState(StrEnum):
 
 
 FINAL_STATES = frozenset({GoalState.SUCCEEDED, GoalState.CANCELLED, GoalState.FAILED, GoalState.UNKNOWN})
-"""States after which nothing more is received."""
+"""States of a request after which nothing more is received for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a request: state, reason of a failure, and latest feedback and result as JSON (or empty)."""
+    """Progress of a ROS 2 request: state, reason of a failure, latest feedback and result as JSON (or empty)."""
 
     state: GoalState
     reason: str = ""
@@ -41,7 +41,7 @@ class Progress:
 
     @property
     def is_final(self) -> bool:
-        """True if nothing more will be received."""
+        """True if nothing more will be received for the request."""
         return self.state in FINAL_STATES
 
 
@@ -61,7 +61,7 @@ class Ros2(Device, Protocol):
         ...
 
     def navigates(self) -> bool:
-        """Return whether Nav2 is there."""
+        """Return whether Nav2 is available."""
         ...
 
     def latest(self, topic: str) -> Reading[str]:
@@ -69,7 +69,7 @@ class Ros2(Device, Protocol):
         ...
 
     def progress(self, number: int) -> Progress:
-        """Return the progress of a request."""
+        """Return the progress of a request, by its number."""
         ...
 
     @command("after", moves=True)
@@ -109,5 +109,5 @@ class Ros2(Device, Protocol):
         ...
 
     def nodes(self) -> Annotated[int, UNSAMPLED]:
-        """Return the number of other nodes."""
+        """Return the number of other ROS 2 nodes."""
         ...

@@ -4,12 +4,12 @@ import re
 from collections.abc import Callable
 
 _ADDRESS = re.compile(r"([A-Za-z][\w+.-]+:/+)([^\s'\"]+)")
-"""Address, or a path made from one, which has a slash less."""
+"""Pattern of an address, or of a path made from one, in which ``//`` has become one slash."""
 
 _CREDENTIAL_WORDS = "pas|pw|auth|token|key|secret|sig|usr|user|login|session|sid"
 
 _SECRET_PARAMETER = re.compile(rf"([^/?&;#=]*(?:{_CREDENTIAL_WORDS})[^/?&;#=]*=)([^&;#\s'\"]*)", re.IGNORECASE)
-"""Parameter of an address with a secret: cameras have them behind the question mark, and in the path."""
+"""Pattern of an address's parameter that holds a secret: cameras have them after ``?``, and in the path."""
 
 MASK = "***"
 

@@ -20,7 +20,7 @@ Sector = tuple[float, float]
 """Two bearings on the base in radians; the sector extends anticlockwise from the first to the second."""
 
 DEFAULT_RANGE_FINDER_HEIGHT = 0.2
-"""Metres above the floor: the middle plate of a TurtleBot 2."""
+"""Default height of a range finder above the floor in metres: the middle plate of a TurtleBot 2."""
 
 MAX_TRIM = radians(45)
 """Maximum trim of an axis of a head in radians, as in the Rodney project's node."""
@@ -50,10 +50,10 @@ class BaseKeys:
     )
 
     default_footprint = BASE_RADIUS
-    """Default radius of the body in metres."""
+    """Default radius of the base's body in metres."""
 
     default_reaction = 0.25
-    """Default delay of a command in seconds: a little more than users measured on a Kobuki."""
+    """Default seconds from a command to its effect: a little more than users measured on a Kobuki."""
 
     @property
     def capabilities(self) -> frozenset[str]:
@@ -67,13 +67,13 @@ class BaseKeys:
 
     @property
     def footprint(self) -> Footprint:
-        """Outline of the body."""
+        """Outline of the base's body."""
         configured = None if isinstance(self.range_guard, str) else self.range_guard.footprint
         return self.default_footprint if configured is None else configured
 
     @property
     def reaction(self) -> float:
-        """Seconds from a command to its effect."""
+        """Seconds from a command to its effect on the base."""
         configured = None if isinstance(self.range_guard, str) else self.range_guard.reaction
         return self.default_reaction if configured is None else configured
 
@@ -93,12 +93,12 @@ class AxisKeys:
 
     @property
     def lower(self) -> float:
-        """Lower limit in radians."""
+        """Lower limit of the axis in radians."""
         return self.limits[0]
 
     @property
     def upper(self) -> float:
-        """Upper limit in radians."""
+        """Upper limit of the axis in radians."""
         return self.limits[1]
 
     def check_reach(self, reach: tuple[float, float], name: str, at: tuple[str, ...] = ()) -> Iterator[KeyDiagnostic]:
@@ -147,7 +147,7 @@ class ArmKeys:
         return 0.0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield the errors in the groups."""
+        """Yield the errors in the groups of joints."""
         known = self.limits
         for group, members in self.groups.items():
             inside = ("groups", group)

@@ -14,7 +14,7 @@ from drivers.api.image_orientation import ImageOrientation
 from drivers.api.keys import KeyDiagnostic, inside, key, keys
 
 MARKER_FAMILIES = ("4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11")
-"""Families of markers."""
+"""Families of the visual markers that a camera can detect."""
 
 RECOGNISERS = ("pocketsphinx", "vosk", "sherpa")
 """Speech recognisers; all but the first need a model from the user."""
@@ -23,7 +23,7 @@ PHONES = (
     "AA", "AE", "AH", "AO", "AW", "AY", "B", "CH", "D", "DH", "EH", "ER", "EY", "F", "G", "HH", "IH", "IY", "JH", "K",
     "L", "M", "N", "NG", "OW", "OY", "P", "R", "S", "SH", "T", "TH", "UH", "UW", "V", "W", "Y", "Z", "ZH",
 )  # fmt: skip
-"""Phones of pronunciations."""
+"""Speech sounds of which the pronunciation of a word in a robot file may consist."""
 
 MAX_THRESHOLD = 10.0
 """Highest threshold; no score reaches it."""
@@ -173,7 +173,7 @@ class CameraKeys:
         )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a rotation that is not a multiple of 90 degrees."""
+        """Yield an error for a rotation of the pictures that is not a multiple of 90 degrees."""
         if isinstance(self.rotate, float) and abs(self.rotate / (pi / 2) - round(self.rotate / (pi / 2))) > 1e-3:
             yield KeyDiagnostic("'rotate' must be 0, 90, 180 or 270 deg", ("rotate",), hint="rotate: 90 deg")
 
@@ -204,7 +204,7 @@ class MicrophoneKeys:
         }
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a missing model, and invalid words and phones."""
+        """Yield errors for a missing speech model, and for invalid words and phones."""
         if self.recogniser != RECOGNISERS[0] and not self.model:
             message = f"a microphone with 'recogniser: {self.recogniser}' needs 'model'"
             yield KeyDiagnostic(message, hint="model: FOLDER, where its model is unpacked (docs/speech.md)")

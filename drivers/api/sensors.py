@@ -20,7 +20,7 @@ class CameraFrame:
 
 
 class Camera(Device, Protocol):
-    """Source of pictures."""
+    """Camera of a robot: a source of pictures."""
 
     @property
     def field_of_view(self) -> float:
@@ -83,7 +83,7 @@ class RangeScan:
     most: float
 
     def figures(self) -> Mapping[str, float]:
-        """Return the figures for displays, by name, in metres."""
+        """Return the distances that displays show, by name, in metres."""
         return {"nearest": self.nearest()}
 
     def bearings(self) -> Angles:
@@ -120,7 +120,7 @@ class Ranger(Device, Protocol):
         ...
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the latest complete turn; stale after half a second without another."""
+        """Return the scan of the latest complete turn; stale after half a second without another."""
         ...
 
 
@@ -153,7 +153,7 @@ class Attitude:
     forces: tuple[float, float, float]
 
     def figures(self) -> Mapping[str, float]:
-        """Return the figures for displays, by name, in radians."""
+        """Return the angles that displays show, by name, in radians."""
         return {"roll": self.roll, "pitch": self.pitch}
 
 

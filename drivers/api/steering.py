@@ -96,7 +96,7 @@ class Reflexes:
     enable_button: int | None = key(default=None, low=0, high=BUTTON_COUNT - 1, help="Button that enables the base.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield contradictions between keys."""
+        """Yield an error for each contradiction between the keys of the reflexes."""
         if 0 < self.battery_low < self.battery_critical:
             low, least = f"{self.battery_low:g} %", f"{self.battery_critical:g} %"
             message = f"'battery_critical' ({least}) is above 'battery_low' ({low})"
@@ -119,7 +119,7 @@ GUARD_FAILED_REASON = "the range guard failed"
 _GUARD_REASONS = (OBSTACLE_REASON, SCANS_LATE_REASON, SCANS_MISSING_REASON, OUT_OF_SIGHT_REASON, GUARD_FAILED_REASON)
 
 MIN_GAP = 0.02
-"""Smallest gap in metres: the noise of a range finder."""
+"""Smallest gap between a base and obstacles that may be set, in metres: the noise of a range finder."""
 
 Footprint = float | tuple[tuple[float, float], ...]
 """Radius of a round body about the middle of the base, or the corners of its outline, in metres."""

@@ -47,7 +47,7 @@ class MouthShape:
 
 
 DEFAULT_STYLE = SpeechStyle()
-"""Style of the robot file."""
+"""Speech style that leaves everything to the robot file."""
 
 
 class Utterance(Protocol):

@@ -1,1 +1,1 @@
-"""Rodney head: pan and tilt servos on an Arduino with rosserial."""
+"""Driver of the Rodney head: pan and tilt servos on an Arduino with rosserial."""

@@ -27,7 +27,7 @@ STALE_AFTER = 0.5
 
 
 class ServoKnowledge(Enum):
-    """Source of a board's servo angles."""
+    """Source from which the current servo angles of a board are known."""
 
     NONE = auto()  # the board has not answered yet
     FROM_SKETCH = auto()  # it was reset: the start angles of its sketch
@@ -57,7 +57,7 @@ class BoardDevice(Protocol):
 
     @property
     def servos(self) -> frozenset[int]:
-        """Numbers of its servos."""
+        """Numbers of the device's servos."""
         ...
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:

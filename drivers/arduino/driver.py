@@ -114,7 +114,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
 
     @property
     def servos(self) -> frozenset[int]:
-        """Numbers of its servos."""
+        """Numbers of the head's servos."""
         return frozenset(axis.index for axis in self._motion.axes)
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:

@@ -9,14 +9,14 @@ from drivers.transport import guardian_wire as lines
 from drivers.transport.lines import LineFinder
 
 BAUD_RATES = (57_600, 500_000, 115_200)
-"""Rates of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
+"""Baud rates of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
 
 BOOT_TIME = 2.0
 """Seconds for the boot of a board that was reset as its port was opened."""
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Request a report and the topics, at each rate; and once more after the boot time."""
+    """Request a report and the topics of the board, at each baud rate; and once more after the boot time."""
     for boot in (False, True):
         if boot:
             yield ProbeRequest(BAUD_RATES[0], timeout=BOOT_TIME)

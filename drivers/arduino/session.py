@@ -24,16 +24,16 @@ from drivers.transport.link import SerialLink
 # The session rules are those of ``node_handle.h`` in rosserial_client.
 
 MAX_PROOF_AGE = 0.05
-"""Seconds. The fastest boards boot in 65 ms; encoder messages arrive every 50 ms."""
+"""Maximum age in seconds of a proof that the board was not reset: the fastest boards boot in 65 ms."""
 
 ACK_TIMEOUT = 2 * MAX_PROOF_AGE
 """Seconds in which an ack is waited for before the board is probed instead."""
 
 PROBE_TIMEOUT = 0.25
-"""Seconds: an answer of 200 bytes at 57600 baud, plus the latency of the USB adapter."""
+"""Seconds until a probe counts as unanswered: 200 bytes at 57600 baud, plus the latency of the USB adapter."""
 
 MIN_TIME_REQUEST_INTERVAL = 2.3
-"""Seconds. A board in a session requests the time every 2.5 s."""
+"""Shortest seconds between time requests of a board in a session, which sends one every 2.5 s."""
 
 SESSION_TIMEOUT = 10.5
 """Seconds without a reply to a time request until the board may drop the session; rosserial drops it after 11 s."""
@@ -46,7 +46,7 @@ NO_SESSION_TIME_REQUESTS = 3
 
 
 class BootState(Enum):
-    """Result of a probe."""
+    """Result of a probe of the board: whether it was reset."""
 
     UNCHANGED = auto()  # the session is intact, so there was no reset
     RESET = auto()
@@ -81,7 +81,7 @@ TRANSITIONS: Final = {
     (DetectorState.REPROBING, DetectorEvent.PROBE): DetectorState.REPROBING,
     (DetectorState.REPROBING, DetectorEvent.TIMEOUT): DetectorState.SILENT,
 }
-"""Any other pair leads to SUSPECT, in which no setpoint is sent before the board has answered a probe."""
+"""Transitions by state and event; others lead to SUSPECT: nothing is sent before the board has answered a probe."""
 
 
 class ResetDetector:
@@ -124,7 +124,7 @@ class ResetDetector:
         return self.state is DetectorState.SILENT and self.unanswered_probes == 1
 
     def is_fresh(self, now: float) -> bool:
-        """Return whether setpoints may be sent."""
+        """Return whether setpoints may be sent: a recent proof shows that the board was not reset."""
         return not self.probe_pending and now - self._proof_at <= MAX_PROOF_AGE
 
     def expects_ack(self, now: float) -> bool:
@@ -152,7 +152,7 @@ class ResetDetector:
             self._distrust()
 
     def on_probe_sent(self, now: float) -> None:
-        """Discard the proofs so far: from now on the answer counts."""
+        """Discard the proofs so far: from now on only the answer to this probe counts."""
         self._advance(DetectorEvent.PROBE)
         # After a timeout time requests are still counted: they may be all that was left of a garbled answer.
         if self.state is DetectorState.PROBING:
@@ -162,16 +162,16 @@ class ResetDetector:
         self._unacked.clear()
 
     def on_setpoints_sent(self, count: int, now: float) -> None:
-        """Expect ``count`` acks."""
+        """Expect ``count`` acks of the board, one for each setpoint that was sent."""
         self._unacked.extend([now] * count)
 
     def on_encoder_message(self) -> None:
-        """Count the message as a proof, as old as the poll before it."""
+        """Count the message as a proof that the board was not reset, as old as the poll before it."""
         if self.state is DetectorState.TRACKING:
             self._proof_at = max(self._proof_at, self._received_after)
 
     def on_log_line(self) -> None:
-        """Count the line as the ack of the oldest setpoint: the first sketches log each one."""
+        """Count the log line as the ack of the oldest setpoint: the first sketches log each one."""
         if self._unacked:
             self._proof_at = max(self._proof_at, self._unacked.popleft())
 

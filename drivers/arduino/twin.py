@@ -6,7 +6,7 @@ from drivers.sim.context import SimContext
 
 
 def make(keys: ArduinoKeys, context: SimContext) -> ServoHeadTwin:
-    """Return the twin of a head."""
+    """Return the twin of a head on an Arduino."""
     return make_head_twin(keys, keys.away, context)
 
 

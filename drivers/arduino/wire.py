@@ -29,7 +29,7 @@ MAX_DATA_LENGTH = 1024  # bytes of data; known boards have buffers of at most 51
 
 @dataclass(frozen=True, slots=True)
 class RosserialFrame:
-    """Content of a frame."""
+    """Content of a rosserial frame: topic number and data."""
 
     topic: int
     data: bytes

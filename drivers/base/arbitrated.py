@@ -41,7 +41,7 @@ NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 
 class BaseSettings(TypedDict, total=False):
-    """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard), and callbacks.
+    """Settings of a base: speeds (m/s, rad/s), accelerations (m/s^2, rad/s^2; braking is 1.2 times as hard), callbacks.
 
     ``on_change`` is called when a contact, a hazard or a button changes, ``on_steering`` with each change of steering.
     ``guard`` is the section of the robot file, for the range guard.
@@ -142,7 +142,7 @@ class ArbitratedBase(ABC):
         return self._limits
 
     def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
-        """See ``drivers.api.Guardable``."""
+        """Limit every velocity by the scans of ``ranger``; see ``drivers.api.Guardable``."""
         keys = self._guard_keys or BaseKeys()
         if isinstance(keys.range_guard, str):
             return
@@ -162,7 +162,7 @@ class ArbitratedBase(ABC):
         )
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """See ``drivers.api.WitnessedBase``."""
+        """Compare the motion of the base with these sensors; see ``drivers.api.WitnessedBase``."""
         if not self.has_witnesses:
             return
         # Imported here: they need numpy, a robot without either does not.

@@ -41,18 +41,18 @@ STOP_TIME = 0.5
 """Seconds for which a stop is repeated at each renewal: a command may be lost on the wire."""
 
 LATCHED_INTERVAL = 0.2
-"""Longest interval in seconds between two stops of a latched base."""
+"""Longest interval in seconds between two stop commands to a latched base."""
 
 GREETING_INTERVAL = 0.5
 """Seconds between two greetings of a base that does not report."""
 
 FINAL_STOPS = 5
-"""Number of stops before the port is closed. No later command would repair one that the wire has damaged."""
+"""Number of stop commands before the port is closed. No later command would repair a damaged one."""
 
 
 @dataclass(frozen=True, slots=True)
 class DiffDriveTiming:
-    """Times of a base, in seconds.
+    """Timing of a base on a wire, in seconds.
 
     A state is stale ``stale_after`` its measurement, and the base is offline ``offline_after`` its last report. A
     report arrives ``report_delay`` after its measurement. At rest, a command is sent every ``idle_interval``, and
@@ -68,7 +68,7 @@ class DiffDriveTiming:
 
 @dataclass(slots=True)
 class ParsedReports:
-    """Content of received bytes.
+    """Content of the bytes received from a base.
 
     ``states`` are the reported states, oldest first. ``reply`` is to be sent. ``faults`` are pairs of a fault and a
     hint. ``restarted`` is such a pair if the base has restarted: then it must not execute commands from before.
@@ -130,7 +130,7 @@ class DiffDriveProtocol(ABC):
 
     @abstractmethod
     def parse(self, data: bytes, now: float) -> ParsedReports:
-        """Parse received bytes, split anywhere; ``now`` is the time of their measurement."""
+        """Parse bytes received from the base, split anywhere; ``now`` is the time of the measurements in them."""
 
     @abstractmethod
     def drive(self, velocity: Velocity, now: float) -> bytes:
@@ -141,7 +141,7 @@ class DiffDriveProtocol(ABC):
         return self.drive(ZERO_VELOCITY, now)
 
     def query(self, now: float) -> bytes:  # noqa: ARG002
-        """Return the query that is due now."""
+        """Return the query to the base that is due now."""
         return b""
 
     def is_ready(self, now: float) -> bool:  # noqa: ARG002
@@ -165,7 +165,7 @@ Send = Callable[[Callable[[], bytes]], None]
 
 
 class SoundsOnWire:
-    """``drivers.api.Sounds`` of a base on a wire."""
+    """Sounder of a base on a wire: a ``drivers.api.Sounds``."""
 
     def __init__(self, name: str, protocol: SoundProtocol, send: Send) -> None:
         self.name = name
@@ -182,7 +182,7 @@ class SoundsOnWire:
 
 
 class LightsOnWire:
-    """``drivers.api.Lights`` of a base on a wire."""
+    """Lights of a base on a wire: a ``drivers.api.Lights``."""
 
     def __init__(self, name: str, protocol: LightProtocol, send: Send) -> None:
         self.name = name
@@ -320,7 +320,7 @@ class DiffDriveBase(ArbitratedBase):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _take(self, states: list[BaseState], now: float) -> None:
-        """Take new states, oldest first. Raises NotConnected."""
+        """Process newly reported states of the base, oldest first. Raises NotConnected."""
         before, stamp = self._latest.value, now - self.protocol.timing.report_delay
         self._latest = Reading(states[-1], stamp, Quality.GOOD)
         self._remember(stamp, states[-1].pose)

@@ -46,7 +46,7 @@ class RoundOutline:
         self.rim: Floats = radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """See ``BaseOutline``."""
+        """Return the distance of n points from the circle at k poses: shape (n, k), negative inside."""
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         distances: Floats = np.sqrt(ahead * ahead + aside * aside) - self.radius
         return distances
@@ -72,7 +72,7 @@ class PolygonOutline:
         self.rim: Floats = (hull + shares * edges).reshape(-1, 2)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """See ``BaseOutline``. Beyond a corner the result is less than the distance, never more."""
+        """Return the distance of n points from the polygon at k poses: shape (n, k); beyond a corner, less."""
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         cos, sin = np.cos(path.heading), np.sin(path.heading)
         nearest: Floats = np.full(ahead.shape, -np.inf)

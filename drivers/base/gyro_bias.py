@@ -7,13 +7,13 @@ turn by hand is then learnt as bias; afterwards it is recognised.
 """
 
 MIN_STILL_TIME = 0.3
-"""Seconds at rest, by command and encoders, after which the bias is learnt."""
+"""Seconds at rest, by command and encoders, after which the bias of the gyro is learnt."""
 
 MIN_LEARNING_TIME = 0.5
-"""Seconds at rest after which the bias is accurate enough for a turn."""
+"""Seconds at rest after which the learnt bias of the gyro is accurate enough for a turn."""
 
 MAX_SETTLING_TIME = 3.0
-"""Seconds at rest after which leaves stop waiting for a bias that cannot be learnt."""
+"""Seconds at rest after which leaves stop waiting for a gyro bias that cannot be learnt."""
 
 MAX_BIAS_CHANGE = 0.12
 """Deviation from the bias in rad/s above which a base turns although its encoders stand still: it was lifted."""
@@ -25,10 +25,10 @@ RELEARN_AFTER = 60.0
 """Seconds of an even rate that differs from the bias, after which it is the new bias: no turn lasts so long."""
 
 MAX_DRIFT = 0.01
-"""Rate at rest in rad/s above which leaves wait until the bias is known."""
+"""Turn rate of a gyro at rest in rad/s above which leaves wait until its bias is known."""
 
 AVERAGING_TIME = 2.0
-"""Time constant in seconds of a known bias: it follows the temperature."""
+"""Time constant in seconds by which a known gyro bias is updated: it follows the temperature."""
 
 MAX_RATE_CHANGE = 0.02
 """Change in rad/s between two reports up to which the rate of a base without encoders is steady."""

@@ -9,7 +9,7 @@ from drivers.errors import BadRequest, DeviceFault
 # Checks of commands, the same for every base.
 
 LIGHTS = (1, 2)
-"""Numbers of the lights."""
+"""Numbers of the lights of a base."""
 
 MIN_TONE_FREQUENCY, MAX_TONE_FREQUENCY = 6.0, 20_000.0
 MAX_TONE_DURATION = 0.255
@@ -27,7 +27,7 @@ def check(part: str, velocity: Velocity, source: Source) -> None:
 
 
 def require(part: str, latched: str) -> None:
-    """Raise DeviceFault if ``latched``, the reason of a latch, is not empty."""
+    """Raise DeviceFault if the base is latched: if ``latched``, the reason, is not empty."""
     if latched:
         raise DeviceFault(f"{part}: stopped: {latched}", hint="remove the cause, then enable the base")
 
@@ -97,7 +97,7 @@ class VelocityLimits:
 
 
 def _share(current: float, wanted: float, step: float) -> float:
-    """Return the share of the change that one step permits; it may exceed 1."""
+    """Return the share of the change from ``current`` to ``wanted`` that one step permits; it may exceed 1."""
     change = wanted - current
     if change == 0.0:
         return 1.0

@@ -16,7 +16,7 @@ BACKUP_LIMIT = "backup limit"
 STALL = "stall"
 OBJECT_NEAR = "object near"
 UNKNOWN = "hazard of type"
-"""Prefix of a type that this version does not know; its number follows."""
+"""Prefix of the name of a hazard whose type this version does not know; the type's number follows."""
 
 _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -44,7 +44,7 @@ ON_THE_FLOOR = "stand the base on the floor, away from the edge"
 
 @dataclass(frozen=True, slots=True)
 class StateChange:
-    """Change between two states.
+    """Change between two states of a base.
 
     ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``inputs_changed`` is True if a
     contact, button or hazard changed.
@@ -55,7 +55,7 @@ class StateChange:
 
 
 def compare(before: BaseState | None, after: BaseState) -> StateChange:
-    """Compare two states; ``before`` is None for the first state, which has no contacts before it."""
+    """Compare two states of a base; ``before`` is None for the first, which has no contacts before it."""
     faults = []
     if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
         faults.append((f"wheel drop {drop}: it does not drive", ON_THE_FLOOR))
@@ -68,7 +68,7 @@ def compare(before: BaseState | None, after: BaseState) -> StateChange:
 
 
 def _risen(before: Sides, after: Sides) -> str:
-    """Return the names of the sides that became active."""
+    """Return the names of the sides of a sensor that became active."""
     names = ("left", "centre", "right")
     return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
 
@@ -158,10 +158,10 @@ def hint_of(state: BaseState) -> str:
 # Hold after a motion fault: the source in command is refused until it lets go; repeated faults latch the base.
 
 RELEASE_TIMEOUT = 2 * COMMAND_TIMEOUT
-"""Seconds without a command after which a source is released."""
+"""Seconds without a command after which a source held for a motion fault is released."""
 
 MAX_FAULTS = 3
-"""Faults within ``FAULT_WINDOW`` seconds after which the base is latched: another attempt would not help."""
+"""Motion faults within ``FAULT_WINDOW`` seconds after which the base is latched: another attempt would not help."""
 
 FAULT_WINDOW = 60.0
 
@@ -224,7 +224,7 @@ class MotionHold:
 
 
 def _opposite(one: Velocity, other: Velocity) -> bool:
-    """Return whether a velocity has the opposite direction of travel, or of turning."""
+    """Return whether two velocities have opposite directions of travel, or of turning."""
     if other.linear:
         return one.linear * other.linear < 0.0
     return one.angular * other.angular < 0.0

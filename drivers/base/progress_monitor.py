@@ -32,7 +32,7 @@ from drivers.base.motion_fault import (
 
 @dataclass(frozen=True, slots=True)
 class MotionSums:
-    """Motion up to time ``at``, in metres and radians.
+    """Commanded and measured motion of a base up to time ``at``, in metres and radians.
 
     ``low`` and ``high`` are the bounds of the commanded motion, ``displacement`` is the measured motion.
     """
@@ -88,7 +88,7 @@ class MotionWindow:
         self._kept: deque[MotionSums] = deque()
 
     def restart(self) -> None:
-        """Drop all sums."""
+        """Drop all motion sums."""
         self._kept.clear()
 
     def add(self, sums: MotionSums) -> MotionSums:
@@ -137,7 +137,7 @@ MIN_SHARE, MAX_SHARE = 0.6, 1.5
 """Smallest and largest share of the commanded motion that is measured; half of it is one of two encoders."""
 
 TOLERANCE = Velocity(0.02, 0.1)
-"""Additional tolerance in metres and radians."""
+"""Additional tolerance between commanded and measured motion, in metres and radians."""
 
 OPPOSITE = Velocity(0.015, 0.06)
 """Motion against the command in metres and radians that is tolerated: backlash, a slope at the start."""

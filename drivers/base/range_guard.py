@@ -27,10 +27,10 @@ LATE_AFTER, MISSING_AFTER = 0.5, 2.0
 """Age in seconds of the newest scan, from its middle, from which on it is late, and missing."""
 
 BLIND_SPEED = 0.1
-"""Speed of the rim in m/s with late scans, and in directions that the range finder does not see."""
+"""Speed of the base's rim in m/s while scans are late, and in directions that the range finder does not see."""
 
 RENEWAL_INTERVAL = 0.04
-"""Seconds until the next check."""
+"""Seconds until the range guard checks the velocity again."""
 
 SPACING, MAX_STATIONS = 0.02, 48
 """Distance in metres between checked places of the path, and their maximum number."""
@@ -40,7 +40,7 @@ NOISE, GRAZING = 0.005, 0.15
 a wall may be nearer than the gap, down to ``MIN_GAP``."""
 
 OWN_PARTS = 0.02
-"""Depth in metres inside the outline from which on a point is a part of the robot."""
+"""Depth in metres inside the base's outline from which on a scanned point is a part of the robot."""
 
 START_SPEED, MIN_SPEED = 0.03, 0.008
 """Permitted speed in m/s at which a stopped base starts, and below which it stops."""
@@ -50,7 +50,7 @@ DOCKING_SPEED = 0.06
 and of the setpoint."""
 
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.42, 0.32, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04, 0.0)
-"""Shares of the speed that are tried for moving obstacles."""
+"""Shares of the commanded speed that the range guard tries for moving obstacles."""
 
 ROUNDING = 1e-4
 REPORT_INTERVAL = 10.0
@@ -224,7 +224,7 @@ class RangeGuard:
         return any((np.remainder(bearings - first, 2 * np.pi) < width).any() for first, width in gaps)
 
     def _report_reason(self, why: str, now: float) -> str:
-        """Report a fault of the scans, unless it was reported recently; return it."""
+        """Report the fault ``why`` of the scans, unless it was reported recently; return it."""
         if now - self._reported.get(why, -inf) >= REPORT_INTERVAL:
             self._reported[why] = now
             does = (
@@ -284,7 +284,7 @@ def _share_among_moving(
     age: float,
     found: tuple[float, int],
 ) -> tuple[float, int]:
-    """Return the same for moving points; ``found`` is the result for the others."""
+    """Return the result of ``_share_until`` for moving points; ``found`` is that of the others."""
     moves = np.flatnonzero(speeds)
     if not len(moves):
         return found

@@ -16,7 +16,7 @@ STALE_AFTER = 0.5
 """Seconds after which a scan without a successor is stale."""
 
 NOISE = 0.01
-"""Standard deviation of a distance as a share of it, by the vendor's accuracy of the A1."""
+"""Standard deviation of a measured distance, as a share of it, by the vendor's accuracy of the RPLIDAR A1."""
 
 
 class RangerTwin:
@@ -110,7 +110,7 @@ class RangerTwin:
         self._changed()
 
     def _begin(self) -> None:
-        """Restart the turn."""
+        """Restart the turn of the range finder."""
         self._measured, self._turned_at = None, -inf
 
     def _ranges(self, now: float) -> Ranges:

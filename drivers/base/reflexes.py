@@ -123,7 +123,7 @@ class SafetyController:
 
 
 def _risen(before: Sides, after: Sides) -> bool:
-    """Return whether a side has become active."""
+    """Return whether a side of a sensor has become active."""
     return (
         (after.left and not before.left) or (after.centre and not before.centre) or (after.right and not before.right)
     )

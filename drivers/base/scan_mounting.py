@@ -14,13 +14,13 @@ BEAMS = 360
 
 STEP = tau / BEAMS
 START = -pi
-"""Radians: the first beam points straight back, and beam ``BEAMS // 2`` straight ahead."""
+"""Bearing in radians of the first beam: straight back. Beam ``BEAMS // 2`` points straight ahead."""
 
 Place = tuple[float, float, float]
-"""x forward and y left in metres, yaw in radians."""
+"""Mounting pose on the base: x forward and y left in metres, yaw in radians."""
 
 Sector = tuple[float, float]
-"""Two bearings in radians; the sector extends anticlockwise from the first to the second."""
+"""Sector about the base: two bearings in radians; it extends anticlockwise from the first to the second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,5 +56,5 @@ def bearings() -> Angles:
 
 
 def beam(bearing: Angles) -> npt.NDArray[np.intp]:
-    """Return the index of the beam nearest to each bearing in radians."""
+    """Return the index of the beam of a scan that is nearest to each bearing in radians."""
     return np.rint((bearing - START) / STEP).astype(np.intp) % BEAMS

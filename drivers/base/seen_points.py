@@ -35,7 +35,7 @@ Placed = tuple[float, float, float]
 """A pose: heading in radians, x and y in metres, in the order of a base's pose history."""
 
 MAX_SPEED = 1.0
-"""Maximum speed of a point in m/s."""
+"""Maximum speed of a seen point in m/s."""
 
 COMPARED_AFTER = 0.3
 """Seconds between two compared scans: in less time a walking person moves hardly more than the noise."""
@@ -54,7 +54,7 @@ KEPT, KEPT_TOO_NEAR = 1.0, 5.0
 """Seconds for which invisible points are kept, and points below the minimum range."""
 
 TOO_NEAR = 0.05
-"""Metres beyond the minimum range up to which a point counts as below it."""
+"""Metres beyond the minimum range of the range finder up to which a point counts as below that range."""
 
 NARROW = 0.21
 """Widest gap of a scan in radians that does not hide a leg at half a metre."""

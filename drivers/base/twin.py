@@ -39,7 +39,7 @@ from drivers.sim.world_objects import NO_SIGNALS
 
 
 class PanelTwin:
-    """``drivers.api.Sounds`` and ``drivers.api.Lights`` of the base ``name``. For one thread.
+    """Simulated sounder and lights of the base ``name``. For one thread.
 
     ``played`` are the requested tunes and tones (hertz, seconds), ``colours`` are those of the lights.
     """
@@ -69,13 +69,13 @@ class PanelTwin:
 
 
 Contacts = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool]
-"""Bumper, cliff, wheel drop, other hazards, buttons, and whether it stands on the contacts of its dock."""
+"""Contacts of a simulated base: bumper, cliff, wheel drop, hazards, buttons, and whether it is on its dock."""
 
 NO_CONTACTS: Contacts = (NO_SIDES, NO_SIDES, NO_SIDES, frozenset(), frozenset(), False)
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
 
 STEP_INTERVAL = 0.02
-"""Seconds between two reports."""
+"""Seconds between two reports of a simulated base."""
 
 STALE_AFTER, OFFLINE_AFTER = 0.1, 0.25
 """Seconds without a report after which the state is stale, and the base offline."""
@@ -93,7 +93,7 @@ class TwinOdometry(Protocol):
 
     @property
     def pose(self) -> Pose2D:
-        """Pose by odometry."""
+        """Pose of the simulated base by odometry."""
         ...
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
@@ -109,7 +109,7 @@ class TwinOdometry(Protocol):
         ...
 
     def complete(self, state: BaseState) -> BaseState:
-        """Return a state with pose, velocity and odometers."""
+        """Return ``state`` with the pose, velocity and odometers of this odometry."""
         ...
 
 
@@ -131,7 +131,7 @@ class GyroTwinOdometry:
 
     @property
     def pose(self) -> Pose2D:
-        """Pose by odometry."""
+        """Pose of the simulated base by odometry."""
         return self._odometry.pose
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
@@ -168,7 +168,7 @@ class GyroTwinOdometry:
         self._last, self._odometry.velocity = None, ZERO_VELOCITY
 
     def complete(self, state: BaseState) -> BaseState:
-        """Return a state with pose, velocity and odometers."""
+        """Return ``state`` with the pose, velocity and odometers of this odometry."""
         odometry = self._odometry
         return replace(
             state,
@@ -196,7 +196,7 @@ class WheelTwinOdometry:
 
     @property
     def pose(self) -> Pose2D:
-        """Pose by odometry."""
+        """Pose of the simulated base by odometry."""
         return self._reckoning.pose
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
@@ -233,7 +233,7 @@ class WheelTwinOdometry:
         self._reckoning.pause()
 
     def complete(self, state: BaseState) -> BaseState:
-        """Return a state with pose, velocity and odometers."""
+        """Return ``state`` with the pose, velocity and odometers of this odometry."""
         return replace(
             state,
             pose=self._reckoning.pose,
@@ -350,7 +350,7 @@ class BaseTwin(ArbitratedBase):
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
     def true_pose(self, now: float) -> Pose2D:
-        """Return the true pose at time ``now``, in the world's frame."""
+        """Return the true pose of the base at time ``now``, in the world's frame."""
         return self.body.advance(now)
 
     def press(
@@ -398,7 +398,7 @@ class BaseTwin(ArbitratedBase):
         self._report_state_changes()
 
     def _touches(self) -> Contacts:
-        """Return the contacts now."""
+        """Return the current contacts of the base."""
         if not self._feels:
             return NO_CONTACTS
         bumper, cliff, buttons = self._pressed

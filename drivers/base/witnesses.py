@@ -34,7 +34,7 @@ MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
 """Smallest number of significant beams, and their share of all valid beams: in a corridor few are significant."""
 
 MIN_ANGLE = 0.7
-"""Angle in radians that significant beams cover at least: less may be a person who moves along with the base."""
+"""Smallest angle in radians that the significant beams of a scan must cover: less may be a person walking along."""
 
 OWN_PARTS = 0.02
 """Distance in metres from the outline up to which a point is a part of the robot."""
@@ -46,7 +46,7 @@ TURN_SHARE = 0.3
 """Smallest share of the turn by odometry that an IMU must measure; the negative share is an opposite turn."""
 
 CONFIRMATIONS = 2
-"""Number of consecutive comparisons that make a fault."""
+"""Number of consecutive comparisons against the odometry that make a motion fault."""
 
 IMU_TURN = 0.35
 """Turn by odometry in radians from which on the IMU is compared."""

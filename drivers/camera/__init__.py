@@ -1,1 +1,1 @@
-"""Cameras: a device, a video, a stream or a folder of pictures."""
+"""Cameras: pictures of a device, a video, a stream or a folder."""

@@ -13,7 +13,7 @@ from drivers.camera.source import Source, SourceKind, display_name, source_kind
 from drivers.errors import NotConnected
 
 Cause = tuple[str, str]
-"""A reason, and a hint."""
+"""Reason for a missing picture, and a hint."""
 
 ADDRESS_HINT = (
     "usual addresses: :81/stream and /capture (ESP32-CAM), /?action=stream (mjpg-streamer), :8080/video (IP Webcam), "
@@ -38,7 +38,7 @@ _FFMPEG_LOG_PATTERNS = (
 
 
 def source_error(name: str, source: Source, cause: Cause) -> NotConnected:
-    """Return the error of an unavailable source."""
+    """Return the error of an unavailable camera source."""
     return NotConnected(f"{name}: {display_name(source)}: {cause[0]}", hint=cause[1])
 
 
@@ -93,7 +93,7 @@ def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
 
 
 def cause_of_page(page: str) -> Cause:
-    """Return the cause of a web page instead of pictures."""
+    """Return the cause if an address brings a web page instead of pictures."""
     title = re.search(r"<title[^>]*>\s*([^<]{1,60})", page, re.IGNORECASE)
     named = f": {title[1].strip()!r}" if title else ""
     if re.search(r"type\s*=\s*[\"']?password|log.?in|sign.?in", page, re.IGNORECASE):
@@ -103,7 +103,7 @@ def cause_of_page(page: str) -> Cause:
 
 
 def cause_of_error(error: Exception, source: Source) -> Cause:
-    """Return the cause of a connection error."""
+    """Return the cause of an error in the connection to a camera source."""
     try:
         parts = urlsplit(str(source))
         host, port = parts.hostname or "", parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 0)

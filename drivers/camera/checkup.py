@@ -31,7 +31,7 @@ MIN_CONTRAST = 2.0
 
 
 def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
-    """Read pictures for a second and yield the findings."""
+    """Read pictures of a camera for a second, and yield the findings."""
     frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
     if source_kind(keys.source) is SourceKind.DEVICE and not Path(device).exists():
         yield failure("pictures", f"{device} does not exist", "mission robot camera list")

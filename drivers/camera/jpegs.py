@@ -15,17 +15,17 @@ from drivers.camera.opencv import VideoFeed
 from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
 MAX_PICTURE_BYTES = 32_000_000
-"""Bytes of a picture; longer data is not a picture."""
+"""Maximum bytes of a JPEG picture; longer data is not a picture."""
 
 JPEG_START = b"\xff\xd8\xff"
 """First bytes of a JPEG."""
 
 _EOI, _SOI, _SOS = 0xD9, 0xD8, 0xDA
 _SEGMENTLESS_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
-"""Markers without a segment."""
+"""Markers of a JPEG that have no segment."""
 
 _THUMBNAIL_MARKERS = frozenset({0xE1, 0xE2})
-"""Segments that may contain another picture: a thumbnail."""
+"""Markers of JPEG segments that may contain another picture: a thumbnail."""
 
 _SCAN_END = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 """Matches the end of scan data, in which 0xff is followed by 0 or the number of a restart."""
@@ -107,7 +107,7 @@ class JpegFinder:
 # A camera that is read by TCP, as ``rpicam-vid --listen`` sends it: JPEG after JPEG, or a stream for FFmpeg.
 
 ANSWER_TIMEOUT = 5.0
-"""Seconds for the connection, and for further data."""
+"""Seconds to wait for the connection to a tcp address, and for further data."""
 
 MAX_BACKLOG_BYTES = 4_000_000
 """Bytes read in one go while more is available, to reach the newest picture."""

@@ -29,7 +29,7 @@ from drivers.pictures.decode import FFMPEG_LOG_LEVEL, FFMPEG_SILENT, NO_PICTURE,
 from drivers.transport.worker_process import MessageParser, pack_message
 
 GRAB_TIMEOUT = 0.2
-"""Seconds that ``grab`` waits."""
+"""Seconds that ``ReaderFeed.grab`` waits for a picture."""
 
 OPEN_TIMEOUT = 12.0
 """Seconds to open a source, beyond its own timeouts: the slowest USB cameras need half of that."""
@@ -167,7 +167,7 @@ class ReaderFeed:
 
     @property
     def source_name(self) -> str:
-        """Path, device, or address without its password."""
+        """Name of the source: a path, a device, or an address without its password."""
         return display_name(self._source)
 
     @property

@@ -44,7 +44,7 @@ class BlockingFeed(Protocol):
 
 
 def make_feed(request: Mapping[str, Any]) -> BlockingFeed:
-    """Return the feed for the source of a request."""
+    """Return the feed for the camera source in a request."""
     name, source, kind = request["name"], request["source"], source_kind(request["source"])
     if kind in {SourceKind.FOLDER, SourceKind.PICTURE}:
         return FolderFeed(name, source, request["rate"])
@@ -196,7 +196,7 @@ def main() -> None:
 
 
 def _read_commands(reader: SourceReader) -> None:
-    """Pass on the commands; end this process in any state at the end of standard input."""
+    """Pass the commands of the run on to ``reader``; end this process in any state at the end of standard input."""
     data = b""
     while more := os.read(0, 64):
         data += more

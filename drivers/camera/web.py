@@ -34,7 +34,7 @@ from drivers.pictures.capture import OFFLINE_TIMEOUT
 from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
 ANSWER_TIMEOUT = 5.0
-"""Seconds for a reply, and for further data of it."""
+"""Seconds to wait for the reply of a camera, and for further data of it."""
 
 SNAPSHOT_INTERVAL = 0.125
 """Seconds between two requests for single pictures: an ESP32-CAM is no faster."""
@@ -200,7 +200,7 @@ def _has_more(response: HTTPResponse) -> bool:
 
 
 def _peek(response: HTTPResponse) -> bytes:
-    """Return the first bytes of a response without consuming them; nothing if the connection breaks."""
+    """Return the first bytes of a response without consuming them; empty if the connection breaks."""
     try:
         return response.peek(_MAX_PAGE_BYTES)
     except _CONNECTION_ERRORS:

@@ -43,11 +43,11 @@ class UsbDevice:
 
     @property
     def resets_on_open(self) -> bool:
-        """Whether it may be a board that is reset when its port is opened."""
+        """Whether the device may be a board that is reset when its port is opened."""
         return self.vendor in _ARDUINO or (self.ids in ADAPTERS and ADAPTERS[self.ids].resets)
 
     def matches(self, pattern: str) -> bool:
-        """Return whether it matches a driver's pattern: ``0403:6014``, with a serial number ``0403:6001:kobuki_*``."""
+        """Return whether the device matches a driver's pattern, such as ``0403:6014`` or ``0403:6001:kobuki_*``."""
         whole = pattern if pattern.count(":") > 1 else f"{pattern}:*"
         return fnmatchcase(f"{self.ids}:{self.serial}", whole)
 

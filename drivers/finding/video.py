@@ -121,7 +121,7 @@ def _captures(ask: Callable[[int, bytearray], object]) -> bool:
 
 
 def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ...]:
-    """Return the sizes of all formats; the largest of a format with free scaling."""
+    """Return the picture sizes of all formats of a camera; of a format with free scaling, the largest."""
     sizes: set[tuple[int, int]] = set()
     for form in range(_MAX_ENTRIES):
         data = bytearray(_ENUM_FMT_SIZE)

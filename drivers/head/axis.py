@@ -12,7 +12,7 @@ CENTRE_DEGREES = 90
 """Servo angle in degrees that is straight ahead."""
 
 MAX_DEGREES = 180
-"""Largest angle in degrees; the Servo library takes 544 and more for microseconds."""
+"""Largest angle of a servo in degrees; the Servo library takes 544 and more for microseconds."""
 
 SERVO_LAG = 0.0125
 """Seconds by which servos lag behind the recorded pose.
@@ -86,7 +86,7 @@ class ServoAxis:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Range in radians that is permitted and reachable."""
+        """Range of the head's angle in radians that is permitted and reachable."""
         ends = sorted((self.to_radians(0), self.to_radians(MAX_DEGREES)))
         return max(self.lower, ends[0]), min(self.upper, ends[1])
 

@@ -59,7 +59,7 @@ TRANSITIONS: Final = {
     (GuardianState.GREETING, GuardianEvent.TIMEOUT): GuardianState.UNMET,
     (GuardianState.ONLINE, GuardianEvent.TIMEOUT): GuardianState.SILENT,
 }
-"""Any other pair leads to UNMET, in which the servos are sent nowhere."""
+"""Transitions by state and event; any other pair leads to UNMET, in which the servos are sent nowhere."""
 
 
 class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):

@@ -24,7 +24,7 @@ from drivers.head.pantilt import MAX_TRIM, STRAIGHT_AHEAD, PanTiltMotion, Profil
 from drivers.transport.loop import Loop, LoopFactory, ThreadLoop, guard_callback
 
 STEP_INTERVAL = 0.02
-"""Seconds between two steps."""
+"""Seconds between two steps of a head's motion."""
 
 MIN_POSE_CHANGE = math.radians(0.25)
 """Smallest change of the pose in radians that is reported: one step of a servo's sensor."""
@@ -138,7 +138,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         return self._motion.look(target, self._clock.now())
 
     def stop(self) -> None:
-        """Brake within the acceleration, and hold; a joint that is held back stops where it is."""
+        """Brake the head within its acceleration, and hold; a joint that is held back stops where it is."""
         super().stop()
         here, now = self._last_pose.value, self._sync_time()
         if self._is_online and here is not None:

@@ -30,7 +30,7 @@ class ServoKeys(AxisKeys):
 
 @keys
 class TwoServoKeys(HeadKeys):
-    """Keys of two servos on such a board."""
+    """Keys of a head that two hobby servos turn, on any board."""
 
     pan: ServoKeys = key(help="Servo that turns the head left and right.")
     tilt: ServoKeys = key(help="Servo that turns the head up and down.")

@@ -19,7 +19,7 @@ from drivers.transport.loop import guard_callback
 # Motion profile, for drivers of servos without one of their own.
 
 MAX_STEP = 0.1
-"""Maximum seconds of one step: a delayed thread must not cause a jump."""
+"""Maximum seconds of one step of a motion: a delayed thread must not cause a jump."""
 
 
 @dataclass(slots=True)
@@ -77,7 +77,7 @@ class MotionProfile:
 
     @property
     def heading(self) -> float:
-        """Current target: the goal, or the stopping position while it moves the other way."""
+        """Current target of the motion: the goal, or the stopping position while it moves the other way."""
         standstill = self._stopping_position()
         return standstill if (self.goal - standstill) * self.velocity < 0 else self.goal
 
@@ -140,7 +140,7 @@ class Trimmable(Protocol):
 
 
 class HeadAxis(Protocol):
-    """Mounting of one axis. ``trim`` (radians) corrects a skewed mounting, in the direction of the motor."""
+    """Mounting of one axis of a head. ``trim`` (radians) corrects a skewed mounting, in the direction of the motor."""
 
     @property
     def trim(self) -> float:
@@ -215,12 +215,12 @@ class PanTiltMotion(Generic[A]):
 
     @property
     def axes(self) -> tuple[A, A]:
-        """Pan and tilt, with their current trims."""
+        """Pan and tilt axes, with their current trims."""
         return self._axes
 
     @property
     def limits(self) -> HeadLimits:
-        """Range, maximum speed and acceleration; a trim may reduce the range."""
+        """Range, maximum speed and acceleration of the head; a trim may reduce the range."""
         return self._limits
 
     def _limits_now(self) -> HeadLimits:
@@ -252,13 +252,13 @@ class PanTiltMotion(Generic[A]):
         return accepted
 
     def brake(self, now: float) -> None:
-        """Brake within the acceleration."""
+        """Brake both axes within the acceleration."""
         with self._lock:
             for profile in self._profiles:
                 profile.brake(now)
 
     def halt(self) -> None:
-        """Stop at once at the last setpoint, when the motors cannot be reached any more."""
+        """Stop both axes at once at the last setpoint, when the motors cannot be reached any more."""
         with self._lock:
             for profile in self._profiles:
                 profile.halt()
@@ -365,7 +365,7 @@ class ProfiledHead(Generic[A]):
 
     @property
     def limits(self) -> HeadLimits:
-        """Range, maximum speed and acceleration."""
+        """Range, maximum speed and acceleration of the head."""
         return self._motion.limits
 
     def pose_at(self, stamp: float) -> HeadPose | None:
@@ -374,7 +374,7 @@ class ProfiledHead(Generic[A]):
         return None if values is None else HeadPose(*values)
 
     def stop(self) -> None:
-        """Brake within the acceleration, and hold."""
+        """Brake the head within its acceleration, and hold."""
         self._motion.brake(self._sync_time())
         self._is_settled = False
 

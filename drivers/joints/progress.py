@@ -11,7 +11,7 @@ from typing import Final
 from drivers.errors import DeviceFault
 
 TOLERANCE = radians(10)
-"""A joint this far from its goal has not arrived; nearer, a servo with a proportional controller may come to rest."""
+"""Radians from its goal beyond which a joint has not arrived; a proportional controller may rest nearer."""
 
 FULL_LOAD, LOADED_TOLERANCE = 0.8, radians(4)
 """Share of the stall torque from which on a joint counts as pushing at full power, and the tolerance in that case."""
@@ -78,7 +78,7 @@ TRANSITIONS: Final = {
     (ProgressState.WATCHED, ProgressEvent.RUN_AWAY): ProgressState.RUNAWAY,
     (ProgressState.RUNAWAY, ProgressEvent.HOLD): ProgressState.WATCHED,
 }
-"""Any other pair changes nothing: a joint that was given up stays so until it is held or relaxed."""
+"""Transitions by state and event; others change nothing: a joint given up stays so until it is held or relaxed."""
 
 
 class JointProgress:
@@ -187,7 +187,7 @@ class JointProgress:
         self.state = TRANSITIONS.get((self.state, event), self.state)
 
     def _advance(self, here: float, direction: int, passed: float) -> None:
-        """Update the progress from a position."""
+        """Update the progress of the joint from a position."""
         if direction != self._direction:
             self._direction, self._front, self._front_at, self._mark = direction, here, self._stamp, here
         if (here - self._front) * direction > 0:

@@ -12,7 +12,7 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.kobuki.wire import KobukiSubpayload
 
 WHEEL_SEPARATION = 0.23
-"""Distance of the wheels in metres."""
+"""Distance of the wheels of a Kobuki in metres."""
 
 _HALF = 1000 * WHEEL_SEPARATION / 2  # mm
 _EPSILON = 0.0001  # m/s and rad/s: slower velocities are zero
@@ -170,7 +170,7 @@ class GetGains(KobukiSubpayload):
 COMMANDS: Mapping[int, type[KobukiSubpayload]] = {
     kind.ID: kind for kind in (BaseControl, KobukiSound, SoundSequence, RequestExtra, SetOutputs, SetGains, GetGains)
 }
-"""Commands by ID. The vendor's table has 1 for 13 and 14 by mistake."""
+"""Classes of the Kobuki's commands by ID. The vendor's table has 1 for 13 and 14 by mistake."""
 
 
 def _whole(value: float) -> int:

@@ -14,7 +14,7 @@ class KobukiKeys(BaseKeys, SerialKeys):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Sounder and lights."""
+        """Optional capabilities of a Kobuki: sounder and lights."""
         return frozenset({"sounds", "lights"})
 
 

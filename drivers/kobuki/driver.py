@@ -50,7 +50,7 @@ IDLE_POLL_INTERVAL = 0.06
 the thread."""
 
 STOP_REPEATS = 6
-"""Copies of each stop.
+"""Copies of each stop command that are sent.
 
 A damaged header may claim the next 256 bytes (see ``KobukiFrameFinder``), and five renewals are more than that. Six
 copies are 60 bytes, 5 ms on the wire.
@@ -67,23 +67,23 @@ TUNES: Mapping[Tune, commands.KobukiTune] = MappingProxyType({tune: commands.Kob
 LIGHTS: Mapping[int, tuple[KobukiOutput, KobukiOutput]] = MappingProxyType(
     {1: (KobukiOutput.LED1_RED, KobukiOutput.LED1_GREEN), 2: (KobukiOutput.LED2_RED, KobukiOutput.LED2_GREEN)}
 )
-"""Red and green output of each light; both together are orange."""
+"""Red and green output bit of each light; both together are orange."""
 
 
 def make(keys: KobukiKeys, context: DriverContext) -> DiffDriveBase:
-    """Return the driver for a section of a robot file."""
+    """Return the driver of a Kobuki for its section of a robot file."""
     link = SerialLink("base", context.port, keys.baud, report=context.report)
     return kobuki_base(link, context.clock, **settings_of(keys, context))
 
 
 def kobuki_base(link: SerialLink, clock: Clock, **settings: Unpack[BaseSettings]) -> DiffDriveBase:
-    """Return the driver over ``link``, which it owns."""
+    """Return the driver of a Kobuki over ``link``, which it owns."""
     return DiffDriveBase(link, clock, KobukiProtocol(), **settings)
 
 
 @dataclass(frozen=True, slots=True)
 class KobukiIdentity:
-    """Versions and ID of a base; None if the base has not sent them on this connection."""
+    """Versions and unique ID of a Kobuki; None if it has not sent them on this connection."""
 
     hardware: HardwareVersion | None = None
     firmware: FirmwareVersion | None = None
@@ -91,7 +91,7 @@ class KobukiIdentity:
 
     @property
     def missing(self) -> Extra:
-        """Flags of the values to request."""
+        """Flags of the versions and ID that are still to be requested."""
         known = {Extra.HARDWARE: self.hardware, Extra.FIRMWARE: self.firmware, Extra.UNIQUE_ID: self.unique_id}
         return Extra(sum(flag for flag, value in known.items() if value is None))
 
@@ -178,7 +178,7 @@ class KobukiProtocol(DiffDriveProtocol):
         }
 
     def _read(self, payload: bytes, now: float) -> BaseState | None:
-        """Return the state of one frame; None if the frame has none."""
+        """Return the state of the base after one frame; None if the frame has none."""
         decoded = decode(payload, FEEDBACK)
         self._unknown += decoded.unknown
         self._malformed += decoded.malformed

@@ -21,7 +21,7 @@ GYRO_STEP = radians(0.00875)
 
 
 class Side(IntFlag):
-    """Bits of bumper and cliff."""
+    """Bits of the bumper and the cliff sensors by side."""
 
     RIGHT = 1
     CENTRE = 2
@@ -46,7 +46,7 @@ _POWERED, _CHARGING, _ADAPTER = (flag.value for flag in Charger)
 
 @dataclass(frozen=True, slots=True)
 class Core(KobukiSubpayload):
-    """Report in every frame. Encoders count up forward; they and the time wrap at 16 bits."""
+    """Core report of a Kobuki, in every frame. Encoders count up forward; they and the time wrap at 16 bits."""
 
     time_ms: int = 0
     bumper: int = 0
@@ -106,7 +106,7 @@ class Inertia(KobukiSubpayload):
 
     @property
     def rate(self) -> float:
-        """Turn rate in rad/s."""
+        """Turn rate of the gyro in rad/s."""
         return radians(self.rate_cdeg / 100)
 
 
@@ -133,7 +133,7 @@ class MotorCurrent(KobukiSubpayload):
 
 @dataclass(frozen=True, slots=True)
 class Version(KobukiSubpayload):
-    """Version number, in the order of the wire."""
+    """Version number of a Kobuki's board or firmware, in the order of the wire."""
 
     patch: int
     minor: int
@@ -142,7 +142,7 @@ class Version(KobukiSubpayload):
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode it; old firmware sends a two-byte number instead. Raises as ``KobukiSubpayload.unpack``."""
+        """Decode a version; old firmware sends a two-byte number instead. Raises as ``KobukiSubpayload.unpack``."""
         if len(data) == 2:
             number = int.from_bytes(data, "little")
             if number not in _OLD_VERSIONS:
@@ -248,4 +248,4 @@ FEEDBACK: Mapping[int, type[KobukiSubpayload]] = {
         KobukiGains,
     )
 }
-"""Sub-payloads of the base by ID."""
+"""Classes of the Kobuki's reports by ID."""

@@ -7,7 +7,7 @@ from drivers.kobuki.feedback import FEEDBACK, Core
 from drivers.kobuki.wire import BAUD, KobukiFrameFinder, decode
 
 LISTEN_TIME = 0.3
-"""Seconds of reading: fifteen reports arrive."""
+"""Seconds of listening: a Kobuki sends fifteen reports in that time."""
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:

@@ -21,5 +21,5 @@ class KobukiTwinOdometry(GyroTwinOdometry):
 
 
 def make(keys: KobukiKeys, context: SimContext) -> BaseTwin:
-    """Return the twin for a section of a robot file."""
+    """Return the twin of a Kobuki for its section of a robot file."""
     return make_twin(keys, context, KobukiTwinOdometry(context.physics.gyro_noise))

@@ -29,7 +29,7 @@ from drivers.sim.world_objects import Ground
 from drivers.virtual.device import VirtualDevice, make_virtual_base
 
 REPORT_INTERVAL = 0.02
-"""Seconds between two reports."""
+"""Seconds between two reports of the virtual Kobuki."""
 
 FULL_SPEED = 0.7
 """Speed of a wheel in m/s at full pulse width."""
@@ -139,7 +139,7 @@ class VirtualKobuki:
         }
 
     def pose(self, now: float) -> Pose2D:
-        """Return the true pose at time ``now``."""
+        """Return the true pose of the base at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
@@ -269,6 +269,6 @@ def _clip(value: float, most: int) -> int:
 
 
 def make(keys: KobukiKeys, context: SimContext) -> VirtualDevice:  # noqa: ARG001 - all makers are called with both
-    """Return the virtual device for a section of a robot file."""
+    """Return the virtual Kobuki for its section of a robot file."""
     device = VirtualKobuki(wheels=context.make_wheels(), ground=context.world, battery=context.physics.battery)
     return make_virtual_base(device, "kobuki")

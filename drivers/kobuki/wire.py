@@ -29,12 +29,12 @@ class KobukiSubpayload:
     LAYOUT: ClassVar[Struct]
 
     def pack(self) -> bytes:
-        """Encode the data, without ID and SIZE. Raises struct.error for a value out of range."""
+        """Encode the data of the part, without ID and SIZE. Raises struct.error for a value out of range."""
         return self.LAYOUT.pack(*(getattr(self, field.name) for field in fields(self)))
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode the data. Raises struct.error or ValueError if it does not fit the layout."""
+        """Decode the data of a part. Raises struct.error or ValueError if it does not fit the layout."""
         return cls(*cls.LAYOUT.unpack(data))
 
 

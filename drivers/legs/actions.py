@@ -40,10 +40,10 @@ MAX_APPROACH_SPEED = radians(35)
 """Maximum joint speed (rad/s) on the way to a stand or a sit."""
 
 MIN_APPROACH_TIME = 0.5
-"""Minimum seconds of such a way."""
+"""Minimum seconds of the way to a stand or a sit."""
 
 HEIGHT_STEP = 0.003
-"""Metres of trunk height between two of these poses."""
+"""Metres of trunk height between two poses of ``StandSitPoses``."""
 
 DEFAULT_SIT_SHARE = 0.7
 """Height of a sit as a share of the stand's, if the robot file has no ``stride.sit``."""
@@ -149,7 +149,7 @@ class GaitCycle:
 
     @property
     def is_over(self) -> bool:
-        """True once it has faded out into the stand."""
+        """True once the gait has faded out into the stand."""
         return self.is_ending and self.amplitude == 0.0
 
     def step(self, dt: float) -> tuple[Floats, tuple[bool, bool]]:
@@ -200,7 +200,7 @@ class LegActions:
 
     @property
     def is_busy(self) -> bool:
-        """True while it controls the legs."""
+        """True while an action controls the legs."""
         return self._approach is not None or self._cycle is not None
 
     def request(self, act: str, gait: GaitKeys | None, now: float) -> float:

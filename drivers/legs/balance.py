@@ -25,7 +25,7 @@ CAPTURE_DEADBAND = 0.012
 
 @dataclass(frozen=True, slots=True)
 class BalanceGains:
-    """Gains: ``ankle`` and ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` per metre of capture error.
+    """Gains of balance: ``ankle``, ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` per m of capture error.
 
     In physics the ankles kept walks up that fell without them. Steps have not been shown to help yet, and are off.
     """

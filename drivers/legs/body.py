@@ -86,7 +86,7 @@ class LeggedBody:
 
     @cached_property
     def leg_indices(self) -> npt.NDArray[np.intp]:
-        """Indices of these joints."""
+        """Indices of the joints of both legs, the left ones first."""
         return np.array([place for side in SIDES for place in self.legs[side].joints])
 
     def pose(self, angles: Mapping[str, float]) -> Floats:

@@ -183,7 +183,7 @@ class LegsKeys(BaseKeys):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Legs only."""
+        """Optional capabilities of a walking base: only legs."""
         return frozenset({"legs"})
 
 

@@ -123,7 +123,7 @@ class LegsBase(ArbitratedBase):
             super().stop(source=source)
 
     def state(self) -> Reading[BaseState]:
-        """The newest state; stale while the joints are offline."""
+        """Newest state of the base; stale while the joints are offline."""
         latest = self._last_reading
         return latest if self._joints_online or latest.value is None else replace(latest, quality=Quality.STALE)
 

@@ -188,7 +188,7 @@ class WalkingEngine:
 
     @property
     def is_standing(self) -> bool:
-        """True while it stands at rest."""
+        """True while the body stands at rest."""
         return self.walker.is_standing
 
     @property

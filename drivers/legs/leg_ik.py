@@ -40,7 +40,7 @@ class LegSolution:
 
     @property
     def is_reachable(self) -> npt.NDArray[np.bool_]:
-        """Whether each pose can be reached (...)."""
+        """Whether the leg can reach each pose of the foot: shape (...)."""
         return np.equal(self.reason, 0)
 
 

@@ -19,7 +19,7 @@ from drivers.transport.loop import Loop, LoopFactory, ThreadLoop
 # A walking base with its own thread, 100 steps of control a second.
 
 STANDING_INTERVAL = 0.02
-"""Seconds between two reads of the joints while it stands."""
+"""Seconds between two reads of the joints while the base stands."""
 
 STOP_TIMEOUT = 4.0
 """Seconds that a walk has to end when the base is closed."""
@@ -61,7 +61,7 @@ class WalkingBase(LegsBase):
 
 
 def make(keys: LegsKeys, site: DriverContext) -> WalkingBase:
-    """Return the driver; the caller opens and closes the arm that it controls, and the IMU."""
+    """Return the driver of a walking base; the caller opens and closes the arm that it controls, and the IMU."""
     joints, walks = site.needed_parts["arm"], make_engine(keys)
     return WalkingBase(
         joints,

@@ -26,12 +26,12 @@ Point = tuple[float, float]
 
 
 def pendulum_rate(height: float) -> float:
-    """Return w (1/s) of a centre of mass at a height (m)."""
+    """Return the pendulum rate w (1/s) of a centre of mass at a height (m)."""
     return sqrt(GRAVITY / height)
 
 
 def capture_before_stand(end: Point, p: Point, w: float, seconds: float) -> Point:
-    """Return xi at ``seconds`` before it reaches ``end``, with constant pressure at ``p``."""
+    """Return the capture point xi ``seconds`` before it reaches ``end``, with constant pressure at ``p``."""
     decay = exp(-w * seconds)
     return p[0] + (end[0] - p[0]) * decay, p[1] + (end[1] - p[1]) * decay
 
@@ -46,7 +46,7 @@ def capture_before_shift(end: Point, p0: Point, p1: Point, w: float, seconds: fl
 
 
 def advance_pendulum(c: Point, xi: Point, p: Point, w: float, dt: float) -> tuple[Point, Point]:
-    """Return c and xi after ``dt`` seconds over a pressure at ``p``: the exact solution."""
+    """Return centre of mass c and capture point xi after ``dt`` seconds over a pressure ``p``: the exact solution."""
     grow, fade = exp(w * dt), exp(-w * dt)
     after = p[0] + (xi[0] - p[0]) * grow, p[1] + (xi[1] - p[1]) * grow
     # c - p = (xi - p) / 2 e^wt + (c - p - (xi - p) / 2) e^-wt
@@ -262,7 +262,7 @@ class WalkPatternGenerator:
 
     @property
     def is_standing(self) -> bool:
-        """True while it stands on both feet at rest."""
+        """True while the robot stands on both feet at rest."""
         return self._step is None
 
     def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:

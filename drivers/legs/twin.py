@@ -16,7 +16,7 @@ class LegsTwin(LegsBase):
     start = Pose2D(0.0, 0.0, 0.0)
 
     def true_pose(self, now: float) -> Pose2D:
-        """Return the true pose at time ``now``, in the world's frame."""
+        """Return the true pose of the base at time ``now``, in the world's frame."""
         del now
         pose, start = self._engine.pose[0], self.start
         c, s = cos(start.heading), sin(start.heading)
@@ -25,7 +25,7 @@ class LegsTwin(LegsBase):
 
     @property
     def true_velocity(self) -> Velocity:
-        """The true velocity."""
+        """True velocity of the base."""
         ahead, _, turn = self._engine.pose[1]
         return Velocity(ahead, turn)
 

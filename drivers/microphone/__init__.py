@@ -1,1 +1,1 @@
-"""Microphones: the sound card's, and a WAV file instead of one."""
+"""Microphones: that of the sound card, or a WAV file in its place."""

@@ -14,7 +14,7 @@ from collections.abc import Generator
 import miniaudio
 
 RATE = 16_000
-"""Samples per second."""
+"""Sound samples per second."""
 
 SILENCE_TIMEOUT = 2.0
 """Seconds without data after which the sound card counts as gone; even a quiet room gives data."""
@@ -66,7 +66,7 @@ def find_device_id(name: str, backends: list[miniaudio.Backend]) -> object | Non
 
 
 def main() -> None:
-    """Record until the input ends."""
+    """Record sound until the standard input ends."""
     name, backend = [*sys.argv[1:], "", ""][:2]
     backends = [miniaudio.Backend[backend.upper()]] if backend else []
     try:

@@ -21,7 +21,7 @@ MAX_CLIPPED_SHARE = 0.01
 
 
 def checkup(keys: MicrophoneKeys, site: DriverContext) -> Iterator[Finding]:
-    """Record for half a second and yield the findings."""
+    """Record sound for half a second, and yield the findings."""
     yield from check_microphone(sound_card(keys, site), site)
 
 

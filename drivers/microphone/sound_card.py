@@ -14,7 +14,7 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.worker_process import Message, WorkerProcess
 
 MAX_KEPT_SECONDS = 5.0
-"""Seconds of sound in the buffer."""
+"""Seconds of sound that the buffer of the microphone holds."""
 
 MAX_LATENESS = 0.25
 """Seconds by which sound may be late; more means that sound was lost."""

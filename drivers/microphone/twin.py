@@ -36,7 +36,7 @@ class WordsFactory(Protocol[W_co]):
     """Makes the value of one utterance from number, phrase, start and end in seconds, score and speaker."""
 
     def __call__(self, id: int, phrase: str, start: float, stamp: float, score: float, who: str) -> W_co:  # noqa: A002
-        """Return the value."""
+        """Return the value of one utterance."""
         ...
 
 
@@ -45,7 +45,7 @@ class PhraseFinder(Protocol):
 
     @property
     def phrases(self) -> Sequence[str]:
-        """All phrases."""
+        """All phrases that the mission listens for."""
         ...
 
     def find(self, text: str) -> str:
@@ -137,7 +137,7 @@ class HearingTwin(Generic[W]):
         return self._recent_words(self._refused)
 
     def listened(self) -> float | None:
-        """Time up to which it has listened; it stops while unplugged."""
+        """Time up to which the microphone has listened; it stops while unplugged."""
         return self._listened_until
 
     def level(self) -> float:

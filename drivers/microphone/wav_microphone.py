@@ -14,13 +14,13 @@ from drivers.sound.wav import A_LAW, ENCODING_NAMES, FLOAT, MU_LAW, SAMPLE_WIDTH
 from drivers.transport.loop import guard_callback
 
 PIECE_SAMPLES = 320
-"""Samples per piece: 20 ms."""
+"""Samples per piece of sound: 20 ms."""
 
 MAX_KEPT_PIECES = 250
-"""Pieces in the buffer: 5 s."""
+"""Pieces of sound in the buffer: 5 s."""
 
 MAX_DURATION = 300.0
-"""Seconds of a recording, which is read as a whole."""
+"""Maximum seconds of a recording, which is read as a whole."""
 
 RATE_LIMITS = (4_000, 384_000)
 """Smallest and largest sample rate: recorders have no higher, speech no lower one."""

@@ -7,6 +7,6 @@ from drivers.sim.context import SimContext
 
 
 def make(keys: PiCarKeys, context: SimContext) -> BaseTwin:
-    """Return the twin for a section of a robot file."""
+    """Return the twin of a Raspberry Pi car for its section of a robot file."""
     odometry = WheelTwinOdometry(TwoWheels(keys.track, keys.speed_at_full), reckoned=True)
     return make_wheel_base(keys, context, odometry, gauge=False)

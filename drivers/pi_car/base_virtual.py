@@ -8,5 +8,5 @@ from drivers.virtual.guardian import VirtualCar
 
 
 def make(keys: PiCarKeys, context: SimContext) -> VirtualDevice:
-    """Return the virtual device for a section of a robot file."""
+    """Return the virtual Raspberry Pi car for its section of a robot file."""
     return make_virtual_base(VirtualCar(context.make_body(), TwoWheels(keys.track, keys.speed_at_full)), "car")

@@ -31,7 +31,7 @@ SLEEP, INCREMENT, TOTEM_POLE = 0x10, 0x20, 0x04
 ALWAYS = 0x10
 
 FREQUENCY = 50.0
-"""Hertz, as hobby servos need; all channels share one frequency."""
+"""Pulse frequency of a PCA9685 in hertz, as hobby servos need; all channels share it."""
 
 COUNTS = 4096
 PERIOD_US = 1e6 / FREQUENCY
@@ -47,16 +47,16 @@ class I2CBus(Protocol):
     """Used part of ``smbus2.SMBus``. Raises OSError if no chip replies."""
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> Sequence[int]:
-        """Return ``length`` bytes from ``register`` on."""
+        """Return ``length`` bytes of a chip from ``register`` on."""
         ...
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> object:
-        """Write ``data`` from ``register`` on."""
+        """Write ``data`` to a chip from ``register`` on."""
         ...
 
 
 class Pca9685:
-    """Chip at ``address`` of a ``bus``. Its other channels are not touched."""
+    """PCA9685 chip at ``address`` of a ``bus``. Channels that are not used here are left alone."""
 
     def __init__(self, bus: I2CBus, address: int) -> None:
         self._bus, self._address = bus, address
@@ -206,7 +206,7 @@ POLL_INTERVAL = 0.02
 """Maximum seconds between two polls of the watchdog."""
 
 REST_TRIES = 3
-"""Number of stops at the end."""
+"""Number of stop commands to the actuators at the end."""
 
 EXIT_AFTER = 5.0
 """Seconds of silence after which the process exits, since another program may need the pins."""

@@ -6,5 +6,5 @@ from drivers.sim.context import SimContext
 
 
 def make(keys: PiHeadKeys, context: SimContext) -> ServoHeadTwin:
-    """Return the twin of the head."""
+    """Return the twin of a pan/tilt head on a PCA9685."""
     return make_head_twin(keys, keys.away, context)

@@ -87,7 +87,7 @@ class GuardianProcess:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """Process id of the guardian."""
         return self._process.pid
 
     def read_available(self, timeout: float) -> bytes:
@@ -137,7 +137,7 @@ def base(keys: PiCarKeys, context: DriverContext) -> DiffDriveBase:
 
 
 def head(keys: PiHeadKeys, context: DriverContext) -> GuardianHead:
-    """Return the driver of its pan/tilt head."""
+    """Return the driver of the car's pan/tilt head."""
     config = {"bus": keys.bus, "address": keys.address, "pan": keys.pan.servo, "tilt": keys.tilt.servo}
     launcher = GuardianLauncher(config)
     return GuardianHead(

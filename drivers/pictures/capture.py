@@ -118,7 +118,7 @@ def turn_image(image: Image, turn: ImageOrientation) -> Image:
 
 
 def unturn_image(image: Image, turn: ImageOrientation) -> Image:
-    """Return the inverse: the picture that ``turn`` converts to ``image``."""
+    """Return the inverse of ``turn_image``: the picture that ``turn`` converts to ``image``."""
     return turn_image(
         turn_image(image, ImageOrientation(0, turn.flip_horizontal, turn.flip_vertical)),
         ImageOrientation(-turn.quarter_turns % 4),
@@ -180,7 +180,7 @@ _UNREAD_TIMEOUT = 1.0
 """Seconds without a reader after which pictures are skipped."""
 
 MAX_UNREAD_SKIP = 1_000_000
-"""Pictures to skip then: those of some hours."""
+"""Number of pictures to skip while there is no reader: those of some hours."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which a camera counts as offline."""

@@ -25,7 +25,7 @@ NO_PICTURE: Image = np.empty((0, 0, 3), np.uint8)
 """Placeholder for a picture that has not arrived yet."""
 
 Size = tuple[int, int]
-"""Width and height in pixels."""
+"""Width and height of a picture in pixels."""
 
 _MAX_PNM_HEADER = 65_536
 """Bytes of a PPM or PGM that are searched for its header."""
@@ -108,7 +108,7 @@ def _webp_size(begin: bytes) -> Size | None:
 
 
 def _tiff_size(file: BinaryIO, order: str, begin: bytes) -> Size | None:
-    """Return the larger of the first picture and its tiles, in each direction."""
+    """Return the size of a TIFF: the larger of the first picture and its tiles, in each direction."""
     file.seek(*struct.unpack(f"{order}I", begin[4:8]))
     (count,) = struct.unpack(f"{order}H", file.read(2))
     found = [0, 0]
@@ -122,7 +122,7 @@ def _tiff_size(file: BinaryIO, order: str, begin: bytes) -> Size | None:
 
 
 def _pnm_size(file: BinaryIO) -> Size | None:
-    """Return the first two numbers of a PPM or PGM; comments run from # to the end of their line."""
+    """Return the size in the header of a PPM or PGM; comments run from # to the end of their line."""
     file.seek(2)
     words = re.sub(rb"#[^\n]*(\n|$)", b"\n", file.read(_MAX_PNM_HEADER)).split(None, 2)
     if len(words) < 3 or not all(re.fullmatch(rb"[0-9]{1,9}", word) for word in words[:2]):
@@ -131,13 +131,13 @@ def _pnm_size(file: BinaryIO) -> Size | None:
 
 
 MAX_PIXELS = 50_000_000
-"""Pixels of a picture or frame: twice those of the largest cameras for robots.
+"""Maximum pixels of a picture or frame: twice those of the largest cameras for robots.
 
 To decode and search a picture of this size takes a third of a gigabyte.
 """
 
 MAX_FILE_BYTES = 256_000_000
-"""Bytes of a file with one picture: enough for ``MAX_PIXELS`` without compression."""
+"""Maximum bytes of a file with one picture: enough for ``MAX_PIXELS`` without compression."""
 
 
 FFMPEG_LOG_LEVEL = "OPENCV_FFMPEG_LOGLEVEL"

@@ -1,1 +1,1 @@
-"""Robots with ROS 2, over Zenoh, without a ROS installation."""
+"""Drivers of robots with ROS 2, over Zenoh, without a ROS installation."""

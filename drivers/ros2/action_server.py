@@ -81,7 +81,7 @@ EXECUTING, CANCELLING, SUCCEEDED, CANCELLED, ABORTED = 2, 3, 4, 5, 6
 """States of a goal, as action_msgs numbers them."""
 
 MAX_KEPT_GOALS = 20
-"""Finished goals whose results are kept."""
+"""Maximum number of finished goals whose results the action server keeps."""
 
 SendReply = Callable[[bytes], None]
 
@@ -98,11 +98,11 @@ class ActionGoal:
 
     @property
     def is_over(self) -> bool:
-        """True once it has ended."""
+        """True once the goal has ended."""
         return self.status > CANCELLING
 
     def send_feedback(self, feedback: Mapping[str, object]) -> None:
-        """Send feedback."""
+        """Send feedback of this goal."""
         self._server.send_feedback(self, feedback)
 
     def end(self, status: int, result: Mapping[str, object]) -> None:

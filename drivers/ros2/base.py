@@ -46,7 +46,7 @@ TUNES: dict[Tune, tuple[int, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class HazardReport:
-    """Contacts, and the names of all other hazards, as in ``BaseState``."""
+    """Contacts of a base, and the names of all its other hazards, as in ``BaseState``."""
 
     bumper: Sides = Sides()
     cliff: Sides = Sides()
@@ -121,7 +121,7 @@ TOPIC_TYPES: Mapping[str, tuple[str, ...]] = {
 """Topics of a base by their keys in its section, and their types."""
 
 COMMAND_TOPICS = frozenset({"cmd_vel", "lights", "sounds"})
-"""Topics on which commands are sent to the base."""
+"""Keys of the topics on which commands are sent to the base."""
 
 CONTACTS_TIMEOUT = 1.0
 """Seconds without a contact report after which a base with contact sensors is offline."""
@@ -145,7 +145,7 @@ STILL_TOLERANCE = 0.002
 """m/s, and metres per message, below which a base stands still."""
 
 REPORTED_DRIFT = 0.01
-"""Radians of drift after which Nav2 gets a new origin of our odometry in the robot's."""
+"""Radians of drift after which Nav2 gets the new origin of MissionTree's pose in the robot's odometry frame."""
 
 STATUS_CHARGING = 1
 """Status of a charging battery, as sensor_msgs numbers it."""

@@ -61,7 +61,7 @@ class TopicFeed:
 
     @property
     def source_name(self) -> str:
-        """The topic."""
+        """Name of the topic that brings the pictures."""
         return self._channel.topic
 
     @property
@@ -82,7 +82,7 @@ class TopicFeed:
         return None
 
     def grab(self, skip_count: Callable[[], int]) -> Image | None:
-        """Return the next picture; None after a timeout, or if the session is lost: see Feed."""
+        """Return the next picture; None after a timeout, or if the session is lost: see ``CameraFeed``."""
         for _ in range(round(OFFLINE_TIMEOUT / RECEIVE_TIMEOUT)):
             found = self._receive_messages()
             if found is None:

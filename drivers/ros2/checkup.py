@@ -1,4 +1,4 @@
-"""Check-up of a router: robots of ROS 2 that use rmw_zenoh, or a bridge from DDS."""
+"""Check-up of the Zenoh router of a robot with ROS 2 that uses rmw_zenoh, or a bridge from DDS."""
 
 from collections.abc import Iterator
 from threading import Event
@@ -21,7 +21,7 @@ NO_NODES_HINT = (
 
 
 def checkup(keys: ZenohKeys, site: DriverContext) -> Iterator[Finding]:
-    """Open a session briefly, and list the nodes. Raises NotConnected, with a hint."""
+    """Open a Zenoh session briefly, and yield findings on the ROS 2 nodes. Raises NotConnected, with a hint."""
     access, domain = zenoh_access(keys, site.port), ros_domain(keys)
     where = ", ".join(access.endpoints)
     session: Any = open_session("ros2", access, timeout=2.0)

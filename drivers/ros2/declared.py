@@ -87,7 +87,7 @@ class Ros2BaseKeys(BaseKeys):
 
     @property
     def capabilities(self) -> frozenset[str]:
-        """Capabilities with a topic."""
+        """Optional capabilities of the base for which a topic is configured."""
         topics = {"sounds": self.sounds, "lights": self.lights}
         return frozenset(name for name, topic in topics.items() if topic)
 
@@ -180,7 +180,7 @@ class Ros2JointKeys:
     reverse: bool = key(default=False, help="Whether it turns the other way in ROS 2.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield invalid limits."""
+        """Yield a diagnostic for invalid angle limits of the joint."""
         yield from _limit_mistakes(self.limits)
 
 
@@ -224,7 +224,7 @@ class Ros2AxisKeys(AxisKeys):
     reverse: bool = key(default=False, help="Whether a rising angle in ROS 2 turns the head right, or up.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield invalid limits."""
+        """Yield a diagnostic for invalid angle limits of the axis."""
         yield from _limit_mistakes(self.limits)
 
 

@@ -72,7 +72,7 @@ class Ros2Graph:
     # --- what other parts stand on ------------------------------------------------------------------------------------
 
     def node(self, part: str = "ros2") -> Ros2Node:
-        """Return the node. Raises NotConnected, in the name of ``part``, while there is none."""
+        """Return the robot's own ROS 2 node. Raises NotConnected, in the name of ``part``, while there is none."""
         node, trouble = self._node, self._error
         if node is None:
             what = str(trouble or "").removeprefix("ros2: ")
@@ -97,7 +97,7 @@ class Ros2Graph:
         self._loop.start()
 
     def rest(self) -> None:
-        """Cancel all actions."""
+        """Cancel all actions that were started here."""
         self.stop()
 
     def close(self) -> None:
@@ -114,7 +114,7 @@ class Ros2Graph:
         return Health(True, counters={**counters, "nodes": self.nodes()})
 
     def nodes(self) -> int:
-        """Return the number of other nodes."""
+        """Return the number of other ROS 2 nodes."""
         return 0 if self._node is None else len(self._node.entities(wire.NODE))
 
     def offers(self, name: str) -> bool:
@@ -162,7 +162,7 @@ class Ros2Graph:
         return Reading(read[1], stamp, Quality.GOOD if lasts else Quality.STALE)
 
     def progress(self, number: int) -> Progress:
-        """Return the progress of a request."""
+        """Return the progress of a request to a service or an action."""
         return self._requests.progress(number)
 
     def publish(self, topic: str, kind: str, values: str) -> None:
@@ -200,7 +200,7 @@ class Ros2Graph:
         return self._requests.has_goal()
 
     def stop(self) -> None:
-        """Cancel all actions."""
+        """Cancel all actions that were started here."""
         self._requests.cancel_all()
 
     # --- the thread ---------------------------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ OFFLINE_TIMEOUT = 0.4
 """Seconds without a reading after which a joint is offline, and no setpoints are sent."""
 
 MOVING_SPEED = 0.02
-"""rad/s from which on a joint counts as moving."""
+"""Speed in rad/s from which on a joint counts as moving."""
 
 MAX_PLAUSIBLE_VALUE = 1e6
 """Limit of plausible readings, in radians and rad/s."""

@@ -248,7 +248,7 @@ class TopicJoints(LatchingPart):
                 self._send(now)
 
     def on_closing(self) -> None:
-        """Hold all joints, unless they already do."""
+        """Hold all joints, unless they are already held."""
         if not self._all_sent:
             self.hold()
 

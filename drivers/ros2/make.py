@@ -1,4 +1,4 @@
-"""Factories of the drivers of parts with ROS 2, and its voice and head."""
+"""Factories of the drivers of ROS 2 parts, and the drivers of a voice and a head."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -127,11 +127,11 @@ class Ros2Voice(PrintedVoice):
                 self._faults.mismatch(payload)
 
     def on_poll(self) -> None:
-        """Process the queue."""
+        """Process the queue of texts."""
         self.update()
 
     def on_closing(self) -> None:
-        """Do nothing: it is silent at rest."""
+        """Do nothing: the voice is silent at rest."""
 
     def _send(self, text: str) -> None:
         try:
@@ -160,7 +160,7 @@ class Ros2Head(NeckDriver):
 
     @property
     def latched(self) -> str:
-        """Reason for which it is latched; empty if it is not."""
+        """Reason for which the head is latched; empty if it is not."""
         return self._joints.latched
 
     def enable(self) -> None:
@@ -194,7 +194,7 @@ def base_topics(keys: Ros2BaseKeys) -> dict[str, str]:
 
 
 def base(keys: Ros2BaseKeys, site: DriverContext) -> DiffDriveBase:
-    """Return the driver of a base."""
+    """Return the driver of a base on ROS 2 topics."""
     nodes: Ros2Graph = site.needed_parts["ros2"]
     topics = base_topics(keys)
     channels = [
@@ -210,7 +210,7 @@ def base(keys: Ros2BaseKeys, site: DriverContext) -> DiffDriveBase:
 
 
 def ranger(keys: Ros2RangeKeys, site: DriverContext) -> Ros2Ranger:
-    """Return the driver of a range finder."""
+    """Return the driver of a range finder on a ROS 2 topic."""
     nodes: Ros2Graph = site.needed_parts["ros2"]
     channel = TopicChannel(nodes.full_name(keys.scan), (LASER_SCAN,), depth=1)
     line = make_link("range", nodes.node, [channel], site.report)
@@ -220,7 +220,7 @@ def ranger(keys: Ros2RangeKeys, site: DriverContext) -> Ros2Ranger:
 
 
 def camera(keys: Ros2CameraKeys, site: DriverContext) -> ThreadedCamera:
-    """Return the driver of a camera."""
+    """Return the driver of a camera on a ROS 2 topic."""
     nodes: Ros2Graph = site.needed_parts["ros2"]
     topic = nodes.full_name(keys.image)
     return ThreadedCamera(
@@ -260,17 +260,17 @@ def _make_joints(
 
 
 def arm(keys: Ros2ArmKeys, site: DriverContext) -> TopicJoints:
-    """Return the driver of an arm."""
+    """Return the driver of an arm on ROS 2 topics."""
     return _make_joints(site.part, keys, arm_joints(keys), site)
 
 
 def joint_axis(keys: Ros2AxisKeys) -> JointAxis:
-    """Return an axis of a head."""
+    """Return the axis of a head that is a joint of ROS 2."""
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
 
 
 def head(keys: Ros2HeadKeys, site: DriverContext) -> Ros2Head:
-    """Return the driver of a head."""
+    """Return the driver of a head on ROS 2 topics."""
     joints = _make_joints("head", keys, head_joints(keys), site)
     return Ros2Head(
         joints,
@@ -285,7 +285,7 @@ def head(keys: Ros2HeadKeys, site: DriverContext) -> Ros2Head:
 
 
 def voice(keys: Ros2VoiceKeys, site: DriverContext) -> Ros2Voice:
-    """Return the driver of a voice."""
+    """Return the driver of a voice on a ROS 2 topic."""
     nodes: Ros2Graph = site.needed_parts["ros2"]
     channel = TopicChannel(nodes.full_name(keys.topic), (STRING,), is_command=True)
     line = make_link("voice", nodes.node, [channel], site.report)

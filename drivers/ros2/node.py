@@ -257,7 +257,7 @@ class Ros2Node:
             raise NotConnected(f"ros2: {server.name}: the session of Zenoh has gone: {error}") from error
 
     def serve(self, name: str, kind: str, handler: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
-        """Serve requests: ``handler`` is called with each, and with a function that sends the reply once.
+        """Serve the service ``name``: ``handler`` gets each request, and a function that sends the reply once.
 
         It runs on a thread of Zenoh.
         """

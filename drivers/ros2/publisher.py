@@ -31,7 +31,7 @@ _MAX_SENDERS = 16
 
 
 class _Sender:
-    """State of a sender."""
+    """State of one sender of a topic's messages."""
 
     def __init__(self, number: int, shift: float, now: float) -> None:
         self.number, self.clock_offset, self.last_received_at = number, shift, now
@@ -118,7 +118,7 @@ class Publisher:
 
 
 class FirstReply:
-    """Delivers only the first reply, or None at the end without one."""
+    """Delivers only the first reply to a request, or None if the replies end without one."""
 
     def __init__(self, on_reply: ReplyHandler) -> None:
         self._on_reply: ReplyHandler | None = on_reply
@@ -129,7 +129,7 @@ class FirstReply:
         self._deliver(bytes(reply.ok.payload) if reply.ok is not None else None)
 
     def finish(self) -> None:
-        """Handle the end of replies."""
+        """Handle the end of the replies to the request."""
         self._deliver(None)
 
     def _deliver(self, payload: bytes | None) -> None:

@@ -76,7 +76,7 @@ class Ros2Ranger:
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: it moves nothing."""
+        """Do nothing: a range finder moves nothing of the robot."""
 
     def close(self) -> None:
         """Disconnect. Safe from any state, more than once."""

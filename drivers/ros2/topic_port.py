@@ -25,7 +25,7 @@ ROUTER_PORT = 7447
 """Port of Zenoh routers; stands in for the baud rate."""
 
 GetNode = Callable[[str], Ros2Node]
-"""Function that returns the node for a part. Raises NotConnected while there is none."""
+"""Function that returns the ROS 2 node for a part. Raises NotConnected while there is none."""
 
 
 @dataclass(frozen=True, slots=True)

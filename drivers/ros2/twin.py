@@ -26,7 +26,7 @@ from drivers.sim.world import SimulatedWorld
 from drivers.sim.world_objects import BackupLimit
 
 MAX_WHEEL_SPEED = 100.0
-"""m/s above the limits of any section, so that the wheels never limit the speed."""
+"""Wheel speed in m/s above the limits of any section, so that the wheels never limit the speed."""
 
 
 @dataclass(slots=True)
@@ -77,7 +77,7 @@ class Ros2Twin:
         return self.plug.health({})
 
     def nodes(self) -> int:
-        """Return the number of nodes."""
+        """Return the number of simulated ROS 2 nodes."""
         return 1 if self.plug.online else 0
 
     def does(self, name: str) -> bool:
@@ -103,7 +103,7 @@ class Ros2Twin:
         return self._goals[number].progress
 
     def publish(self, topic: str, kind: str, values: str) -> None:
-        """Store a message."""
+        """Store a message in ``published``."""
         self.plug.check_online()
         self.published.append((topic, kind, values))
 

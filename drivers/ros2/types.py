@@ -63,7 +63,7 @@ SERVICES: Mapping[str, tuple[str, str]] = {
     "irobot_create_msgs/srv/ResetPose": ("geometry_msgs/Pose pose", "bool success"),
     "nav2_msgs/srv/ClearEntireCostmap": ("std_msgs/Empty request", "std_msgs/Empty response"),
 }
-"""Services: request and response."""
+"""Definitions of services by type name: request and response."""
 
 _NAVIGATION_RESULT = "uint16 error_code\nstring error_msg"
 """Result of Nav2 since Kilted; Jazzy has only ``error_code``, Humble a ``std_msgs/Empty``. See ``decode_result``."""
@@ -97,7 +97,7 @@ ACTIONS: Mapping[str, tuple[str, str, str]] = {
         "string running",
     ),
 }
-"""Actions: goal, result, feedback."""
+"""Definitions of actions by type name: goal, result, feedback."""
 
 
 _EMPTY_FIELD = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
@@ -179,7 +179,7 @@ class TypeRegistry:
         return digest
 
     def preload(self, *names: str) -> None:
-        """Prepare for messages of these types."""
+        """Prepare the conversion of messages of these types."""
         for name in names:
             self._store.get_msgdef(self._require_type(name))
 
@@ -301,7 +301,7 @@ def _parent_of(name: str, known: Mapping[str, object]) -> str | None:
 
 
 def _field_types(fields: Sequence[Any]) -> list[str]:
-    """Return the message types of the fields."""
+    """Return the message types of the fields of a type."""
     inner = [of[0] if what in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (what, of) for _, (what, of) in fields]
     return [of for what, of in inner if what == Nodetype.NAME]
 

@@ -223,7 +223,7 @@ class Ros2Terminal:
             self._session, self._node = session, node
 
     def call_paused(self, question: Callable[[], T]) -> T:
-        """Ask the devices something while they stand still."""
+        """Return the result of ``question``, called while the devices are paused."""
         with self._lock:
             return question()
 
@@ -265,7 +265,7 @@ def graph(keys: ZenohKeys, stage: SimContext) -> VirtualDevice:
 
 
 def base(keys: Ros2BaseKeys, stage: SimContext) -> VirtualDevice:
-    """Return a virtual base."""
+    """Return a virtual base on ROS 2 topics."""
     full = _full_names(stage)
     device = VirtualRos2Base(stage.make_body(), {word: full(name) for word, name in base_topics(keys).items()})
     if keys.hazards:  # a Create 3

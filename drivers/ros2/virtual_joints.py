@@ -16,7 +16,7 @@ STATE_INTERVAL = 0.02
 """Seconds between two joint state messages."""
 
 MAX_MOTOR_SPEED = 6.0
-"""rad/s of the virtual motors."""
+"""Maximum speed of the virtual motors in rad/s."""
 
 
 class VirtualJoints(VirtualTopics):

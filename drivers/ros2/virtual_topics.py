@@ -135,7 +135,7 @@ class VirtualRos2Base(VirtualTopics):
 
     @property
     def odometry(self) -> Pose2D:
-        """Its pose by odometry."""
+        """Pose of the virtual base by its odometry."""
         at, own = self.origin, self._reckoning.pose
         along, across = cos(at.heading), sin(at.heading)
         x, y = at.x + own.x * along - own.y * across, at.y + own.x * across + own.y * along

@@ -23,10 +23,10 @@ BRIDGE = "zenoh-bridge-ros2dds"
 """Marks an entity behind a bridge, as its node and as its type hash: see ``drivers.ros2.bridge``."""
 
 DEFAULT_QOS = "::,10:,:,:,,"
-"""Reliable, volatile, the last ten kept: rclcpp's default."""
+"""Default quality of service, that of rclcpp: reliable, volatile, the last ten messages kept."""
 
 LATCHED_QOS = ":1:,10:,:,:,,"
-"""Transient local: late subscribers receive earlier messages."""
+"""Quality of service of a latched topic, transient local: late subscribers receive earlier messages."""
 
 _UNNAMED = struct.Struct("<qqB")
 _NAMED = struct.Struct("<16sq17sq11sB")
@@ -101,7 +101,7 @@ class Entity:
 
     @property
     def token(self) -> str:
-        """Key of its liveliness token."""
+        """Key of the entity's liveliness token."""
         own = f"{LIVELINESS_PREFIX}/{self.domain}/{self.zid}/{self.node_id}/{self.number}/{self.role}/%"
         own += f"/{_mangle(self.namespace)}/{self.node}"
         if self.role == NODE:
@@ -110,7 +110,7 @@ class Entity:
 
     @property
     def is_latched(self) -> bool:
-        """True if its durability is transient local, so that late subscribers get its last messages.
+        """True if the end point is transient local, so that late subscribers get its last messages.
 
         rmw numbers this durability 1.
         """
@@ -118,12 +118,12 @@ class Entity:
 
     @property
     def is_bridged(self) -> bool:
-        """True if it is behind a bridge to DDS."""
+        """True if the entity is behind a bridge to DDS."""
         return self.digest == BRIDGE
 
     @property
     def key(self) -> str:
-        """Key on which it sends or receives."""
+        """Key on which the end point sends or receives."""
         if self.is_bridged:
             return self.name.strip("/")
         return topic_key(self.domain, self.name, to_dds_type(self.kind), self.digest)

@@ -13,7 +13,7 @@ REPLY_TIMEOUT = 0.3
 
 
 def checkup(keys: RPLidarKeys, context: DriverContext) -> Iterator[Finding]:
-    """Stop the scan, and request model and health."""
+    """Stop the scan of the RPLIDAR, and yield findings on its model and health."""
     port = ExclusivePort(context.port, context.clock)
     try:
         port.exchange(ProbeRequest(keys.baud, wire.request(wire.RPLidarCommand.STOP), 0.1))

@@ -34,7 +34,7 @@ MAX_NODES = 8000
 """Maximum nodes that are buffered without the end of a turn, if the first node of each turn is lost: four seconds."""
 
 METRES_PER_STEP = 0.00025
-"""Metres of one step of a distance."""
+"""Metres per step of a distance on the wire."""
 
 
 class ScanAssembler:
@@ -291,6 +291,6 @@ class RPLidar:
 
 
 def make(keys: RPLidarKeys, context: DriverContext) -> RPLidar:
-    """Return the driver."""
+    """Return the driver of an RPLIDAR."""
     link = SerialLink("range", context.port, keys.baud, gather_time=GATHER_TIME, report=context.report)
     return RPLidar(link, context.clock, model=keys.model, place=keys.place, blind=keys.blind, report=context.report)

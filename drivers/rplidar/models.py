@@ -13,7 +13,7 @@ SAMPLE_RATE = 2000.0
 
 @dataclass(frozen=True, slots=True)
 class RPLidarModel:
-    """Model with this protocol at 115200 baud.
+    """Model of the RPLIDAR that communicates at 115200 baud.
 
     The measuring range is ``min_range`` to ``max_range`` metres, ``turn_rate`` in turns per second. With ``has_pwm``
     the adapter board may set the duty cycle of the motor; other motors are switched only by DTR.

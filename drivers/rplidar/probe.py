@@ -6,13 +6,13 @@ from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.rplidar import wire
 
 BAUD_RATES = (wire.BAUD, 256_000)
-"""Rates of the A1 and A2, and of the A3 and S1."""
+"""Baud rates of the RPLIDAR A1 and A2, and of the A3 and S1."""
 
 INFO_SIZE = wire.RPLidarInfo.LAYOUT.size
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
-    """Request the info at each rate."""
+    """Request the info of an RPLIDAR at each baud rate."""
     for baud in BAUD_RATES:
         yield ProbeRequest(baud, wire.request(wire.RPLidarCommand.STOP), 0.1)
         data = yield ProbeRequest(

@@ -1,4 +1,4 @@
-"""Start of a scan: stop the previous one, request the info, check the health, start the motor."""
+"""Start of an RPLIDAR scan: stop the previous one, request the info, check the health, start the motor."""
 
 from collections.abc import Generator, Iterator
 from math import inf
@@ -30,7 +30,7 @@ MAX_TRIES = 3
 """Maximum tries of a request: a byte may be lost on the wire."""
 
 BOOT_TIME = 2.0
-"""Seconds for the boot after a reset."""
+"""Seconds for which the RPLIDAR boots after a reset."""
 
 MIN_EXPRESS_FIRMWARE = (1, 17)
 """First firmware with express scans."""

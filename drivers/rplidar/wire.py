@@ -108,16 +108,16 @@ class RPLidarInfo:
 
     @property
     def series(self) -> int:
-        """1 for an A1, 2 for an A2."""
+        """Series of the model: 1 for an A1, 2 for an A2."""
         return self.model >> 4
 
     def pack(self) -> bytes:
-        """Return the 20 bytes. Raises struct.error for a value out of range."""
+        """Return the 20 bytes of the info reply. Raises struct.error for a value out of range."""
         return self.LAYOUT.pack(self.model, self.firmware_minor, self.firmware_major, self.hardware, self.serial)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode 20 bytes. Raises struct.error for another number."""
+        """Decode the 20 bytes of an info reply. Raises struct.error for another number of bytes."""
         return cls(*cls.LAYOUT.unpack(data))
 
 
@@ -139,12 +139,12 @@ class RPLidarHealth:
     code: int = 0
 
     def pack(self) -> bytes:
-        """Return the three bytes. Raises struct.error for a value out of range."""
+        """Return the three bytes of the health reply. Raises struct.error for a value out of range."""
         return self.LAYOUT.pack(self.status, self.code)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode three bytes. Raises struct.error for another number."""
+        """Decode the three bytes of a health reply. Raises struct.error for another number of bytes."""
         return cls(*cls.LAYOUT.unpack(data))
 
 

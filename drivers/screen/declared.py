@@ -7,7 +7,7 @@ from drivers.api.sections import ScreenKeys
 
 @keys
 class PageKeys(ScreenKeys):
-    """The ``screen`` section of a robot."""
+    """Keys of a screen that is a page for a browser."""
 
     port: int | None = key(
         default=None,

@@ -14,7 +14,7 @@ TEXT_TOP, TEXT_HEIGHT, TEXT_WIDTH = 164.0, 70.0, 308.0
 """Top, height and width of the text area below the small face, on the sheet of 320 x 240."""
 
 MAX_LINES = 5
-"""Maximum number of lines; more would make the letters too small to read from afar."""
+"""Maximum number of lines of text below a face; more would make the letters too small to read from afar."""
 
 LETTER_WIDTH = 0.63
 """Average width of a bold letter as a share of its size; Chinese, Japanese and Korean letters are square."""

@@ -40,7 +40,7 @@ class PrintedScreen(BaseScreen):
         self._open = False
 
     def health(self) -> Health:
-        """Return whether it is open."""
+        """Return whether the screen is open."""
         return Health(self._open, "" if self._open else f"{self.name}: not opened yet")
 
     def mood(self, mood: Mood) -> None:

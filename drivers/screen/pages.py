@@ -69,7 +69,7 @@ ASSET_FOLDER = Path(__file__).parent
 
 @cache
 def asset(name: str) -> str:
-    """Return the text of a file in this folder."""
+    """Return the text of a file in ``ASSET_FOLDER``."""
     return (ASSET_FOLDER / name).read_text(encoding="utf-8")
 
 

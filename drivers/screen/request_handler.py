@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from drivers.screen.server import MAX_LISTENERS, REQUEST_TIMEOUT, PageTcpServer
 
 NEWS_INTERVAL = 1 / 30
-"""Seconds between two checks for news."""
+"""Seconds between two checks for news that a page receives."""
 
 HEARTBEAT_POLLS = 30
 """Checks without news after which the last one is sent again, as a heartbeat for the page."""

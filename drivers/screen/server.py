@@ -38,19 +38,19 @@ CLOSE_TIMEOUT = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A document: its content type, such as ``text/html``, and its text."""
+    """Document that the server sends: its content type, such as ``text/html``, and its text."""
 
     kind: str
     text: str
 
 
 SiteMap = Mapping[str, Callable[[], Document]]
-"""Documents by path."""
+"""Documents of a server by path."""
 
 
 @dataclass(slots=True)
 class Connections:
-    """Open connections, with their threads."""
+    """Open connections of the page server, with their threads."""
 
     lock: Lock = field(default_factory=Lock)
     sockets: dict[socket.socket, Thread] = field(default_factory=dict)
@@ -171,7 +171,7 @@ class PageTcpServer(ThreadingTCPServer):
                 _shut_down(request)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer on a registered thread."""
+        """Answer a request on a registered thread."""
         thread = Thread(
             target=self.process_request_thread, args=(request, client_address), name="page talk", daemon=True
         )

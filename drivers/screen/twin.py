@@ -31,5 +31,5 @@ class ScreenTwin(BaseScreen):
         self.plug.close()
 
     def health(self) -> Health:
-        """Return whether it is connected."""
+        """Return whether the screen is connected."""
         return self.plug.health({})

@@ -17,7 +17,7 @@ MAX_READ_ATTEMPTS = 3
 """Number of times a read is sent before it counts as unanswered."""
 
 _IDENTITY_SIZE = 6
-"""Bytes at the front of a table that identify a servo of protocol 1.0 or an STS."""
+"""Bytes at the front of a control table that identify a servo of protocol 1.0 or an STS."""
 
 BROADCAST_PING_SLOT = 0.003
 """Seconds that each ID has for its reply to a broadcast ping."""
@@ -87,20 +87,20 @@ class ServoBus(ServoTransport):
         return register.decode(self.read_block(at, register.address, register.size), register.address)
 
     def read_block(self, at: ServoAddress, address: int, count: int, *, tries: int = MAX_READ_ATTEMPTS) -> bytes:
-        """Return ``count`` bytes of the control table from ``address``. Raises as ``read``."""
+        """Return ``count`` bytes of a servo's control table from ``address`` on. Raises as ``read``."""
         block = RegisterBlock(address, count)
         question = _PendingRead(block, block, self._clock.now())
         return self._transact_with_retries(at, question, lambda: self._read_once(at, question), tries)
 
     def write(self, at: ServoAddress, register: Register, value: int) -> None:
-        """Write ``value``. Sent once: on NoReply the servo may have executed the write or not.
+        """Write ``value`` to a register of a servo. Sent once: on NoReply the servo may have executed the write or not.
 
         Raises BadRequest for a value that does not fit the register or that the servo refuses, and NotConnected.
         """
         self.write_block(at, register.address, self._encode(at.id, register, value))
 
     def write_block(self, at: ServoAddress, address: int, data: bytes) -> None:
-        """Write ``data`` from ``address`` on. Sent once, raises as ``write``."""
+        """Write ``data`` to a servo's control table from ``address`` on. Sent once, raises as ``write``."""
         self._send_command(
             at, f"write of {data.hex(' ')} at {address}", self._codec_for(at).write(at.id, address, data)
         )

@@ -23,7 +23,7 @@ from drivers.servos.register import Register
 
 _TABLE = MODELS["STS3215"].table
 LAST_STEP = MODELS["STS3215"].last_tick
-"""The highest step of a turn."""
+"""Highest position step of a servo's turn."""
 
 HALF_TURN = 2047
 """Step that LeRobot maps to the middle of a joint."""
@@ -53,7 +53,7 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
 
 
 OLD_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
-"""Keys of LeRobot's calibration files until June 2025: parallel lists."""
+"""Keys of LeRobot's calibration files until June 2025, in which the motors are parallel lists."""
 
 OLD_FORMAT_MESSAGE = "LeRobot's format from before June 2025, whose offsets are not stored in the servos: not supported"
 

@@ -22,7 +22,7 @@ _FAULTS_2 = tuple(wire2.decode_error(error) for error in range(256))
 _FAULTS_STS = tuple(wire.decode_sts_faults(error) for error in range(256))
 
 KeptSettings = Literal["nothing", "id", "id and baud"]
-"""Settings that survive a factory reset."""
+"""Settings of a servo that survive its factory reset."""
 
 
 class ServoReply(NamedTuple):
@@ -35,7 +35,7 @@ class ServoReply(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """One protocol. ``frame`` encodes servo, instruction and parameters; ``parser`` creates a packet parser.
+    """Codec of a servo protocol. ``frame`` encodes servo, instruction, parameters; ``parser`` creates a packet parser.
 
     ``overhead`` is the size of a reply without its data, ``address_size`` that of an address, ``max_parameters`` the
     largest size of parameters that every servo can buffer, all in bytes.
@@ -237,7 +237,7 @@ class LateReplies:
         return wide
 
     def reset(self) -> None:
-        """Forget all late replies: the port was reopened, or its rate has changed."""
+        """Forget all late replies: the port was reopened, or its baud rate has changed."""
         self._late.clear()
 
 

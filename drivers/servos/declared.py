@@ -41,13 +41,13 @@ def find_second_servos(joints: Collection[str]) -> Iterator[KeyDiagnostic]:
 
 
 ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
-"""Model names that mean the same to the driver."""
+"""Names of servo models that mean the same to the driver, each with the name that it uses."""
 
 DYNAMIXEL_MODELS = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
-"""Models that the driver supports."""
+"""Dynamixel models that the driver supports."""
 
 UNSUPPORTED_HINT = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
-"""Hint for a model that is not supported."""
+"""Hint for a servo model that is not supported."""
 
 DEFAULT_REACH = 2.6
 """Largest angle (rad) in either direction of a joint without limits, if its servo reaches it."""
@@ -113,17 +113,17 @@ class JointKeys:
 
     @property
     def lower(self) -> float:
-        """The lowest angle, in radians."""
+        """Lowest angle of the joint, in radians."""
         return self.angle_limits[0]
 
     @property
     def upper(self) -> float:
-        """The highest angle, in radians."""
+        """Highest angle of the joint, in radians."""
         return self.angle_limits[1]
 
     @property
     def angle_limits(self) -> tuple[float, float]:
-        """Lowest and highest angle in radians, as configured or as the servo can reach."""
+        """Lowest and highest angle of the joint in radians, as configured or as the servo can reach."""
         ticks = self.ticks
         if ticks is not None:
             step = -self.servo_model.tick if self.reverse else self.servo_model.tick
@@ -135,7 +135,7 @@ class JointKeys:
 
     @property
     def reachable_angles(self) -> tuple[float, float]:
-        """Angles that the servo can reach from that zero, in radians."""
+        """Joint angles that the servo can reach from the joint's zero, in radians."""
         way = -1 if self.reverse else 1
         least, most = sorted((self.servo_model.angle(end) - self.zero) * way for end in (0, self.servo_model.last_tick))
         return least, most
@@ -249,7 +249,7 @@ class NeckKeys(HeadKeys):
 
     @property
     def led_joints(self) -> tuple[str, ...]:
-        """See HeadKeys."""
+        """Joints of the arm that the head consists of; moving one of them moves the head."""
         return self.pan.joint, self.tilt.joint
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:

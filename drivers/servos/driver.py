@@ -170,7 +170,7 @@ class DynamixelJoints(ServoJoints):
             joint.may_have_torque = joint.is_unconfirmed = False  # no longer ours to report
 
     def rest(self) -> None:
-        """Hold or relax, as configured; report the servos that did not confirm it. Never raises."""
+        """Hold or relax the arm, as configured; report the servos that did not confirm it. Never raises."""
         why = ""
         with self._lock:
             try:

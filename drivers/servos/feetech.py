@@ -12,7 +12,7 @@ from drivers.servos.declared import UNSUPPORTED_HINT, DynamixelKeys, JointKeys
 from drivers.servos.models import MODELS
 
 STS_MODELS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
-"""Models that the driver supports."""
+"""Feetech models that the driver supports."""
 
 
 @keys

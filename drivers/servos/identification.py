@@ -22,10 +22,10 @@ from drivers.servos.models import ServoModel, find_model
 from drivers.servos.transport import SECOND_REPLY_DELAY
 
 FULL_READS = 10
-"""Reads of the whole table: of two servos that reply alternately, only one is seen in 1 of 512 proofs."""
+"""Reads of a servo's whole table: of two servos that reply alternately, only one is seen in 1 of 512 proofs."""
 
 LISTENED_READS = 3
-"""Reads after which a second reply is awaited."""
+"""Number of reads after which a second servo's reply is awaited."""
 
 MIN_DUPLICATE_REPLIES = 2
 """Surplus replies that prove a second servo; a single one may be a late reply."""
@@ -37,13 +37,13 @@ DRIVER_FULL_READS, DRIVER_QUICK_READS, DRIVER_MIN_DAMAGED_SHARE = 2, 8, 0.8
 """Reads of the whole table, and of its readings only, by a driver; and the share of damage that it tolerates."""
 
 DOUBTED_QUICK_READS = 30
-"""Reads of the readings for a servo that has shared its ID before; it is checked again every second."""
+"""Reads of a servo's readings if it has shared its ID before; it is checked again every second."""
 
 MIN_JUMPS = 2
 """Jumps of a reading that prove a second servo: there, and back."""
 
 MIN_READ_ADDRESS = 8
-"""Lowest address that is read: the bytes before it leave room to widen a repeated read."""
+"""Lowest address of a control table that is read: the bytes before it leave room to widen a repeated read."""
 
 MAX_HAND_SPEED_FACTOR = 3.0
 """Largest speed of a servo turned by hand, in multiples of its motor's speed."""
@@ -258,7 +258,7 @@ class _UniqueIdTest:
 
     @property
     def is_doubtful(self) -> bool:
-        """True if something was unusual and more reads are needed."""
+        """True if a reply was unusual and more reads are needed."""
         readings = self._readings
         odd = readings is not None and (readings.position_jumps or readings.temperature_jumps)
         return bool(self._duplicate_count or self._damaged_count or self._missed_count or odd)

@@ -45,7 +45,7 @@ class JointSpec:
     offset: int | None = None
 
     def errors(self) -> list[str]:
-        """Return the errors in this configuration, as text."""
+        """Return the errors in this configuration of a joint, as text."""
         found = []
         model = MODELS.get(self.model)
         highest = wire2.LAST_ID if model and model.protocol == 2 else wire.LAST_ID
@@ -151,7 +151,7 @@ class Joint:
         return self.model.table[register].decode(self.table)
 
     def state(self) -> JointState:
-        """Return the state of the joint from the last read registers."""
+        """Return the state of the joint from the registers that were read last."""
         position, speed, effort, voltage, temperature, moving = [
             each.decode(self.table) for each in self._state_registers
         ]

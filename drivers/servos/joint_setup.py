@@ -26,7 +26,7 @@ REQUIRED_SETTINGS = (
     ("phase", 0b1_0100, 0b100, "has other units of speed or turns"),
     ("angular_resolution", 0xFF, 1, "has another resolution"),
 )
-"""Register, mask of its relevant bits, their required value, and the fault otherwise. No model has all of them."""
+"""Settings that a servo must have: register, mask of its relevant bits, required value, and the fault otherwise."""
 
 CALIBRATION_REGISTERS = ("homing_offset", "operating_mode", "drive_mode")
 """Registers of a Dynamixel that LeRobot sets when it calibrates an arm."""
@@ -129,7 +129,7 @@ Mismatch = tuple[str, str]
 
 
 def _set_command(joint: Joint, register: str, value: int) -> str:
-    """Return the command that changes a setting."""
+    """Return the command to type that changes a setting of the joint's servo."""
     return f"mission servo set {joint.spec.id} {register} {value} --robot FILE"
 
 
@@ -215,7 +215,7 @@ def _offset_hint(joint: Joint) -> str:
 
 
 def _mode_faults(joint: Joint) -> list[Mismatch]:
-    """Return mismatches in all other settings."""
+    """Return mismatches in the settings of the joint's servo other than its angle limits."""
     found = []
     table = joint.model.table
     for register, mask, needed, words in REQUIRED_SETTINGS:

@@ -20,7 +20,7 @@ VIRTUAL_REPLY_TIMEOUT = 0.1
 
 
 def arm(keys: DynamixelKeys, site: DriverContext) -> DynamixelJoints:
-    """Return the driver of an arm."""
+    """Return the driver of an arm of servos."""
     patience = VIRTUAL_REPLY_TIMEOUT if site.is_virtual else REPLY_TIMEOUT
     return DynamixelJoints(
         ServoBus(site.port, site.clock, baud=keys.baud, name=site.part, reply_timeout=patience, framing=keys.framing),
@@ -57,7 +57,7 @@ def joint_specs(keys: DynamixelKeys) -> dict[str, JointSpec]:
 
 
 def joint_axis(keys: NeckJointKeys) -> "JointAxis":
-    """Return an axis of a head."""
+    """Return the axis of a head that is a joint of the arm."""
     from drivers.head.joints_head import JointAxis  # noqa: PLC0415 - as above
 
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)

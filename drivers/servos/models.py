@@ -39,7 +39,7 @@ Wiring = Literal["TTL", "RS-485", "either"]
 
 @dataclass(frozen=True, slots=True)
 class ServoModel:
-    """A servo model.
+    """Model of a Dynamixel or Feetech servo.
 
     ``tick`` is the angle of a position step and ``speed_unit`` (rad/s) that of a speed step; ``centre_tick`` is the
     position of angle zero, ``last_tick`` the highest one. ``full_torque`` and ``max_speed_ticks`` are the maxima in

@@ -96,7 +96,7 @@ class JointMonitor:
         self._reporter.report_offline(str(error), error.hint)
 
     def reset(self) -> None:
-        """Forget the connection without a report: it was closed on purpose."""
+        """Forget the connection to the servos without a report: it was closed on purpose."""
         self.connected = False
         self._reporter.reset()
 

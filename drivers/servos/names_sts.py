@@ -47,7 +47,7 @@ NAMES: Mapping[int, str] = MappingProxyType(
         ),
     }
 )
-"""Servos with the control table of the STS3215."""
+"""Names of the servos with the control table of the STS3215, by model number."""
 
 _SCS = {
     1: "SCS0002",
@@ -70,4 +70,4 @@ SCS_NAMES: Mapping[int, str] = MappingProxyType(
         **_by_model_number(9, {15: "SCS15", 25: "SCS215", 35: "SCS225", 40: "SCS40", 41: "SCS25", 46: "SCS46"}),
     }
 )
-"""Servos with the control table of the SCS0009."""
+"""Names of the servos with the control table of the SCS0009, by model number."""

@@ -28,7 +28,7 @@ Joints that lead or follow are read at the arm's own rate instead.
 """
 
 MAX_RESTING_SPEED = radians(2)
-"""rad/s; a joint that turns no faster is at rest."""
+"""Maximum speed in rad/s of a joint at rest."""
 
 EARLY_SHARE = 1 / 4
 """Share of its interval by which a joint may be read early, so that one request reads several joints."""

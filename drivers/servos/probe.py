@@ -40,7 +40,7 @@ IDENTITY_BLOCKS: Mapping[Protocol, RegisterBlock] = {
 """Blocks with model, firmware and ID of a servo."""
 
 MODEL_AND_ID_OFFSETS: Mapping[Protocol, tuple[int, int]] = {1: (0, 3), 2: (0, 7), "STS": (3, 5)}
-"""Offsets of model number and ID in these blocks."""
+"""Offsets of model number and ID in the ``IDENTITY_BLOCKS``."""
 
 DUPLICATE_ID = "damaged replies: there may be two with this ID"
 PING_ONLY = "answers a ping, but no read: its status return level is 0"

@@ -49,7 +49,7 @@ class Register:
 
     @property
     def end(self) -> int:
-        """The address after the register."""
+        """Address in the control table after the register."""
         return self.address + self.size
 
     def encode(self, value: int) -> bytes:
@@ -70,7 +70,7 @@ class Register:
 
     @property
     def _sign(self) -> int:
-        """The sign bit; 0 if the encoding has none."""
+        """Sign bit of the register; 0 if its encoding has none."""
         if self.coding is _UNSIGNED or self.coding is _TWOS:
             return 0
         return 0x400 if self.coding is _SIGN_BIT else 0x800 if self.coding is _SIGN_11 else 0x8000
@@ -115,7 +115,7 @@ class ControlTable:
 
     @property
     def size(self) -> int:
-        """The address after the last register."""
+        """Address after the last register of the table."""
         return max(register.end for register in self.registers.values())
 
     def find_register(self, name: str) -> Register:

@@ -34,7 +34,7 @@ class _BufferPort:
         self._data = waiting
 
     def clearPort(self) -> None:  # noqa: N802 - the vendor's name
-        """Do nothing: there is no earlier packet."""
+        """Do nothing: the port holds no earlier packet."""
 
     def writePort(self, packet: list[int]) -> int:  # noqa: N802
         """Store a complete packet."""
@@ -111,7 +111,7 @@ class SdkPacketParser(wire.PacketParser):
 
 
 class SdkPacketParser2(SdkPacketParser):
-    """The parser for protocol 2.0."""
+    """SDK packet parser for protocol 2.0."""
 
     def _is_complete(self, frame: list[int]) -> bool:
         return frame[5] | frame[6] << 8 >= 4

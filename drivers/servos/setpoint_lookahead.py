@@ -57,7 +57,7 @@ def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) 
 
 
 def hold_position(joint: Joint, here: int) -> int:
-    """Return the position (ticks) to hold for a joint at ``here``: there, or a lookahead back towards its limits."""
+    """Return the position (ticks) at which to hold a joint that is at ``here``: there, or back towards its limits."""
     return _limited_step(joint, joint.clamp_ticks(here), here, lookahead_distance(joint, joint.limits.speed))
 
 

@@ -17,7 +17,7 @@ from drivers.servos.register import ControlTable, Register
 from drivers.servos.units import Protocol, baud_of
 
 ADDRESS_REGISTERS = ("id", "baud")
-"""Registers that decide how the servo is reached, in the order of writing: last."""
+"""Registers that decide how the servo is reached; they are written last, in this order."""
 
 MIN_REGISTER_VALUES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {
@@ -57,7 +57,7 @@ class RegisterChange:
 
     @property
     def weakens(self) -> bool:
-        """True if the servo holds its joint with less force afterwards."""
+        """True if the servo holds its joint with less force after the change."""
         if self.register.name in SOFTNESS_REGISTERS:
             return self.after > self.before
         lower = abs(self.after) < abs(self.before) or self.after * self.before < 0
@@ -202,7 +202,7 @@ def _is_id_taken(bus: ServoBus, servo: int) -> bool:
 
 
 def _relax(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
-    """Switch the torque off; return True if it was on. Raises DeviceFault if it stays on."""
+    """Switch the torque of a servo off; return True if it was on. Raises DeviceFault if it stays on."""
     torque = table["torque_enable"]
     if not bus.read(at, torque):
         return False

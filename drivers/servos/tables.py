@@ -12,12 +12,12 @@ from drivers.servos.register import Coding, ControlTable, Register, RegisterBloc
 
 
 def eeprom(name: str, address: int, size: int, default: int, lower: int, upper: int, unit: str = "") -> Register:
-    """Return a setting, which survives a power cut."""
+    """Return the register of a setting, which survives a power cut."""
     return Register(name, address, size, default, lower, upper, eeprom=True, unit=unit)
 
 
 def read_only(name: str, address: int, size: int, default: int = 0) -> Register:
-    """Return a constant of the servo."""
+    """Return the register of a constant of the servo."""
     return Register(name, address, size, default, 0, 0, writable=False, eeprom=True)
 
 
@@ -27,7 +27,7 @@ def ram(name: str, address: int, size: int, default: int, lower: int, upper: int
 
 
 def present(name: str, address: int, size: int, unit: str = "", coding: Coding = Coding.UNSIGNED) -> Register:
-    """Return a reading."""
+    """Return the register of a reading."""
     return Register(name, address, size, 0, 0, 0, writable=False, coding=coding, unit=unit)
 
 
@@ -98,7 +98,7 @@ TABLE_AX = ControlTable(
     torque_ceiling=MAX_TORQUE.name,
     limit_registers=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
 )
-"""AX and RX."""
+"""Control table of AX and RX servos."""
 
 # Protocol 1.0: EX and MX -----------------------------------------------------------------------------------------
 
@@ -120,7 +120,7 @@ TABLE_EX = replace(
     ),
     slow_blocks=(*TABLE_AX.slow_blocks, RegisterBlock(56, 2)),
 )
-"""EX-106+."""
+"""Control table of the EX-106+."""
 
 TABLE_MX = replace(
     TABLE_AX,
@@ -144,7 +144,7 @@ TABLE_MX = replace(
         ram("goal_acceleration", 73, 1, 0, 0, 254, "8.583 deg/s²"),
     ),
 )
-"""MX-28 as delivered."""
+"""Control table of the MX-28 as delivered."""
 
 TABLE_MX_CURRENT = replace(
     TABLE_MX,
@@ -156,10 +156,10 @@ TABLE_MX_CURRENT = replace(
     ),
     slow_blocks=(*TABLE_MX.slow_blocks, RegisterBlock(68, 5)),
 )
-"""MX-64 as delivered: it measures its current."""
+"""Control table of the MX-64 as delivered: it measures its current."""
 
 TABLE_MX_PAIR = replace(TABLE_MX_CURRENT, registers=rows(TABLE_MX_CURRENT.registers.values(), _DRIVE_MODE))
-"""MX-106 as delivered: two of them can drive one joint."""
+"""Control table of the MX-106 as delivered: two of them can drive one joint."""
 
 # Protocol 2.0 ----------------------------------------------------------------------------------------------------
 
@@ -231,7 +231,7 @@ TABLE_X = ControlTable(
     torque_ceiling="pwm_limit",
     limit_registers=("min_position", "max_position"),
 )
-"""XL430, which estimates its load from the drive."""
+"""Control table of the XL430, which estimates its load from the drive."""
 
 
 def with_current(table: ControlTable, unit: str, limit: int) -> ControlTable:
@@ -251,16 +251,16 @@ def with_current(table: ControlTable, unit: str, limit: int) -> ControlTable:
 _ACCELERATION_LIMIT = eeprom("acceleration_limit", 40, 4, 32_767, 0, 32_767, "214.577 rev/min²")
 
 TABLE_X_CURRENT = with_current(TABLE_X, "2.69 mA", 1193)
-"""XM430."""
+"""Control table of the XM430."""
 
 TABLE_X540 = with_current(TABLE_X, "2.69 mA", 2047)
-"""XM540 and similar models."""
+"""Control table of the XM540 and similar models."""
 
 TABLE_MX2 = replace(TABLE_X, registers=rows(TABLE_X.registers.values(), _ACCELERATION_LIMIT))
-"""MX-28 with the firmware of protocol 2.0."""
+"""Control table of the MX-28 with the firmware of protocol 2.0."""
 
 TABLE_MX2_64 = with_current(TABLE_MX2, "3.36 mA", 1941)
-"""MX-64 with the firmware of protocol 2.0."""
+"""Control table of the MX-64 with the firmware of protocol 2.0."""
 
 TABLE_MX2_106 = with_current(TABLE_MX2, "3.36 mA", 2047)
-"""MX-106 with the firmware of protocol 2.0."""
+"""Control table of the MX-106 with the firmware of protocol 2.0."""

@@ -46,7 +46,7 @@ TABLE_XL330 = replace(
         as_signed(ram("goal_velocity", 104, 4, 0, -2047, 2047, "0.229 rpm")),
     ),
 )
-"""XL330, which runs at 5 V."""
+"""Control table of the XL330, which runs at 5 V."""
 
 _SMALL_COPPER = replace(
     TABLE_XL330,
@@ -59,7 +59,7 @@ _SMALL_COPPER = replace(
 )
 
 TABLE_XC330_M = _SMALL_COPPER
-"""XC330-M, which run at 5 V."""
+"""Control table of the XC330-M servos, which run at 5 V."""
 
 TABLE_XC330_T = replace(
     _SMALL_COPPER,
@@ -72,7 +72,7 @@ TABLE_XC330_T = replace(
         as_signed(ram("goal_current", 102, 2, 910, -910, 910, "1 mA")),
     ),
 )
-"""XC330-T, which run at 12 V."""
+"""Control table of the XC330-T servos, which run at 12 V."""
 
 # Protocol 2.0, another table -------------------------------------------------------------------------------------
 
@@ -116,4 +116,4 @@ TABLE_XL320 = ControlTable(
     torque_ceiling=MAX_TORQUE.name,
     limit_registers=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
 )
-"""XL-320: frames of protocol 2.0, and a table similar to that of an AX."""
+"""Control table of the XL-320: similar to that of an AX, with frames of protocol 2.0."""

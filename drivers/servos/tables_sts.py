@@ -78,7 +78,7 @@ TABLE_STS = ControlTable(
     torque_ceiling="max_torque",
     limit_registers=("min_position", "max_position"),
 )
-"""STS3215 and similar models."""
+"""Control table of the STS3215 and similar models."""
 
 # SCS -------------------------------------------------------------------------------------------------------------
 
@@ -124,4 +124,4 @@ TABLE_SCS = ControlTable(
     torque_ceiling="max_torque",
     limit_registers=("min_position", "max_position"),
 )
-"""SCS0009 and similar models: big-endian, without an offset and without a torque limit in RAM."""
+"""Control table of the SCS0009 and similar models: big-endian, without an offset and a torque limit in RAM."""

@@ -37,16 +37,17 @@ from drivers.sim.servo import FRICTION_TORQUE, Shaft
 # One simulated servo of an arm: a turning shaft, stiff, limp or shut down, in angles of its joint.
 
 VOLTAGE = 12.0
-"""Measured voltage."""
+"""Voltage that a simulated servo reports."""
 
 TEMPERATURE = 35.0
-"""Measured temperature in degrees Celsius."""
+"""Temperature that a simulated servo reports, in degrees Celsius."""
 
 STALL_LOAD = 0.9
 """Load of a blocked servo as a share of the stall torque."""
 
 TWIN_FAULTS = ("blocked", "frozen", "reversed", "silent", "pushed")
-"""Faults: does not turn; reports an old angle; turns the wrong way; sends no readings; is held by a hand."""
+"""Faults of a simulated servo: does not turn; reports an old angle; turns the wrong way; is silent; is held by a hand.
+"""
 
 
 class ServoTwin:
@@ -80,7 +81,7 @@ class ServoTwin:
             self.move_to(here, self.joint.limits.speed, now)
 
     def fail(self, fault: str, now: float) -> None:
-        """Set a fault from ``now`` on; an empty one ends it."""
+        """Set a fault of the servo from ``now`` on; an empty one ends it."""
         shaft = self._shaft
         self._frozen_position = self.position(now) if fault == "frozen" else None
         shaft.motion_factor = {"blocked": 0.0, "pushed": 0.0, "reversed": -1.0}.get(fault, 1.0)
@@ -106,7 +107,7 @@ class ServoTwin:
         self._shaft.goal = self.joint.angle(self.joint.setpoint) if self.joint.torque else goal
 
     def relax(self, now: float) -> None:
-        """Switch the torque off."""
+        """Switch the torque of the servo off."""
         self._shaft.goal = self._shaft.advance(now)
         self.joint.torque, self.joint.goal, self._resting_state = False, None, None
 
@@ -135,7 +136,7 @@ class ServoTwin:
         return self.joint.angle(self.joint.ticks(self._shaft.advance(now)))
 
     def state(self, now: float) -> JointState:
-        """Return the measured state at time ``now``."""
+        """Return the measured state of the joint at time ``now``."""
         joint, shaft = self.joint, self._shaft
         if self._resting_state is not None and self._resting_state.blocked == joint.progress.blocked:
             return self._resting_state
@@ -252,12 +253,12 @@ class JointsTwin(ServoJoints):
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Connect at once, unless it is unplugged."""
+        """Connect the simulated arm at once, unless it is unplugged."""
         self._reconnect.restart()
         self.plug.open()
 
     def rest(self) -> None:
-        """Hold or relax, as configured; report servos that did not confirm it. Never raises."""
+        """Hold or relax the arm, as configured; report servos that did not confirm it. Never raises."""
         self._reporter.report_not_at_rest(
             self._hold_or_relax(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest
         )
@@ -335,7 +336,7 @@ class JointsTwin(ServoJoints):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _make_servo(self, name: str, spec: JointSpec) -> ServoTwin:
-        """Return a simulated servo."""
+        """Return a simulated servo for a joint."""
         return ServoTwin(name, spec)
 
     def _on_plugged_in(self) -> None:
@@ -460,7 +461,7 @@ class NeckTwin(JointsHead[JointsTwin]):
 
     @property
     def plug(self) -> SimulatedPlug:
-        """The cable of the bus."""
+        """Simulated cable of the servo bus."""
         return self._joints.plug
 
     def fail(self, fault: str = "") -> None:
@@ -469,7 +470,7 @@ class NeckTwin(JointsHead[JointsTwin]):
             self._joints.fail(axis.joint, fault)
 
     def true_pose(self, now: float) -> HeadPose:
-        """Return the true pose at time ``now``. The trim from construction counts: a later trim turns it."""
+        """Return the head's true pose at time ``now``. The trim from construction counts: a later trim turns it."""
         pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._untrimmed_axes)
         return HeadPose(pan, tilt)
 

@@ -38,12 +38,12 @@ _RATES: Mapping[Protocol, Mapping[int, int]] = MappingProxyType(
 
 
 def protocol_label(protocol: Protocol) -> str:
-    """Return a short name for tables: ``1.0`` or ``STS``."""
+    """Return the short name of a protocol for tables: ``1.0`` or ``STS``."""
     return protocol if protocol == "STS" else f"{protocol}.0"
 
 
 def protocol_name(protocol: Protocol) -> str:
-    """Return the name for messages: ``protocol 1.0`` or ``the STS protocol``."""
+    """Return the name of a protocol for messages: ``protocol 1.0`` or ``the STS protocol``."""
     return "the STS protocol" if protocol == "STS" else f"protocol {protocol_label(protocol)}"
 
 
@@ -63,7 +63,7 @@ def baud_code(baud: int, protocol: Protocol) -> int:
 
 
 def _rates_hint(protocol: Protocol) -> str:
-    """Return a hint that lists the usual rates."""
+    """Return a hint that lists the usual baud rates of a protocol."""
     usual = (9600, 19_200, 38_400, 57_600, 76_800, 115_200, 128_000, 200_000, 250_000, 400_000, 500_000)
     rates = sorted(rate for rate in _RATES[protocol].values() if rate in usual or rate >= 1_000_000)
     return f"rates are {', '.join(str(rate) for rate in rates)}"

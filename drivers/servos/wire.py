@@ -28,7 +28,7 @@ MAX_PARAMETERS = 0xFF - 2
 """Maximum parameters of a packet, in bytes."""
 
 MAX_PACKET_BYTES = 143
-"""Packet size that every servo can buffer. Source: e-Manual, sync write of the RX-64."""
+"""Packet size in bytes that every servo can buffer. Source: e-Manual, sync write of the RX-64."""
 
 
 class Protocol1Instruction(IntEnum):
@@ -98,7 +98,7 @@ REFUSAL_FAULTS = (
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A packet: ``code`` is the instruction of a request, or the error bits of a status.
+    """Packet of a servo protocol: ``code`` is the instruction of a request, or the error bits of a status.
 
     (In protocol 2.0 a status also has an instruction, and its error is the first parameter.) ``intact`` is False if the
     checksum was wrong: then no field is reliable.
@@ -143,7 +143,7 @@ class PacketParser:
 
     header: ClassVar[bytes] = HEADER
     preamble: ClassVar[int] = 4
-    """Bytes from which the size of a packet is known."""
+    """Number of bytes at the front of a packet from which its size is known."""
 
     def __init__(self) -> None:
         self.skipped_bytes = 0

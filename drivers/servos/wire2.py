@@ -16,7 +16,7 @@ HEADER = b"\xff\xff\xfd\x00"
 LAST_ID = 0xFC
 
 STATUS = 0x55
-"""Instruction of a reply."""
+"""Instruction in a reply of protocol 2.0."""
 
 ALERT = 0x80
 """Bit of the error byte for a hardware fault: read register 70."""

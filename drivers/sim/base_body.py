@@ -87,7 +87,7 @@ class BaseBody:
         self.battery = battery or Battery()
         self.lifted = self.docked = self.force_docked = self.e_stop = self.reversed = False
         self.speed_factor = 1.0
-        """Share of the commanded speed that is reached: less than 1 uphill, more downhill."""
+        """Share of the commanded speed that the base reaches: less than 1 uphill, more downhill."""
         self.wheel_encoders = Encoders(self.wheels)
         self.gyro_drift = GyroDrift()
         self.backup_limit: BackupLimit | None = None
@@ -106,12 +106,12 @@ class BaseBody:
 
     @property
     def pose(self) -> Pose2D:
-        """True pose, in the world frame."""
+        """True pose of the base, in the world frame."""
         return self.wheels.pose
 
     @property
     def velocity(self) -> Velocity:
-        """True velocity: a solid object in the way stops the base, but lets it turn."""
+        """True velocity of the base: a solid object in the way stops it, but lets it turn."""
         if self.lifted or self._wheel_drop:
             return ZERO_VELOCITY
         velocity = self.wheels.velocity
@@ -124,7 +124,7 @@ class BaseBody:
 
     @property
     def encoders(self) -> tuple[int, int]:
-        """Counts of the left and the right encoder; forward is positive."""
+        """Counts of the left and the right wheel encoder; forward is positive."""
         left, right = self.wheel_encoders.travel
         return round(left / ENCODER_STEP), round(right / ENCODER_STEP)
 
@@ -198,7 +198,7 @@ class BaseBody:
         self.battery.advance(now, IDLE_CURRENT + sum(self.currents), docked=self.docked)
 
     def _move(self, now: float) -> None:
-        """Make one step, up to the first contact."""
+        """Make one step of the base, up to the first contact."""
         before, rolled = self.wheels.pose, self.wheels.left + self.wheels.right
         if before is not self._floor_sensor_pose:
             self._update_floor_sensors(before)  # it was put down here

@@ -4,13 +4,13 @@ FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 """Volts of four lithium cells in series at 100 and at 5 percent, as a Kobuki reports them."""
 
 CAPACITY = 2.2 * 3600
-"""Ampere-seconds of a full battery: the smaller one that the vendor sells."""
+"""Charge of a full battery in ampere-seconds: the smaller one that the vendor sells."""
 
 INTERNAL_RESISTANCE = 0.15
-"""Ohms; the voltage drops by it under load. Our assumption for four cells in series."""
+"""Internal resistance of the battery in ohms. Our assumption for four cells in series."""
 
 CHARGE_CURRENT = 1.5
-"""Amperes from the dock. Our assumption: it charges an empty battery in 1.5 hours, as the vendor promises."""
+"""Charging current from the dock in amperes. Our assumption: the vendor promises 1.5 hours for an empty battery."""
 
 _PERCENT_PER_VOLT = 95 / (FULL_VOLTAGE - EMPTY_VOLTAGE)
 
@@ -45,10 +45,10 @@ class Battery:
 
     @property
     def voltage(self) -> float:
-        """Measured voltage: by the line of the vendor's driver, less the drop at the internal resistance."""
+        """Measured battery voltage: by the line of the vendor's driver, less the drop at the internal resistance."""
         return EMPTY_VOLTAGE + (self.percent - 5) / _PERCENT_PER_VOLT - self._resistance * self._current
 
     @property
     def reported_percent(self) -> float:
-        """Percent that the vendor's driver computes from the voltage: too low under load."""
+        """Charge in percent that the vendor's driver computes from the voltage: too low under load."""
         return min(max(self.percent - self._resistance * self._current * _PERCENT_PER_VOLT, 0.0), 100.0)

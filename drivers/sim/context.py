@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # imported only for physics
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """Errors of a base: ``lag`` (s) and ``slip`` (0..1) of its wheels, ``gyro_noise`` (rad/s), lost reports (0..1)."""
+    """Errors of a simulated base: ``lag`` (s), ``slip`` (0..1) of wheels, ``gyro_noise`` (rad/s), lost reports."""
 
     lag: float = 0.0
     slip: float = 0.0
@@ -68,7 +68,7 @@ class TrueBase(Protocol):
     """Simulated base with a known true pose."""
 
     def true_pose(self, time: float) -> Pose2D:
-        """Return the true pose in the world frame."""
+        """Return the true pose of the base in the world frame."""
         ...
 
 

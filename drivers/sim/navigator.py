@@ -13,7 +13,7 @@ GOAL_DISTANCE, MAX_DRIVE_ANGLE, GOAL_ANGLE = 0.05, 0.3, 0.03
 """Metres and radians: distance to a reached waypoint, largest bearing for driving, error of a reached heading."""
 
 PROGRESS_TIMEOUT = 5.0
-"""Seconds without progress after which the goal is aborted."""
+"""Seconds without progress of the robot after which a navigation goal is aborted."""
 
 MIN_PROGRESS = 0.02
 """Metres plus radians by which the remaining way must shrink to count as progress."""
@@ -75,7 +75,7 @@ class Navigator:
         return given
 
     def cancel(self) -> None:
-        """End with the result CANCELLED, unless the goal has ended."""
+        """End the navigation with the result CANCELLED, unless the goal has ended."""
         if self.result is None:
             self.result = CANCELLED
 

@@ -97,7 +97,7 @@ _SHIFT = 4  # bits of sub-pixel accuracy in OpenCV's drawing functions
 
 
 class Painter:
-    """A picture in progress. Later shapes cover earlier ones, so draw from back to front."""
+    """Picture that is being painted. Later shapes cover earlier ones, so draw from back to front."""
 
     def __init__(self, image: Image, view: Viewpoint, lens: PinholeLens) -> None:
         self.image = image

@@ -100,7 +100,7 @@ _OVERLAP_TOLERANCE = 0.01
 
 
 class SolidObject(Protocol):
-    """An object with a solid shape."""
+    """Object of the world with a solid shape."""
 
     @property
     def solid(self) -> UprightBox | UprightCylinder:
@@ -261,7 +261,7 @@ class Drawable(Protocol):
 
     @property
     def solid(self) -> UprightBox | UprightCylinder:
-        """Solid shape, for the order of painting."""
+        """Solid shape of the object, for the order of painting."""
         ...
 
     def paint(self, painter: Painter) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 SERVO_SPEED = 400.0
-"""Degrees per second: a hobby servo takes about 0.15 s for 60 degrees."""
+"""Speed of a hobby servo in degrees per second: it takes about 0.15 s for 60 degrees."""
 
 FRICTION_TORQUE = 0.05
 """Share of the stall torque that turns a shaft without load."""
@@ -23,7 +23,7 @@ class Shaft:
     motion_factor: float = 1.0
 
     def advance(self, now: float) -> float:
-        """Turn until time ``now`` and return the position. Does nothing unless time has increased."""
+        """Turn the shaft until time ``now`` and return its position. Does nothing unless time has increased."""
         elapsed = max(0.0, now - self.stamp)
         self.stamp = max(self.stamp, now)
         reach = self.speed * elapsed

@@ -17,35 +17,35 @@ class Solid(Protocol):
 
     @property
     def x(self) -> float:
-        """Centre in x."""
+        """Centre of the shape in x."""
         ...
 
     @property
     def y(self) -> float:
-        """Centre in y."""
+        """Centre of the shape in y."""
         ...
 
     @property
     def bottom(self) -> float:
-        """Height of the lower side above the floor."""
+        """Height of the shape's lower side above the floor."""
         ...
 
     @property
     def top(self) -> float:
-        """Height of the upper side above the floor."""
+        """Height of the shape's upper side above the floor."""
         ...
 
     @property
     def bounding_radius(self) -> float:
-        """Largest distance of the footprint from its centre."""
+        """Largest distance of the shape's footprint from its centre."""
         ...
 
     def nearest_offset(self, x: float, y: float) -> tuple[float, float]:
-        """Return the vector from (x, y) to the nearest point of the footprint; (0, 0) from inside."""
+        """Return the vector from (x, y) to the nearest point of the shape's footprint; (0, 0) from inside."""
         ...
 
     def intersect_ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Return the distance from (x, y) to the edge in multiples of (dx, dy): infinity for a miss, 0 from inside."""
+        """Return the distance from (x, y) to the shape in multiples of (dx, dy): infinity for a miss, 0 from inside."""
         ...
 
     def blocks_sight(self, eye: Point3, point: Point3) -> bool:
@@ -104,7 +104,7 @@ class UprightBox:
         return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
 
     def _line_interval(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Return the interval of the line from (x, y) that is inside, in multiples of (dx, dy).
+        """Return the interval of the line from (x, y) inside the box, in multiples of (dx, dy).
 
         If no part is inside, the first bound exceeds the second.
 
@@ -153,7 +153,7 @@ class UprightCylinder:
         return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
 
     def _line_interval(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Return the interval of the line from (x, y) that is inside, as ``UprightBox._line_interval`` does."""
+        """Return the interval of the line from (x, y) inside the cylinder, as ``UprightBox._line_interval``."""
         ex, ey = x - self.x, y - self.y
         a, b, c = dx * dx + dy * dy, ex * dx + ey * dy, ex * ex + ey * ey - self.radius * self.radius
         if a < 1e-18:

@@ -7,7 +7,7 @@ from itertools import count
 from drivers.clock import ManualClock
 
 TimedAction = Callable[[], object]
-"""A callback of the schedule; it reads the time from the clock."""
+"""Callback in the schedule of simulated time; it reads the time from the clock."""
 
 
 def never_stop() -> bool:

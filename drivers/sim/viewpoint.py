@@ -25,7 +25,7 @@ class Viewpoint:
     pitch: float = 0.0
 
     def position(self) -> Point3:
-        """Return (x, y, z) in metres."""
+        """Return the position (x, y, z) of the camera in metres."""
         return self.x, self.y, self.z
 
     def rotation(self) -> Matrix3:

@@ -32,7 +32,7 @@ class SimulatedWheels:
         if not (separation > 0 and acceleration > 0 and dead_time >= 0 and 0 <= slip < 1):
             raise ValueError(f"wheels: {separation=}, {acceleration=}, {dead_time=}, {slip=}: out of range")
         self.pose = pose or Pose2D(0.0, 0.0, 0.0)
-        """The true pose; set it to lift the base and put it down elsewhere."""
+        """True pose of the base; set it to lift the base and put it down elsewhere."""
         self.slip = slip
         self.gains = (1.0, 1.0)
         """Factors of the left and the right motor: 0 if it is not connected, -1 if it is swapped."""
@@ -77,7 +77,7 @@ class SimulatedWheels:
         self._commands.append((due, self.gains[0] * (linear - half), self.gains[1] * (linear + half)))
 
     def advance(self, now: float) -> Pose2D:
-        """Move until time ``now`` and return the true pose. Does nothing unless time has increased."""
+        """Move the base until time ``now`` and return its true pose. Does nothing unless time has increased."""
         if self._now is None:
             self._now = now
         while self._now < now or self._is_due(self._now):
@@ -185,7 +185,7 @@ class GyroDrift:
 
     def __init__(self) -> None:
         self.rate = 0.0
-        """Rate error in rad/s."""
+        """Error of the gyro's rate in rad/s."""
         self._error = self._changed_at = 0.0
 
     def set_rate(self, rate: float, now: float) -> None:

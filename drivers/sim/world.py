@@ -50,7 +50,7 @@ class Light:
             before = change.at
 
     def level_at(self, time: float) -> float:
-        """Return the level at ``time`` seconds."""
+        """Return the brightness at ``time`` seconds."""
         level = self.level
         for number, change in enumerate(self.changes):
             if change.at > time:
@@ -129,7 +129,7 @@ class SimulatedWorld:
 
     @property
     def things(self) -> tuple[WorldBox | WorldBall, ...]:
-        """The objects, and the dock."""
+        """Objects of the world, and the dock."""
         return self.objects if self.dock is None else (*self.objects, self.dock.box)
 
     # --- how it is at a time ------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class SimulatedWorld:
 
     @property
     def utterances(self) -> tuple[RobotUtterance, ...]:
-        """Speech of the robot so far."""
+        """Speech of the robot so far, each with the people within earshot."""
         return tuple(self._utterances)
 
     def deliver_speech(self, text: str, time: float, place: FloorPosition | None = None) -> tuple[PersonReply, ...]:

@@ -16,13 +16,13 @@ from drivers.sim.room import Colour
 from drivers.sim.solids import Point3, UprightBox, UprightCylinder
 
 WALL_THICKNESS = 0.1
-"""Metres of thickness of an inner wall."""
+"""Thickness of an inner wall in metres."""
 
 MARKER_COUNT = 50
 """Number of markers in ArUco's dictionary DICT_4X4_50."""
 
 MARKER_SIZE = 0.15
-"""Metres along one side of a marker's black frame."""
+"""Side of a marker's black frame in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Wall:
             raise BadRequest(f"wall from {self.start} to {self.end}, {self.height} m high: has no length or height")
 
     def solid(self) -> UprightBox:
-        """Return the solid shape."""
+        """Return the solid shape of the wall."""
         (x0, y0), (x1, y1) = self.start, self.end
         heading = atan2(y1 - y0, x1 - x0)
         length = dist(self.start, self.end)
@@ -65,7 +65,7 @@ class WorldBox:
             raise BadRequest(f"{self.name}: {self.size} m, {self.bottom} m above the floor: sides must be above 0 m")
 
     def solid(self) -> UprightBox:
-        """Return the solid shape."""
+        """Return the solid shape of the box."""
         length, width, height = self.size
         return UprightBox(self.x, self.y, length, width, self.heading, self.bottom, self.bottom + height)
 
@@ -104,7 +104,7 @@ class Edge:
             raise BadRequest(f"edge at ({self.x}, {self.y}): {self.length} x {self.width} m: must be above 0 m")
 
     def contains(self, x: float, y: float) -> bool:
-        """Return whether (x, y) is in the rectangle."""
+        """Return whether (x, y) is in the area without floor."""
         return abs(x - self.x) <= self.length / 2 and abs(y - self.y) <= self.width / 2
 
 
@@ -140,7 +140,7 @@ class Rover:
         object.__setattr__(self, "walk", walk)  # the way to fill in a field of a frozen class
 
     def solid(self, time: float) -> UprightBox:
-        """Return the solid shape at ``time`` seconds."""
+        """Return the solid shape of the robot at ``time`` seconds."""
         x, y = self.walk.position_at(time)
         way = self.walk.heading_at(time) if time > self.start else None
         length, width, height = self.size
@@ -153,12 +153,12 @@ class Rover:
 # and three receivers on the base. The vendor gives no figures for them: all those here are our assumption.
 
 DOCK_SIZE = (0.1, 0.25, 0.1)
-"""Length along its heading, width and height, in metres."""
+"""Size of the dock in metres: length along its heading, width and height."""
 
 DOCK_COLOUR: Colour = (44, 46, 52)
 
 CONTACT_REACH = 0.015
-"""Metres before the front at which the spring contacts of the dock touch those of the base."""
+"""Metres before the front of the dock at which its spring contacts touch those of the base."""
 
 MAX_CONTACT_OFFSET, MAX_CONTACT_ANGLE = 0.04, radians(20)
 """Largest sideways offset (metres) and angle (radians) of a base at which the contacts touch."""
@@ -171,7 +171,7 @@ _BEAM_SECTORS = (
     (radians(-12), radians(12), DockBeam.NEAR_CENTRE, DockBeam.FAR_CENTRE),
     (radians(-45), radians(-4), DockBeam.NEAR_RIGHT, DockBeam.FAR_RIGHT),
 )
-"""First and last bearing of each beam, left of the heading of the dock."""
+"""First and last bearing of each infrared beam of the dock, left of the heading of the dock."""
 
 _RECEIVER_SECTORS = ((radians(15), radians(95)), (radians(-15), radians(15)), (radians(-95), radians(-15)))
 """First and last direction of the left, centre and right receiver of the base, left of its heading.
@@ -186,7 +186,7 @@ NO_SIGNALS = DockSignals()
 
 @dataclass(frozen=True, slots=True)
 class WorldDock:
-    """A dock about (x, y) that faces ``heading``; a base approaches it from there, facing it."""
+    """Dock about (x, y) that faces ``heading``; a base approaches it from the front, facing it."""
 
     x: float
     y: float

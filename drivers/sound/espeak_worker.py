@@ -24,13 +24,13 @@ MIN_SPEED, MAX_SPEED = 80, 450
 
 
 class EspeakEventId(ctypes.Union):
-    """Subject of an event."""
+    """Subject of an event of espeak-ng."""
 
     _fields_ = (("number", ctypes.c_int), ("name", ctypes.c_char_p), ("string", ctypes.c_char * 8))
 
 
 class EspeakEvent(ctypes.Structure):
-    """Event at a position in the sound."""
+    """Event of espeak-ng at a position in the sound."""
 
     _fields_ = (
         ("type", ctypes.c_int),

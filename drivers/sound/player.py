@@ -36,7 +36,7 @@ class SoundState(Enum):
 
 
 class SoundEvent(Enum):
-    """A new sound, or a message about it."""
+    """Event of a sound: it is new, or the program sends a message about it."""
 
     SEND, START, END, REFUSE = range(4)
 
@@ -47,7 +47,7 @@ TRANSITIONS: Final = {
     (SoundState.SENT, SoundEvent.REFUSE): SoundState.REFUSED,
     (SoundState.PLAYING, SoundEvent.END): SoundState.ENDED,
 }
-"""All other pairs change nothing: the program may be wrong, and a sound without an end is killed by timeout."""
+"""Transitions of a sound by state and event; others change nothing: a sound without an end is killed by timeout."""
 
 
 class SoundPlayer(WorkerClient):

@@ -46,7 +46,7 @@ class Speech:
 
     @property
     def seconds(self) -> float:
-        """Duration in seconds."""
+        """Duration of the sound in seconds."""
         return len(self.samples) / 2 / self.rate
 
 

@@ -158,7 +158,7 @@ class SpokenUtterance:
 
     @property
     def started(self) -> float | None:
-        """Time of its first sample; for a program that plays sound itself, time of the program's start."""
+        """Time of the utterance's first sample; for a program that plays sound itself, its start."""
         return self._started
 
     @property
@@ -167,7 +167,7 @@ class SpokenUtterance:
 
     @property
     def end(self) -> float:
-        """Time at which its last sample will have been played."""
+        """Time at which the last sample of the utterance will have been played."""
         return (self._started or 0.0) + self.seconds
 
     def on_start(self, at: float, seconds: float) -> None:

@@ -19,7 +19,7 @@ ENCODING_NAMES = {
     PCM: "integers", MS_ADPCM: "ADPCM", FLOAT: "floats", A_LAW: "A-law", MU_LAW: "mu-law", IMA_ADPCM: "IMA ADPCM",
     0x31: "GSM", 0x50: "MPEG", 0x55: "MP3", 0xFF: "AAC", 0x161: "Windows Media", 0x674F: "Vorbis",
 }  # fmt: skip
-"""Display names of encodings."""
+"""Display names of the encodings of WAV files."""
 
 SAMPLE_WIDTHS = {PCM: (1, 2, 3, 4), FLOAT: (4, 8), A_LAW: (1,), MU_LAW: (1,)}
 """Bytes per sample, by the encodings that ``drivers.microphone.wav_microphone`` decodes."""
@@ -65,12 +65,12 @@ class WavFormat:
 
     @property
     def frames(self) -> int:
-        """Number of complete frames."""
+        """Number of complete frames of the sound."""
         return self.size // (self.width * self.channels)
 
     @property
     def seconds(self) -> float:
-        """Duration in seconds; for compressed sound by the byte rate of the header."""
+        """Duration of the sound in seconds; if compressed, by the byte rate of the header."""
         return self.frames / self.rate if self.encoding in SAMPLE_WIDTHS else self.size / self.byte_rate
 
 

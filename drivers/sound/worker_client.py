@@ -44,7 +44,7 @@ TRANSITIONS: Final = {
     (ProgramState.READY, ProgramEvent.DIE): ProgramState.DEAD,
     (ProgramState.DEAD, ProgramEvent.START): ProgramState.STARTING,
 }
-"""All other pairs change nothing: messages of a program that is being closed are too late."""
+"""Transitions of the program by state and event; others change nothing: late messages of a program being closed."""
 
 
 class WorkerClient(ABC):

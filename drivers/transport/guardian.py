@@ -18,11 +18,11 @@ class Actuators(Protocol):
         ...
 
     def rest(self, now: float) -> None:
-        """Stop: wheels stand, servos stay at their angles."""
+        """Stop both actuators: wheels stand, servos stay at their angles."""
         ...
 
     def advance(self, now: float) -> None:
-        """Advance to time ``now``."""
+        """Advance both actuators to time ``now``."""
         ...
 
     def positions(self) -> tuple[int, int]:
@@ -99,7 +99,7 @@ class GuardianWheels:
         """Do nothing: motors keep their speed."""
 
     def positions(self) -> tuple[int, int]:
-        """Return the current setpoints."""
+        """Return the current setpoints of both motors."""
         return self._setpoint
 
 
@@ -127,7 +127,7 @@ class GuardianServos:
                     self._send(number)
 
     def rest(self, now: float) -> None:
-        """Stop at the current setpoints."""
+        """Stop both servos at their current setpoints."""
         self.advance(now)
         self._goals = [None if each is None else float(each) for each in self._sent]
         self._exact = list(self._goals)
@@ -142,7 +142,7 @@ class GuardianServos:
                 self._send(number)
 
     def positions(self) -> tuple[int, int]:
-        """Return the current setpoints."""
+        """Return the current setpoints of both servos."""
         first, second = (guardian_wire.UNKNOWN_ANGLE if each is None else each for each in self._sent)
         return first, second
 

@@ -30,7 +30,7 @@ VALUE_RANGE = range(-9999, 32768)
 
 @dataclass(frozen=True, slots=True)
 class GuardianCommand:
-    """Setpoints of both actuators."""
+    """Command to a guardian: setpoints of both actuators."""
 
     boot: int
     first: int
@@ -39,7 +39,7 @@ class GuardianCommand:
 
 @dataclass(frozen=True, slots=True)
 class GuardianReport:
-    """Current values of both actuators."""
+    """Report of a guardian: current values of both actuators."""
 
     boot: int
     first: int
@@ -48,7 +48,7 @@ class GuardianReport:
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
-    """Request for a report."""
+    """Request for a report of a guardian."""
 
 
 def _make_line(body: str) -> bytes:
@@ -60,12 +60,12 @@ REPORT_REQUEST = _make_line("?")
 
 
 def pack_command(boot: int, first: int, second: int) -> bytes:
-    """Return the line that sets both actuators."""
+    """Return the line that sets both actuators of a guardian."""
     return _make_line(f"g {boot} {first} {second}")
 
 
 def pack_report(boot: int, first: int, second: int) -> bytes:
-    """Return the line that reports both actuators."""
+    """Return the line that reports both actuators of a guardian."""
     return _make_line(f"r {boot} {first} {second}")
 
 

@@ -8,7 +8,7 @@ from threading import Lock
 
 
 class DelayStatistics:
-    """Sums of delays. One thread adds, any thread may read."""
+    """Count, sum and maximum of measured delays. One thread adds, any thread may read."""
 
     def __init__(self) -> None:
         self._count = 0

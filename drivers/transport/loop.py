@@ -38,7 +38,7 @@ def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
 
 
 LoopBody = Callable[[], float]
-"""Does the work that is due, and returns the seconds until the next call. It must not raise: nothing would catch that.
+"""Body of a loop: does the due work, returns the seconds until the next call. Must not raise: nothing would catch that.
 """
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 PORTS_HINT = "mission ports  (lists the connected devices)"
-"""Hint for a wrong port."""
+"""Hint in the error for a wrong serial port."""
 
 _FILE_KINDS = {
     stat.S_ISREG: "a file",
@@ -67,7 +67,7 @@ DEBUG_CONNECTOR, PINS_PORT = "/dev/ttyAMA10", "/dev/ttyAMA0"
 """Serial ports of a Raspberry Pi 5: its debug connector, to which /dev/serial0 leads, and GPIO 14 and 15."""
 
 UART_SETTING = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
-"""Setting that enables the port of the pins."""
+"""Setting that enables the serial port on the pins of a Raspberry Pi."""
 
 DEBUG_CONNECTOR_PROBLEM = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
 PINS_HINT = f"port: {PINS_PORT}  (GPIO 14 and 15, after {UART_SETTING})"

@@ -68,7 +68,7 @@ class ReconnectTracker:
 
 
 class LatchingPart:
-    """Implements ``drivers.api.Latchable`` by the part's ``_reconnect``."""
+    """Mixin that implements ``drivers.api.Latchable`` by the part's ``_reconnect``, a ``ReconnectTracker``."""
 
     _reconnect: ReconnectTracker
 

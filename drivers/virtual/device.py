@@ -15,7 +15,7 @@ class VirtualPort(Protocol):
 
     @property
     def path(self) -> str:
-        """Path of the port."""
+        """Path at which a driver opens the port."""
         ...
 
     def open(self) -> None:
@@ -27,11 +27,11 @@ class VirtualPort(Protocol):
         ...
 
     def unplug(self) -> None:
-        """Pull the plug."""
+        """Unplug the devices, so that the port disappears."""
         ...
 
     def replug(self) -> None:
-        """Plug in again."""
+        """Plug the devices in again."""
         ...
 
     def call_paused(self, question: Callable[[], T]) -> T:
@@ -61,7 +61,7 @@ class WireBase(WireDevice, Protocol):
     body: Any
 
     def pose(self, now: float) -> Pose2D:
-        """Return the true pose."""
+        """Return the true pose of the base."""
         ...
 
 

@@ -25,7 +25,7 @@ class VirtualGuardian(ABC):
 
     @abstractmethod
     def make_actuators(self) -> GuardianWheels | GuardianServos:
-        """Return its actuators, as after a boot."""
+        """Return the guardian's actuators, as after a boot."""
 
     def feed(self, data: bytes, now: float) -> bytes:
         """Handle lines; return the replies."""
@@ -73,7 +73,7 @@ class VirtualCar(VirtualGuardian):
         self.body.command(velocity.linear, velocity.angular, now)
 
     def pose(self, now: float) -> Pose2D:
-        """Return the true pose at time ``now``."""
+        """Return the true pose of the car at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 

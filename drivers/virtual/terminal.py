@@ -36,11 +36,11 @@ _TERMIOS2_SIZE = 44
 
 
 class WireDevice(Protocol):
-    """Device at wire level."""
+    """Virtual device at wire level: bytes and time in, bytes out."""
 
     @property
     def baud(self) -> int:
-        """Baud rate; bytes at another rate are ignored."""
+        """Baud rate of the device; bytes at another rate are ignored."""
         ...
 
     def feed(self, data: bytes, now: float) -> bytes:

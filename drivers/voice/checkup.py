@@ -10,7 +10,7 @@ from drivers.voice.speech import auto
 
 
 def checkup(keys: SpeechKeys, context: DriverContext) -> Iterator[Finding]:
-    """Search for a synthesiser."""
+    """Search for a synthesiser, and yield the finding."""
     if isinstance(auto(keys, context), PrintedVoice):
         fix = extra_hint("speak", "sudo apt install espeak-ng")
         yield warning("synthesiser", "not installed: speech is printed", fix)

@@ -9,7 +9,7 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import VoiceKeys
 
 PLACEHOLDERS = ("voice", "language", "name", "speed", "volume")
-"""Placeholders in braces in a command, as in drivers.sound.program."""
+"""Placeholders in braces in a command, as in ``drivers.sound.speech_programs``."""
 
 
 @keys
@@ -24,7 +24,7 @@ class SpeechKeys(VoiceKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield errors in the command."""
+        """Yield errors in the command that speaks."""
         try:
             shlex.split(self.command)
         except ValueError as error:

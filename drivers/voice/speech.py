@@ -233,7 +233,7 @@ class SpeechVoice:
 # Factories of voices from the keys of a robot file; without a synthesiser the voice prints its text.
 
 SPEECH_WHEELS = ("espeakng_loader", "miniaudio")
-"""Wheels of the extra ``speak``."""
+"""Python packages of the extra ``speak``."""
 
 
 @dataclass(frozen=True, slots=True)

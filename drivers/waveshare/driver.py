@@ -45,7 +45,7 @@ HEARTBEAT_UNCONFIRMED = (
 
 
 def make(keys: WaveshareKeys, context: DriverContext) -> DiffDriveBase:
-    """Return the driver for a section of a robot file."""
+    """Return the driver of a Waveshare rover for its section of a robot file."""
     return waveshare_base(
         SerialLink("base", context.port, keys.baud, report=context.report),
         context.clock,
@@ -65,7 +65,7 @@ def waveshare_base(
     speed_at_full: float,
     **settings: Unpack[BaseSettings],
 ) -> DiffDriveBase:
-    """Return the driver over ``link``, which it owns; see ``WaveshareProtocol``."""
+    """Return the driver of a rover over ``link``, which it owns; see ``WaveshareProtocol``."""
     return DiffDriveBase(link, clock, WaveshareProtocol(track, speed_at_full, encoders=encoders), **settings)
 
 

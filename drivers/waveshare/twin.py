@@ -8,6 +8,6 @@ from drivers.waveshare.wire import MAX_WHEEL_SPEED
 
 
 def make(keys: WaveshareKeys, context: SimContext) -> BaseTwin:
-    """Return the twin for a section of a robot file."""
+    """Return the twin of a Waveshare rover for its section of a robot file."""
     wheels = TwoWheels(keys.track, MAX_WHEEL_SPEED if keys.encoders else keys.speed_at_full)
     return make_wheel_base(keys, context, WheelTwinOdometry(wheels, reckoned=not keys.encoders))

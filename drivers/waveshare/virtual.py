@@ -75,7 +75,7 @@ class VirtualWaveshare:
             return self._output(now)
 
     def pose(self, now: float) -> Pose2D:
-        """Return the true pose at time ``now``."""
+        """Return the true pose of the rover at time ``now``."""
         with self._lock:
             return self.body.advance(now)
 
@@ -133,7 +133,7 @@ class VirtualWaveshare:
 
 
 def make(keys: WaveshareKeys, context: SimContext) -> VirtualDevice:
-    """Return the virtual device for a section of a robot file."""
+    """Return the virtual Waveshare rover for its section of a robot file."""
     unit = 1.0 if keys.encoders else wire.FULL_POWER / keys.speed_at_full
     device = VirtualWaveshare(context.make_body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
     return make_virtual_base(device, "rover")

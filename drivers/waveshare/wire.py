@@ -46,7 +46,7 @@ class WaveshareFeedback:
 
 @dataclass(frozen=True, slots=True)
 class WaveshareEcho:
-    """Echo of a valid line."""
+    """Echo of a valid line, which the rover sends."""
 
     line: bytes
 
@@ -58,7 +58,7 @@ def command(number: int, **fields: float) -> bytes:
 
 
 def speeds(left: float, right: float) -> bytes:
-    """Return the line that sets both wheels."""
+    """Return the line that sets the speeds of both wheels."""
     return command(SPEED, L=float(left), R=float(right))
 
 

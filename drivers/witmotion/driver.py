@@ -14,7 +14,7 @@ STALE_AFTER = 0.1
 
 
 class WitMotionImu:
-    """Driver over a link, which it owns: a ``drivers.api.Imu``. ``level`` is roll and pitch (rad) when upright."""
+    """Driver of a WitMotion IMU over a link that it owns. ``level`` is roll and pitch (rad) when upright."""
 
     name = "imu"
 
@@ -79,7 +79,7 @@ class WitMotionImu:
 
 
 def make(keys: WitMotionKeys, context: DriverContext) -> WitMotionImu:
-    """Return the driver."""
+    """Return the driver of a WitMotion IMU."""
     return WitMotionImu(
         SerialLink("imu", context.port, keys.baud, report=context.report), context.clock, level=keys.level
     )

@@ -6,7 +6,7 @@ from drivers.api.probe import ProbeRequest, ProbeResult
 from drivers.witmotion.wire import WitMotionReportFinder
 
 BAUD_RATES = (115_200, 9_600)
-"""Recommended rate, and the rate by default."""
+"""Baud rates of a WitMotion IMU: the recommended one, and the default."""
 
 
 def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:

@@ -19,20 +19,20 @@ PACKET_KINDS = frozenset(range(0x50, 0x5B))
 FORCE_PER_STEP = 16 * 9.80665 / 32768
 RATE_PER_STEP = 2000 * pi / 180 / 32768
 ANGLE_PER_STEP = pi / 32768
-"""Values of one step in m/s2, rad/s and rad."""
+"""Values of one step on the wire in m/s2, rad/s and rad."""
 
 UNLOCK = b"\xff\xaa\x69\x88\xb5"
-"""Permits settings for ten seconds; without a later save, they are lost at power-off."""
+"""Command that permits settings for ten seconds; without a later save, they are lost at power-off."""
 
 HUNDRED_HERTZ = b"\xff\xaa\x03\x09\x00"
-"""Sets 100 reports per second."""
+"""Command that sets 100 reports per second."""
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class WitMotionReport:
-    """Report: forces (m/s2), rates (rad/s), angles (rad) about x, y, z as printed on the case."""
+    """Report of an IMU: forces (m/s2), rates (rad/s), angles (rad) about x, y, z as printed on the case."""
 
     forces: Triple
     rates: Triple
@@ -40,14 +40,14 @@ class WitMotionReport:
 
 
 def packet(kind: int, values: Triple, unit: float) -> bytes:
-    """Return one packet."""
+    """Return the bytes of one packet of a report."""
     steps = [min(max(round(value / unit), -32768), 32767) for value in values]
     body = struct.pack("<BB4h", HEADER, kind, *steps, 0)
     return body + bytes([sum(body) & 0xFF])
 
 
 def pack(report: WitMotionReport) -> bytes:
-    """Return the packets of a report."""
+    """Return the bytes of a report's packets."""
     return (
         packet(ACCELERATION, report.forces, FORCE_PER_STEP)
         + packet(RATES, report.rates, RATE_PER_STEP)

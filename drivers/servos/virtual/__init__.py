@@ -1,1 +1,1 @@
-"""A chain of servos at wire level, on a pseudo-terminal."""
+"""Virtual chain of servos at wire level, on a pseudo-terminal."""

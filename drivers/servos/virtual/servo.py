@@ -71,7 +71,7 @@ class VirtualMotor:
             self._spin(self._endless_speed(mode) if able else 0.0, now)
 
     def effort(self, load: float) -> float:
-        """Return its effort with torque on, as a share of the stall torque; positive: towards higher ticks."""
+        """Return the motor's effort with torque on, as a share of the stall torque; positive: to higher ticks."""
         way = self.shaft.goal - self.shaft.position if self._blocked else self.velocity
         push = load + (BLOCKED_LOAD if self._blocked else FRICTION_TORQUE) * ((way > 0) - (way < 0))
         if not push:
@@ -80,7 +80,7 @@ class VirtualMotor:
         return self.direction * max(-strength, min(push, strength))
 
     def ticks(self) -> int:
-        """Return the position of its sensor; in protocol 1.0 it stops at the ends, unless turns are counted."""
+        """Return the position of the motor's sensor; in protocol 1.0 it stops at the ends, unless turns are counted."""
         if self.frozen_position is not None:
             return self.frozen_position
         settings = self._table.settings
@@ -102,7 +102,7 @@ class VirtualMotor:
 
     @property
     def _blocked(self) -> bool:
-        """True if it pushes against a blocked shaft."""
+        """True if the motor pushes against a blocked shaft."""
         return not self.shaft.motion_factor and abs(self.shaft.goal - self.shaft.position) > self._model.tick
 
     def _max_effort(self) -> float:
@@ -221,7 +221,7 @@ class VirtualServo(VirtualTable):
 
     @property
     def shaft(self) -> Shaft:
-        """The shaft, in radians from the middle of the range, positive anticlockwise seen facing the horn."""
+        """Shaft of the servo, in radians from the middle of its range, positive anticlockwise facing the horn."""
         return self._motor.shaft
 
     @property
@@ -236,17 +236,17 @@ class VirtualServo(VirtualTable):
 
     @property
     def limp(self) -> bool:
-        """True while it exerts no torque, so that a hand can turn it."""
+        """True while the servo exerts no torque, so that a hand can turn it."""
         return self._starts_at is not None or not self._motor.has_torque
 
     @property
     def is_awake(self) -> bool:
-        """False while it reboots, or its supply is too low to run."""
+        """False while the servo reboots, or its supply is too low to run."""
         return self._starts_at is None
 
     @property
     def is_listening(self) -> bool:
-        """True if it is connected and awake."""
+        """True if the servo is connected and awake."""
         return self.present and self._starts_at is None
 
     def turn_by_hand(self, angle: float) -> None:

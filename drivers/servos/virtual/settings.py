@@ -41,7 +41,7 @@ RegisterReading = Callable[[SensorValues], int]
 
 
 class StateRegisters:
-    """Registers of one model that hold its readings."""
+    """Registers of one servo model that hold its readings."""
 
     def __init__(self, model: ServoModel) -> None:
         told = _register_readings(model)
@@ -95,7 +95,7 @@ def _value_range(register: Register) -> tuple[int, int]:
 
 
 class ServoMode(Enum):
-    """Meaning of a goal."""
+    """Operating mode of a servo: the meaning of its goal."""
 
     JOINT = "a position within the limits"
     MULTI_TURN = "a position over several turns"

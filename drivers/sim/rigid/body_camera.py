@@ -15,10 +15,10 @@ AZIMUTH, ELEVATION = 140.0, -15.0
 """Direction of the renderer's camera: degrees from the initial heading of the robot, and from level."""
 
 CAMERA_DISTANCE_FACTOR = 2.0
-"""Distance of the camera, in heights of the robot."""
+"""Distance of the camera from the robot, in heights of the robot."""
 
 MAX_GEOMS = 2000
-"""Shapes in one picture; OP3's model has a few hundred."""
+"""Maximum number of shapes in one picture; OP3's model has a few hundred."""
 
 LINE_RADIUS = 0.004
 """Half the width of a line from joint to joint, in metres."""

@@ -25,7 +25,7 @@ class RigidShape:
 
 @dataclass(frozen=True, slots=True)
 class RigidLink:
-    """A link and its joint, which has the same ``name``, at ``offset`` from the joint of ``parent`` (empty: the trunk).
+    """Link of a robot and its joint of the same ``name``, at ``offset`` from that of ``parent`` (empty: the trunk).
 
     At joint angle 0, all axes are those of the robot: x forward, y left, z up. ``centre`` is the centre of mass from
     the joint, and ``spread`` the radius of gyration about it along each axis.
@@ -45,7 +45,7 @@ class RigidLink:
 
 @dataclass(frozen=True, slots=True)
 class RigidRobot:
-    """A robot: its trunk, and its links, each after its parent."""
+    """Physical model of a robot: its trunk, and its links, each after its parent."""
 
     mass: float
     centre: Vector
@@ -69,7 +69,7 @@ class TrunkPush:
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """The floor, and disturbances of the robot on it.
+    """Floor of a physics scene, and disturbances of the robot on it.
 
     ``friction`` is Coulomb's coefficient; ``slope`` (rad) is the rise ahead and to the left. Each mass is wrong by up
     to the share ``mass_error``, drawn by the seed. ``servo_delay`` (s) is the delay from a goal to the servo.
