@@ -31,7 +31,7 @@ def belongs(monkeypatch: pytest.MonkeyPatch, device: Path, group: str, members: 
 
 
 @pytest.mark.parametrize("group", sorted(DEVICE_GROUPS))
-def test_a_group_for_devices_may_be_joined(monkeypatch: pytest.MonkeyPatch, device: Path, group: str) -> None:
+def test_device_group_is_suggested(monkeypatch: pytest.MonkeyPatch, device: Path, group: str) -> None:
     belongs(monkeypatch, device, group)
     what, cure = explain_denied(device)
     assert what == f"no permission: it belongs to group {group}, which you are not in"
@@ -39,7 +39,7 @@ def test_a_group_for_devices_may_be_joined(monkeypatch: pytest.MonkeyPatch, devi
 
 
 @pytest.mark.parametrize("group", ["root", "disk", "kmem", "sudo", "docker", "shadow", "adm", "robots"])
-def test_no_other_group_is_to_be_joined(monkeypatch: pytest.MonkeyPatch, device: Path, group: str) -> None:
+def test_other_groups_are_not_suggested(monkeypatch: pytest.MonkeyPatch, device: Path, group: str) -> None:
     belongs(monkeypatch, device, group)
     what, cure = explain_denied(device, "/dev/ttyUSB0")
     assert "usermod" not in cure
@@ -47,18 +47,18 @@ def test_no_other_group_is_to_be_joined(monkeypatch: pytest.MonkeyPatch, device:
     assert group in what
 
 
-def test_a_port_of_the_login_console_is_to_be_freed(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
+def test_login_console_port_suggests_raspi_config(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
     belongs(monkeypatch, device, "tty")
     assert explain_denied(device)[1].startswith("sudo raspi-config")
 
 
-def test_a_group_that_has_no_right_itself_is_not_to_be_joined(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
+def test_group_without_access_is_not_suggested(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
     device.chmod(0o600)
     belongs(monkeypatch, device, "dialout")
     assert explain_denied(device)[1].startswith("sudo setfacl")
 
 
-def test_who_has_joined_logs_in_again(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
+def test_user_who_joined_the_group_must_log_in_again(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
     me = next(each for each in (os.environ.get("USER"), "root") if each)
     monkeypatch.setattr("drivers.transport.programs._user_name", lambda _: me)
     belongs(monkeypatch, device, "dialout", (me,))
@@ -67,11 +67,11 @@ def test_who_has_joined_logs_in_again(monkeypatch: pytest.MonkeyPatch, device: P
     )  # fmt: skip
 
 
-def test_who_is_in_the_group_already_is_not_sent_into_it(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
+def test_member_of_the_group_is_not_told_to_join(monkeypatch: pytest.MonkeyPatch, device: Path) -> None:
     belongs(monkeypatch, device, "video")
     what, cure = explain_denied(device, groups={GID})
     assert (what, cure) == ("no permission, though you are in its group video", f"ls -l {device}")
 
 
-def test_a_device_that_has_gone_is_said_so_by_ls(tmp_path: Path) -> None:
+def test_vanished_device_suggests_ls(tmp_path: Path) -> None:
     assert explain_denied(tmp_path / "gone") == ("no permission", f"ls -l {tmp_path / 'gone'}")

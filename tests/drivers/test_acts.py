@@ -25,7 +25,7 @@ def only(world: SimulatedWorld, time: float) -> Presence:
     return presence
 
 
-def test_somebody_answers_what_they_listen_for_whatever_its_capitals() -> None:
+def test_person_answers_a_phrase_in_any_case() -> None:
     world = SimulatedWorld(people=(Person("Anna", acts=(PersonAction(hears="hello", say="Hello, robot!"),)),))
     assert world.deliver_speech("Hello there", 2.0) == (PersonReply("Anna", "Hello, robot!", 2.0 + REACTION_TIME),)
     assert world.deliver_speech("Goodbye", 5.0) == ()
@@ -35,14 +35,14 @@ def test_somebody_answers_what_they_listen_for_whatever_its_capitals() -> None:
     )
 
 
-def test_answers_of_several_come_in_the_order_of_time() -> None:
+def test_answers_are_ordered_by_time() -> None:
     slow = Person("Anna", acts=(PersonAction(hears="hello", after=2.0, say="Hello!"),))
     quick = Person("Ben", x=2.5, acts=(PersonAction(hears="", after=0.5, say="Hm?"),))
     world = SimulatedWorld(people=(slow, quick))
     assert [reply.speaker for reply in world.deliver_speech("hello", 0.0)] == ["Ben", "Anna"]
 
 
-def test_what_people_say_of_their_own_accord_is_told_once() -> None:
+def test_spontaneous_speech_is_reported_once() -> None:
     world = SimulatedWorld(
         people=(
             Person("Anna", acts=(PersonAction(at=3.0, say="Anybody there?"), PersonAction(hears="yes", say="Good."))),
@@ -54,7 +54,7 @@ def test_what_people_say_of_their_own_accord_is_told_once() -> None:
     assert world.replies_between(3.0, 10.0) == (PersonReply("Anna", "Good.", 4.0 + REACTION_TIME),)
 
 
-def test_somebody_turns_away_and_back_at_their_times() -> None:
+def test_person_turns_away_and_back_at_set_times() -> None:
     acts = (PersonAction(at=5.0, turn="away"), PersonAction(at=8.0, turn="camera"), PersonAction(at=9.0, turn=0.0))
     world = SimulatedWorld(people=(Person("Anna", x=2.0, acts=acts),))
     assert [only(world, time).shows_face(0.0, 0.0) for time in (4.9, 5.0, 8.0, 9.0)] == [True, False, True, False]
@@ -63,7 +63,7 @@ def test_somebody_turns_away_and_back_at_their_times() -> None:
     assert only(world, 9.5).direction(5.0, 5.0) == 0.0
 
 
-def test_a_nod_lowers_the_eyes_twice_and_ends_where_it_began() -> None:
+def test_nod_lowers_the_eyes_twice_and_ends_at_the_start() -> None:
     world = SimulatedWorld(people=(Person("Anna", height=1.6, acts=(PersonAction(hears="hello", nod=True),)),))
     world.deliver_speech("hello", 1.0)
     begin = 1.0 + REACTION_TIME
@@ -77,11 +77,11 @@ def test_a_nod_lowers_the_eyes_twice_and_ends_where_it_began() -> None:
 
 
 @given(st.floats(-10, 10))
-def test_a_nod_is_never_deeper_than_it_may_be(since: float) -> None:
+def test_nod_depth_is_bounded(since: float) -> None:
     assert 0.0 <= eye_drop(since) <= NOD_DEPTH
 
 
-def test_who_leaves_walks_to_the_nearest_wall_and_is_gone_and_deaf() -> None:
+def test_leaving_person_walks_to_the_nearest_wall_and_vanishes() -> None:
     walker = Person(
         "Anna", x=3.0, y=2.0, speed=0.5, acts=(PersonAction(at=10.0, leave=True), PersonAction(hears="", say="What?"))
     )
@@ -95,7 +95,7 @@ def test_who_leaves_walks_to_the_nearest_wall_and_is_gone_and_deaf() -> None:
     assert only(world, 9.0).y == 2.0  # the past is as it was
 
 
-def test_nothing_is_done_after_leaving() -> None:
+def test_person_does_not_act_after_leaving() -> None:
     acts = (PersonAction(at=2.0, leave=True), PersonAction(at=3.0, say="I am back", turn="away"))
     world = SimulatedWorld(people=(Person("Anna", x=1.0, y=0.5, acts=acts),))
     assert world.replies_between(0.0, 100.0) == ()
@@ -103,7 +103,7 @@ def test_nothing_is_done_after_leaving() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from(["hello", "bye", "what?"]), st.floats(0, 20)), max_size=5), st.floats(0, 40))
-def test_the_same_words_at_the_same_times_make_the_same_people(said: list[tuple[str, float]], time: float) -> None:
+def test_people_depend_only_on_words_and_times(said: list[tuple[str, float]], time: float) -> None:
     acts = (
         PersonAction(hears="hello", nod=True, turn="away"),
         PersonAction(hears="bye", leave=True),
@@ -120,7 +120,7 @@ def test_the_same_words_at_the_same_times_make_the_same_people(said: list[tuple[
 
 
 @given(st.floats(0, 30), st.floats(0, 3), st.floats(0.1, 2))
-def test_nobody_hurries_on_the_way_out(time: float, later: float, speed: float) -> None:
+def test_leaving_person_keeps_its_speed(time: float, later: float, speed: float) -> None:
     acts = (PersonAction(at=3.0, leave=True),)
     world = SimulatedWorld(people=(Person("Anna", x=1.0, y=1.0, path=((2.0, 1.0),), speed=speed, acts=acts),))
     now, then = world.people_at(time), world.people_at(time + later)
@@ -128,7 +128,7 @@ def test_nobody_hurries_on_the_way_out(time: float, later: float, speed: float) 
         assert dist((now[0].x, now[0].y), (then[0].x, then[0].y)) <= speed * later + 1e-9
 
 
-def test_an_act_needs_a_reason() -> None:
+def test_person_action_needs_a_trigger() -> None:
     with pytest.raises(BadRequest, match="exactly one of them must be set"):
         PersonAction(nod=True)
     with pytest.raises(BadRequest, match="exactly one of them must be set"):

@@ -182,7 +182,7 @@ class Trial:
         self.line.opens()
 
 
-def test_no_reset_stall_or_reconnect_makes_a_head_leap() -> None:
+def test_head_never_leaps_after_resets_stalls_or_reconnects() -> None:
     told: Counter[str] = Counter()
     widest: dict[str, float] = {}
     leaps = []

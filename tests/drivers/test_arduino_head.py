@@ -69,9 +69,7 @@ def degrees(head: ArduinoHead) -> tuple[float, float]:
         (-60, False, -45, 0),
     ],
 )
-def test_an_angle_becomes_whole_degrees_within_what_the_sketch_takes(
-    angle: float, flip: bool, trim: float, sent: int
-) -> None:
+def test_angle_is_rounded_to_degrees_of_the_sketch(angle: float, flip: bool, trim: float, sent: int) -> None:
     axis = ServoAxis(0, radians(-180), radians(180), flip=flip, trim=radians(trim))
     assert axis.to_degrees(radians(angle)) == sent
 
@@ -110,7 +108,7 @@ RODNEY = {
         ("index1 tilt", -2.0, 0, (3, 0)),
     ],
 )
-def test_trims_flips_and_limits_are_those_of_rodneys_node(
+def test_trims_flips_and_limits_match_the_node_of_rodney(
     name: str, angle: float, trim: float, sent: tuple[int, int]
 ) -> None:
     axis = RODNEY[name].with_trim(radians(trim))
@@ -123,13 +121,13 @@ def test_trims_flips_and_limits_are_those_of_rodneys_node(
 
 
 @given(st.integers(0, 180), st.booleans(), st.floats(-radians(45), radians(45)))
-def test_what_was_sent_reads_back_as_the_same_degree(sent: int, flip: bool, trim: float) -> None:
+def test_sent_degree_converts_back_to_the_same_degree(sent: int, flip: bool, trim: float) -> None:
     axis = ServoAxis(3, -math.pi, math.pi, flip=flip, trim=trim)
     assert axis.to_degrees(axis.to_radians(sent)) == sent
     assert axis.range[0] - 1e-9 <= axis.to_radians(sent) <= axis.range[1] + 1e-9
 
 
-def test_the_range_is_what_is_allowed_and_within_reach() -> None:
+def test_axis_range_is_the_reachable_part_of_its_limits() -> None:
     assert PAN.range == (PAN.lower, PAN.upper)
     assert ServoAxis(0, -3.0, 3.0).range == pytest.approx((radians(-90), radians(90)))
     assert ServoAxis(0, -3.0, 0.5, trim=radians(10)).range == pytest.approx((radians(-100), 0.5))
@@ -146,14 +144,12 @@ def test_the_range_is_what_is_allowed_and_within_reach() -> None:
         (0, 2.0, 3.0, 0.0, "within its reach"),
     ],
 )
-def test_an_axis_that_no_servo_can_have_says_why(
-    index: int, lower: float, upper: float, trim: float, complaint: str
-) -> None:
+def test_impossible_axis_gives_the_reason(index: int, lower: float, upper: float, trim: float, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         ServoAxis(index, lower, upper, trim=trim)
 
 
-def test_an_axis_knows_where_the_sketch_puts_its_servo() -> None:
+def test_axis_knows_the_start_angle_of_the_sketch() -> None:
     assert [ServoAxis(index, -1.0, 1.0).start_degrees for index in range(5)] == [90, 120, 90, 90, 90]
     assert ServoAxis(1, -1.0, 1.0, start=45).start_degrees == 45
     with pytest.raises(ValueError, match="a start of 181 degrees"):
@@ -287,12 +283,12 @@ def bench(
     return Bench(clock, link, head, notices, changes)
 
 
-def test_the_head_is_a_head() -> None:
+def test_arduino_head_implements_the_head_protocol() -> None:
     head: Head = bench().head
     assert (head.name, head.limits.pan, head.limits.speed) == ("head", PAN.range, 1.0)
 
 
-def test_at_rest_the_wire_is_looked_at_seldom_until_the_head_is_to_look_somewhere() -> None:
+def test_resting_head_is_polled_slowly() -> None:
     b = bench()
     b.begin()
     b.link.run(12.0)  # the board asks for the time again and again
@@ -312,7 +308,7 @@ def test_at_rest_the_wire_is_looked_at_seldom_until_the_head_is_to_look_somewher
     assert [notice.kind for notice in b.notices] == ["online"]
 
 
-def test_a_board_that_starts_anew_while_the_head_rests_is_known_to_have_done_so() -> None:
+def test_board_restart_is_noticed_while_the_head_rests() -> None:
     b = bench()
     b.begin()
     b.link.run(12.0)
@@ -324,7 +320,7 @@ def test_a_board_that_starts_anew_while_the_head_rests_is_known_to_have_done_so(
     assert not b.head.latched
 
 
-def test_it_waits_out_the_boot_then_asks_then_goes_to_the_start_pose_and_sends_nothing_more() -> None:
+def test_head_waits_for_the_boot_then_goes_to_its_start_pose() -> None:
     b = bench(
         VirtualRodney(boot_delay=1.5), boot_delay=2.0, speed=radians(50), start=HeadPose(radians(10), radians(-20))
     )
@@ -342,7 +338,7 @@ def test_it_waits_out_the_boot_then_asks_then_goes_to_the_start_pose_and_sends_n
     ]
 
 
-def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
+def test_head_moves_degree_by_degree_at_its_speed() -> None:
     b = bench(speed=radians(50))
     b.begin()
     assert b.head.look(HeadPose(radians(30), 0.0)) == HeadPose(radians(30), 0.0)
@@ -357,7 +353,7 @@ def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
     assert b.link.device.angle(0, b.clock.now()) == 120
 
 
-def test_the_first_degree_is_on_the_wire_as_soon_as_the_board_is_sure_and_a_trembling_goal_sends_none() -> None:
+def test_first_degree_is_sent_at_once_and_a_trembling_goal_sends_none() -> None:
     b = bench(VirtualRodney(tacho=True), speed=radians(120), acceleration=radians(400))
     b.begin()
     for _ in range(10):
@@ -380,7 +376,7 @@ def test_the_first_degree_is_on_the_wire_as_soon_as_the_board_is_sure_and_a_trem
 
 @pytest.mark.parametrize("rest", [10.0, 10.4, 9.6, -10.4, -9.6])
 @pytest.mark.parametrize("way", [30, -30])
-def test_from_rest_between_two_degrees_the_first_one_is_on_the_wire_as_soon(rest: float, way: int) -> None:
+def test_first_degree_is_sent_at_once_from_between_two_degrees(rest: float, way: int) -> None:
     b = bench(VirtualRodney(tacho=True), speed=radians(120), acceleration=radians(400))
     b.begin()
     resting = HeadPose(radians(rest), radians(-rest))
@@ -394,14 +390,14 @@ def test_from_rest_between_two_degrees_the_first_one_is_on_the_wire_as_soon(rest
 
 
 @given(st.booleans(), st.floats(-45, 45), st.integers(0, 180), st.integers(0, 180))
-def test_from_a_whole_degree_the_next_one_on_the_way_follows(flip: bool, trim: float, here: int, end: int) -> None:
+def test_next_degree_follows_from_a_whole_degree(flip: bool, trim: float, here: int, end: int) -> None:
     axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
     follows = here + (end > here) - (end < here)
     assert axis.next_degree(axis.to_radians(here), axis.to_radians(end)) == follows
 
 
 @given(st.booleans(), st.floats(-45, 45), st.floats(-180, 180))
-def test_a_servo_stands_within_half_a_degree_of_what_it_can_reach(flip: bool, trim: float, angle: float) -> None:
+def test_nearest_angle_is_within_half_a_degree(flip: bool, trim: float, angle: float) -> None:
     axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
     held = min(max(radians(angle), axis.range[0]), axis.range[1])
     nearest = axis.nearest_angle(held)
@@ -410,9 +406,7 @@ def test_a_servo_stands_within_half_a_degree_of_what_it_can_reach(flip: bool, tr
 
 
 @given(st.booleans(), st.floats(-45, 45), st.floats(-80, 80), st.floats(-80, 80))
-def test_what_is_sent_is_on_the_way_to_the_goal_and_less_than_a_degree_ahead(
-    flip: bool, trim: float, angle: float, goal: float
-) -> None:
+def test_next_degree_is_less_than_a_degree_ahead(flip: bool, trim: float, angle: float, goal: float) -> None:
     axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
     angle, goal = (min(max(each, math.degrees(axis.range[0])), math.degrees(axis.range[1])) for each in (angle, goal))
     sent, end = axis.next_degree(radians(angle), radians(goal)), axis.to_degrees(radians(goal))
@@ -425,7 +419,7 @@ def test_what_is_sent_is_on_the_way_to_the_goal_and_less_than_a_degree_ahead(
     assert axis.next_degree(radians(goal), radians(goal)) == end
 
 
-def test_a_goal_beyond_the_limits_is_clamped_and_said_so() -> None:
+def test_goal_beyond_the_limits_is_clamped_and_returned() -> None:
     b = bench()
     b.link.plug()
     b.link.run(0.1)
@@ -437,7 +431,7 @@ def test_a_goal_beyond_the_limits_is_clamped_and_said_so() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_goal_that_is_not_finite_is_a_bad_request(bad: float) -> None:
+def test_goal_that_is_not_finite_is_refused(bad: float) -> None:
     b = bench()
     b.link.plug()
     b.link.run(0.1)
@@ -446,7 +440,7 @@ def test_a_goal_that_is_not_finite_is_a_bad_request(bad: float) -> None:
             b.head.look(goal)
 
 
-def test_a_speed_that_moves_nothing_is_refused() -> None:
+def test_speed_that_is_not_positive_is_refused() -> None:
     for speed in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="is not positive"):
             bench(speed=speed)
@@ -458,7 +452,7 @@ def test_two_axes_on_one_servo_are_refused() -> None:
         ArduinoHead(b.head.board, b.clock, pan=PAN, tilt=PAN, speed=1.0)
 
 
-def test_stopped_it_holds_where_it_has_got_to() -> None:
+def test_stopped_head_holds_its_angle() -> None:
     b = bench(speed=radians(50))
     b.begin()
     b.head.look(HeadPose(radians(30), radians(-30)))
@@ -473,7 +467,7 @@ def test_stopped_it_holds_where_it_has_got_to() -> None:
     assert b.link.said() == b""
 
 
-def test_the_pose_of_a_moment_ago_is_known() -> None:
+def test_past_pose_is_known() -> None:
     b = bench(speed=radians(50))
     assert b.head.pose_at(b.clock.now()) is None
     b.link.plug()
@@ -487,7 +481,7 @@ def test_the_pose_of_a_moment_ago_is_known() -> None:
         assert past.pan == pytest.approx(radians(angle), abs=radians(1.01))
 
 
-def test_the_pose_is_none_then_good_then_stale() -> None:
+def test_pose_is_none_then_good_then_stale() -> None:
     b = bench()
     assert (b.head.pose().quality, b.head.pose().value) == (Quality.NONE, None)
     b.link.plug()
@@ -499,7 +493,7 @@ def test_the_pose_is_none_then_good_then_stale() -> None:
     assert (b.head.pose().quality, b.head.pose().stamp) == (Quality.STALE, stamp)
 
 
-def test_a_question_for_the_time_is_answered_with_the_clocks_time() -> None:
+def test_time_request_is_answered_with_the_time_of_the_clock() -> None:
     b = bench()
     b.begin()
     b.link.run(1.7)
@@ -510,7 +504,7 @@ def test_a_question_for_the_time_is_answered_with_the_clocks_time() -> None:
     assert wire.RosserialTime.unpack(frame.data).seconds == pytest.approx(b.clock.now() - 1.26, abs=1.26)
 
 
-def test_kept_in_step_it_asks_for_the_topics_once() -> None:
+def test_synchronised_session_requests_topics_once() -> None:
     b = bench(VirtualRodney(tacho=True))
     b.link.plug()
     b.link.run(60)
@@ -519,7 +513,7 @@ def test_kept_in_step_it_asks_for_the_topics_once() -> None:
     assert counters["times"] == 27  # three of them for the nudges
 
 
-def test_a_silent_board_is_asked_again_and_says_what_to_try() -> None:
+def test_silent_board_is_probed_again_and_a_hint_is_given() -> None:
     b = bench(VirtualRodney(boot_delay=1000))
     b.link.plug()
     b.link.run(10)
@@ -533,7 +527,7 @@ def test_a_silent_board_is_asked_again_and_says_what_to_try() -> None:
     assert caught.value.hint == health.hint
 
 
-def test_another_sketchs_chatter_is_told_from_silence() -> None:
+def test_chatter_of_another_sketch_is_reported() -> None:
     b = bench(VirtualRodney(boot_delay=1000))
     b.link.plug()
     b.link.noise = b"Temperature: 21.5\r\n"
@@ -542,7 +536,7 @@ def test_another_sketchs_chatter_is_told_from_silence() -> None:
     assert "miniterm /dev/nano 57600" in b.head.health().hint
 
 
-def test_noise_before_a_frame_and_a_wrong_checksum_are_counted_and_survived() -> None:
+def test_noise_and_wrong_checksums_are_counted_and_skipped() -> None:
     b = bench()
     b.link.plug()
     b.link.noise = b"\x00\xff\xff\xfe\x10" + wire.REQUEST_TIME[:-1] + b"\x00"
@@ -553,7 +547,7 @@ def test_noise_before_a_frame_and_a_wrong_checksum_are_counted_and_survived() ->
     assert health.counters["skipped bytes"] == 5 + len(wire.REQUEST_TIME)
 
 
-def test_a_false_header_does_not_hold_up_what_is_behind_it() -> None:
+def test_false_header_does_not_delay_the_next_frame() -> None:
     b = bench()
     b.link.plug()
     b.link.noise = bytes.fromhex("FF FE 00 01 FE")  # announces 256 bytes that never come
@@ -577,7 +571,7 @@ def test_other_message_definitions_are_named_and_nothing_moves() -> None:
         b.head.look(HeadPose(0.1, 0.0))
 
 
-def test_a_board_without_servos_is_told_by_its_topics() -> None:
+def test_board_without_servos_is_reported_with_its_topics() -> None:
     b = bench(
         VirtualRodney(
             tacho=True, servo_topic=wire.RosserialTopic("led", "std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")
@@ -589,7 +583,7 @@ def test_a_board_without_servos_is_told_by_its_topics() -> None:
     assert b.link.device.commands == []
 
 
-def test_a_topic_that_it_never_heard_of_makes_it_ask_again() -> None:
+def test_unknown_topic_triggers_a_topic_request() -> None:
     b = bench()
     b.link.plug()
     b.link.run(4)
@@ -601,7 +595,7 @@ def test_a_topic_that_it_never_heard_of_makes_it_ask_again() -> None:
     assert b.head.health().online
 
 
-def test_the_boards_log_is_counted_and_its_warnings_are_reported() -> None:
+def test_board_log_is_counted_and_its_warnings_are_reported() -> None:
     b = bench(VirtualRodney(tacho=True))
     b.link.plug()
     b.link.run(0.1)
@@ -612,7 +606,7 @@ def test_the_boards_log_is_counted_and_its_warnings_are_reported() -> None:
     assert [one.message for one in b.notices if one.kind == "fault"] == ["log of the board: supply is low"]
 
 
-def test_malformed_messages_are_counted_and_survived() -> None:
+def test_malformed_messages_are_counted_and_skipped() -> None:
     b = bench()
     b.link.plug()
     b.link.noise = (
@@ -623,7 +617,7 @@ def test_malformed_messages_are_counted_and_survived() -> None:
     assert b.head.health().online
 
 
-def test_the_head_never_leaps_from_where_the_sketch_has_put_it() -> None:
+def test_head_never_leaps_from_the_start_angles_of_the_sketch() -> None:
     board = VirtualRodney(boot_delay=1.0, logs_angles=True)
     b = bench(board, boot_delay=1.5, speed=radians(50), start=HeadPose(radians(-40), 0.3))
     b.link.plug()
@@ -648,7 +642,7 @@ def test_the_head_never_leaps_from_where_the_sketch_has_put_it() -> None:
     assert max(leaps(board.commands, index) for index in (0, 1)) <= 2
 
 
-def test_after_a_reset_it_keeps_to_its_speed() -> None:
+def test_head_keeps_its_speed_after_a_reset() -> None:
     board = VirtualRodney(boot_delay=1.0, logs_angles=True)
     b = bench(board, boot_delay=1.5, speed=radians(20), start=HeadPose(radians(40), 0.0))
     b.link.plug()
@@ -660,7 +654,7 @@ def test_after_a_reset_it_keeps_to_its_speed() -> None:
 
 
 @pytest.mark.parametrize("board", [VirtualRodney(logs_angles=True), VirtualRodney(tacho=True, boot_delay=0.4)])
-def test_a_board_that_reset_itself_is_noticed_and_the_head_stays_where_its_sketch_puts_it(board: VirtualRodney) -> None:
+def test_board_reset_is_noticed_and_the_head_stays(board: VirtualRodney) -> None:
     b = bench(board, speed=radians(50))
     b.link.plug()
     b.link.run(3.0)
@@ -683,7 +677,7 @@ def test_a_board_that_reset_itself_is_noticed_and_the_head_stays_where_its_sketc
     assert degrees(b.head) == pytest.approx((20, 0))
 
 
-def test_a_reset_is_noticed_within_two_tenths_of_a_second_where_the_sketch_has_encoders() -> None:
+def test_reset_is_noticed_within_200_ms_with_encoders() -> None:
     b = bench(VirtualRodney(tacho=True, boot_delay=0.4))
     b.link.plug()
     b.link.run(3.0)
@@ -697,7 +691,7 @@ def test_a_reset_is_noticed_within_two_tenths_of_a_second_where_the_sketch_has_e
     assert b.head.pose().quality is Quality.STALE
 
 
-def test_a_board_that_has_been_running_is_found_out_at_once_and_its_servos_stand_where_they_were_left(
+def test_running_board_is_recognised_and_its_servo_angles_are_restored(
     tmp_path: Path,
 ) -> None:
     node = tmp_path / "ttyACM0"
@@ -721,7 +715,7 @@ def test_a_board_that_has_been_running_is_found_out_at_once_and_its_servos_stand
     assert ServoAngleStore(tmp_path, str(tmp_path / "another")).pop() == {}
 
 
-def test_of_a_damaged_memory_nothing_is_known_and_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
+def test_damaged_angle_store_is_empty_and_a_pipe_does_not_block(tmp_path: Path) -> None:
     node = tmp_path / "ttyACM0"
     node.touch()
     memory = ServoAngleStore(tmp_path, str(node))
@@ -737,7 +731,7 @@ def test_of_a_damaged_memory_nothing_is_known_and_nobody_waits_for_a_pipe(tmp_pa
     assert memory.pop() == {}
 
 
-def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_angles_again() -> None:
+def test_pose_is_stale_from_a_reset_until_the_board_accepts_angles() -> None:
     b = bench(VirtualRodney(boot_delay=8.0))
     b.link.plug()
     b.link.run(10.0)
@@ -749,7 +743,7 @@ def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_an
     assert b.head.pose().good
 
 
-def test_one_garbled_question_for_the_time_is_no_reset() -> None:
+def test_one_garbled_time_request_is_not_a_reset() -> None:
     b = bench()
     b.begin()
     b.link.deaf_until = b.clock.now() + 2.0  # one question falls into this
@@ -758,7 +752,7 @@ def test_one_garbled_question_for_the_time_is_no_reset() -> None:
     assert b.link.device.commands == []
 
 
-def test_a_board_whose_answer_comes_late_once_is_no_board_that_may_have_started_anew() -> None:
+def test_one_late_answer_is_not_a_reset() -> None:
     b = bench()
     b.begin()
     b.link.late_until = b.clock.now() + 0.6
@@ -773,7 +767,7 @@ def test_a_board_whose_answer_comes_late_once_is_no_board_that_may_have_started_
     assert degrees(b.head) == pytest.approx((20, 0))
 
 
-def test_a_board_that_started_anew_before_a_late_answer_is_known_by_it() -> None:
+def test_reset_before_a_late_answer_is_noticed() -> None:
     b = bench()
     b.begin()
     b.link.run(0.2)
@@ -784,7 +778,7 @@ def test_a_board_that_started_anew_before_a_late_answer_is_known_by_it() -> None
     assert b.link.device.commands == []
 
 
-def test_who_enables_a_head_is_told_that_nobody_knows_where_it_stands_and_not_only_that_it_was_away() -> None:
+def test_enable_reports_unknown_servo_angles() -> None:
     b = bench()
     b.begin()
     b.link.unplug()
@@ -797,9 +791,7 @@ def test_who_enables_a_head_is_told_that_nobody_knows_where_it_stands_and_not_on
 
 
 @pytest.mark.parametrize("pan_alone", [False, True])
-def test_where_nobody_knows_how_the_servos_stand_nothing_is_kept_for_the_next_program(
-    pan_alone: bool, tmp_path: Path
-) -> None:
+def test_unknown_servo_angles_are_not_stored(pan_alone: bool, tmp_path: Path) -> None:
     (node := tmp_path / "tty").touch()
     memory = ServoAngleStore(tmp_path, str(node))
     b = bench(remembered=memory)
@@ -822,7 +814,7 @@ def test_where_nobody_knows_how_the_servos_stand_nothing_is_kept_for_the_next_pr
     assert memory.pop() == {}
 
 
-def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> None:
+def test_unrequested_topics_mean_a_restarted_board() -> None:
     b = bench()
     b.begin()
     b.head.look(HeadPose(radians(20), 0.0))
@@ -836,7 +828,7 @@ def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> Non
     assert degrees(b.head) == pytest.approx((0, -30))
 
 
-def test_a_goal_does_not_survive_the_loss_of_the_connection() -> None:
+def test_goal_is_dropped_on_disconnect() -> None:
     b = bench(speed=radians(50))
     b.begin()
     b.head.look(HeadPose(radians(60), 0.0))
@@ -859,7 +851,7 @@ def test_a_goal_does_not_survive_the_loss_of_the_connection() -> None:
     assert degrees(b.head) == pytest.approx((0, 0))
 
 
-def test_closing_tells_the_board_to_stop_sending_and_may_be_done_twice() -> None:
+def test_close_stops_the_board_and_may_be_repeated() -> None:
     b = bench()
     b.head.close()
     b.begin()
@@ -869,7 +861,7 @@ def test_closing_tells_the_board_to_stop_sending_and_may_be_done_twice() -> None
     assert b.link.said() == wire.STOP_SENDING
 
 
-def test_two_heads_share_a_board_and_are_told_apart_by_their_servos() -> None:
+def test_two_heads_share_a_board() -> None:
     b = bench()
     other = ArduinoHead(
         b.head.board, b.clock, pan=RODNEY["index1 pan"], tilt=RODNEY["index1 tilt"], speed=3.0, name="other head"
@@ -892,7 +884,7 @@ def test_two_heads_share_a_board_and_are_told_apart_by_their_servos() -> None:
         other.look(HeadPose(0.0, 0.0))
 
 
-def test_trimmed_while_it_runs_it_goes_over_smoothly_and_keeps_its_goal() -> None:
+def test_trim_while_moving_is_smooth_and_keeps_the_goal() -> None:
     b = bench(speed=radians(50), acceleration=radians(400))
     b.begin()
     b.head.look(HeadPose(radians(20), radians(-10)))
@@ -909,7 +901,7 @@ def test_trimmed_while_it_runs_it_goes_over_smoothly_and_keeps_its_goal() -> Non
     assert b.link.device.angle(0, b.clock.now()) == 65
 
 
-def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() -> None:
+def test_trim_survives_a_reset_and_may_be_set_before_connecting() -> None:
     b = bench(VirtualRodney(boot_delay=1.0), boot_delay=1.5)
     b.head.trim(tilt=radians(-8))
     b.link.plug()
@@ -923,7 +915,7 @@ def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() 
     assert b.link.device.angle(1, b.clock.now()) == 82
 
 
-def test_what_is_sent_speeds_up_and_brakes_no_harder_than_it_may() -> None:
+def test_sent_angles_respect_the_acceleration_limit() -> None:
     speed, acceleration = radians(120), radians(400)
     b = bench(speed=speed, acceleration=acceleration)
     b.begin()
@@ -941,7 +933,7 @@ def test_what_is_sent_speeds_up_and_brakes_no_harder_than_it_may() -> None:
     assert angles[-1] == pytest.approx(10)
 
 
-def test_the_wheels_turn_as_the_encoders_of_the_later_sketch_say() -> None:
+def test_wheel_speeds_come_from_the_encoders_of_the_later_sketch() -> None:
     b = bench(VirtualRodney(tacho=True))
     assert b.head.board.wheels().quality is Quality.NONE
     b.link.device.wheels = wire.Tacho(30.0, -60.0)
@@ -958,7 +950,7 @@ def test_the_wheels_turn_as_the_encoders_of_the_later_sketch_say() -> None:
     assert b.head.board.wheels().quality is Quality.STALE
 
 
-def test_an_encoder_that_reports_no_number_is_malformed_and_the_first_sketch_has_none() -> None:
+def test_nan_of_an_encoder_is_malformed_and_the_first_sketch_has_none() -> None:
     b = bench(VirtualRodney(tacho=True))
     b.link.device.wheels = wire.Tacho(math.nan, 1.0)
     b.link.plug()
@@ -970,7 +962,7 @@ def test_an_encoder_that_reports_no_number_is_malformed_and_the_first_sketch_has
     assert b.head.board.wheels().value is None
 
 
-def test_another_definition_of_the_encoders_message_is_named_and_the_head_turns_all_the_same() -> None:
+def test_other_encoder_message_is_named_and_the_head_still_turns() -> None:
     b = bench()
     b.link.plug()
     other = wire.RosserialTopic("tacho", "std_msgs/Float64", "fdb28210bfa9d7c91146260178d9a584")
@@ -990,7 +982,7 @@ WIRE_NOISE = st.one_of(
 
 
 @given(st.lists(st.tuples(WIRE_NOISE, st.sampled_from(["", "reset", "unplug", "deaf"])), max_size=6))
-def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
+def test_head_stays_within_bounds_and_recovers_from_any_input(
     mishaps: list[tuple[bytes, str]],
 ) -> None:
     b = bench(VirtualRodney(boot_delay=0.5, tacho=True), boot_delay=0.6)
@@ -1061,7 +1053,7 @@ def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
     return there
 
 
-def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
+def test_head_turns_over_a_serial_port(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
     wait_until(looks(rig, 0, 0))
@@ -1074,7 +1066,7 @@ def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     )
 
 
-def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> None:
+def test_absent_board_is_found_when_it_appears(rig: Rig) -> None:
     rig.head.open()
     wait_until(lambda: "no such device" in rig.head.health().detail)
     with pytest.raises(NotConnected, match="no such device"):
@@ -1083,7 +1075,7 @@ def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> N
     wait_until(lambda: online(rig))
 
 
-def test_unplugged_and_plugged_in_again_it_stays_where_its_sketch_puts_it_until_it_is_told(rig: Rig) -> None:
+def test_reconnected_head_stays_until_commanded(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
     wait_until(lambda: online(rig))
@@ -1101,7 +1093,7 @@ def test_unplugged_and_plugged_in_again_it_stays_where_its_sketch_puts_it_until_
     assert "offline" in [one.kind for one in rig.notices]
 
 
-def test_a_line_that_lies_is_survived(rig: Rig) -> None:
+def test_distorted_line_is_survived(rig: Rig) -> None:
     rig.terminal.open()
     rig.terminal.distort = lambda data: b"\x00\xff" + data.replace(b"servo_array", b"servo_arrbz")
     rig.head.open()
@@ -1113,7 +1105,7 @@ def test_a_line_that_lies_is_survived(rig: Rig) -> None:
     wait_until(looks(rig, 10, 0))
 
 
-def test_closed_from_any_state_and_opened_again_it_works(rig: Rig) -> None:
+def test_head_can_be_closed_in_any_state_and_reopened(rig: Rig) -> None:
     rig.head.close()
     rig.terminal.open()
     for _ in range(2):

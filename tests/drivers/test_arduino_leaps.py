@@ -201,7 +201,7 @@ def played(sketch: Sketch, event: str, folder: Path) -> tuple[float, float]:
 
 @pytest.mark.parametrize("event", list(EVENTS))
 @pytest.mark.parametrize("name", list(SKETCHES))
-def test_no_event_makes_the_driver_send_a_leap_and_only_a_start_of_the_board_makes_its_sketch_leap(
+def test_no_event_makes_the_driver_leap_and_only_a_boot_leaps(
     name: str, event: str, tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     sent, start = played(SKETCHES[name], event, tmp_path)
@@ -211,14 +211,12 @@ def test_no_event_makes_the_driver_send_a_leap_and_only_a_start_of_the_board_mak
 
 
 @pytest.mark.parametrize(("name", "leap"), [("before Part 01, Nano", 80.0), ("the oldest, Nano", 27.3)])
-def test_a_sketch_that_starts_its_servos_elsewhere_leaps_by_the_difference_unless_the_robot_file_says_start(
-    name: str, leap: float, tmp_path: Path
-) -> None:
+def test_start_angle_mismatch_leaps_unless_the_robot_file_sets_start(name: str, leap: float, tmp_path: Path) -> None:
     with closing(Scene(Sketch(SKETCHES[name].board), tmp_path)) as scene:
         assert scene.board.max_step == pytest.approx(leap, abs=2.0)
 
 
-def test_a_board_that_has_been_running_and_whose_servos_nobody_knows_stays_until_it_is_commanded(
+def test_running_board_with_unknown_angles_stays_until_commanded(
     tmp_path: Path,
 ) -> None:
     with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
@@ -247,9 +245,7 @@ def warnings(scene: Scene) -> int:
 
 @pytest.mark.parametrize("killed", [False, True])
 @pytest.mark.parametrize(("pan", "tilt"), [(None, None), (30, None), (None, 10), (30, 10)])
-def test_an_assumed_angle_is_not_remembered_as_a_known_one(
-    pan: int | None, tilt: int | None, killed: bool, tmp_path: Path
-) -> None:
+def test_assumed_angle_is_not_stored_as_known(pan: int | None, tilt: int | None, killed: bool, tmp_path: Path) -> None:
     with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
         place_unknown(scene)
         assert warnings(scene) == 1
@@ -272,7 +268,7 @@ def test_an_assumed_angle_is_not_remembered_as_a_known_one(
             assert scene.board.commands == []
 
 
-def test_a_remembered_angle_of_other_servos_does_not_count(tmp_path: Path) -> None:
+def test_stored_angle_of_other_servos_is_ignored(tmp_path: Path) -> None:
     with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
         scene.head.close()
         memory = ServoAngleStore(tmp_path, str(scene.port))

@@ -24,7 +24,7 @@ def posture(engine: WalkingEngine) -> LegPosture:
     return engine.step()
 
 
-def test_bent_knees_carry_the_body_and_all_torques_are_mirror_images(engine: WalkingEngine) -> None:
+def test_bent_knees_carry_the_body_and_torques_are_mirrored(engine: WalkingEngine) -> None:
     held = static_torques(engine.body, posture(engine))[engine.body.leg_indices].reshape(2, 6)
     thigh = 0.2 * np.sin(engine.ready_angles[3] / 2)
     above = engine.body.total_mass - 2 * (0.25 + 0.25 + 0.3)  # kg that both knees carry, without shanks and feet
@@ -32,7 +32,7 @@ def test_bent_knees_carry_the_body_and_all_torques_are_mirror_images(engine: Wal
     assert np.abs(held[0] - held[1]).max() < 1e-6
 
 
-def test_goals_are_set_ahead_by_what_servos_are_soft_and_no_more_while_nothing_moves(engine: WalkingEngine) -> None:
+def test_goals_compensate_for_servo_compliance_at_rest(engine: WalkingEngine) -> None:
     body, still = engine.body, posture(engine)
     motor = motor_physics(MODELS["EX-106+"])
     ahead = Compensation(body, dict.fromkeys(body.leg_joints, motor)).goals(still) - still.angles
@@ -40,7 +40,7 @@ def test_goals_are_set_ahead_by_what_servos_are_soft_and_no_more_while_nothing_m
     assert ahead == pytest.approx(held / motor.stiffness)
 
 
-def test_a_lean_ahead_is_pushed_back_by_the_ankles_and_caught_by_a_longer_step(engine: WalkingEngine) -> None:
+def test_forward_lean_is_countered_by_ankles_and_a_longer_step(engine: WalkingEngine) -> None:
     balance = BalanceController(engine.stride, engine.walker.manner.com_height, BalanceGains(step=0.8))
     upright = balance(AttitudeEstimate(0.0, 0.0), posture(engine))
     assert (upright.ankle, upright.step) == ((0.0, 0.0), (0.0, 0.0))

@@ -12,7 +12,7 @@ from drivers.sim.base_body import OVERLOAD_CURRENT, motor_current
 from drivers.sim.battery import CAPACITY, CHARGE_CURRENT, INTERNAL_RESISTANCE, Battery
 
 
-def test_by_itself_it_keeps_what_it_has() -> None:
+def test_idle_battery_keeps_its_charge() -> None:
     battery = Battery(42.0)
     for second in range(1000):
         battery.advance(float(second), 5.0, docked=False)
@@ -20,7 +20,7 @@ def test_by_itself_it_keeps_what_it_has() -> None:
     assert battery_percent(battery.voltage) == pytest.approx(42.0)
 
 
-def test_it_empties_by_what_is_drawn_as_many_times_as_fast_as_it_is_told() -> None:
+def test_battery_drains_by_the_drawn_current_and_the_drain_factor() -> None:
     real, fast = Battery(drain=1.0), Battery(drain=10.0)
     for battery in (real, fast):
         battery.advance(0.0, 1.0, docked=False)
@@ -29,7 +29,7 @@ def test_it_empties_by_what_is_drawn_as_many_times_as_fast_as_it_is_told() -> No
 
 
 @given(st.lists(st.floats(0.0, 1000.0), min_size=1, max_size=20), st.floats(0.0, 100.0), st.booleans())
-def test_however_often_one_looks_it_holds_the_same_and_never_less_than_nothing_or_more_than_all(
+def test_battery_charge_is_bounded_and_independent_of_the_update_rate(
     pauses: list[float], percent: float, docked: bool
 ) -> None:
     often, once = Battery(percent, drain=3.0), Battery(percent, drain=3.0)
@@ -44,7 +44,7 @@ def test_however_often_one_looks_it_holds_the_same_and_never_less_than_nothing_o
     assert often.percent == pytest.approx(once.percent, abs=1e-6)
 
 
-def test_under_load_its_voltage_drops_and_so_does_the_percent_that_is_told_but_not_what_is_left() -> None:
+def test_load_lowers_voltage_and_reported_percent_but_not_the_charge() -> None:
     battery = Battery(50.0, drain=1.0, resistance=INTERNAL_RESISTANCE)
     battery.advance(0.0, 0.0, docked=False)
     rested, told = battery.voltage, battery.reported_percent
@@ -55,7 +55,7 @@ def test_under_load_its_voltage_drops_and_so_does_the_percent_that_is_told_but_n
     assert battery.percent == 50.0
 
 
-def test_at_the_dock_it_fills_as_the_vendor_promises_until_it_is_full() -> None:
+def test_docked_battery_charges_until_it_is_full() -> None:
     battery = Battery(0.0, resistance=INTERNAL_RESISTANCE)
     battery.advance(0.0, 2.0, docked=True)
     assert battery.is_charging
@@ -71,18 +71,18 @@ def test_at_the_dock_it_fills_as_the_vendor_promises_until_it_is_full() -> None:
 @pytest.mark.parametrize(
     "wrong", [{"percent": 101.0}, {"percent": -1.0}, {"percent": float("nan")}, {"drain": -1.0}, {"resistance": -0.1}]
 )
-def test_a_battery_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> None:
+def test_invalid_battery_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Battery(**wrong)
 
 
-def test_a_motor_draws_more_the_faster_it_turns_and_the_longer_in_vain() -> None:
+def test_motor_current_rises_with_speed_and_stall_time() -> None:
     assert motor_current(0.0) == motor_current(0.0, 1.0) == 0.0
     assert motor_current(0.1) < motor_current(0.5) < 1.0
     assert motor_current(-0.5) == motor_current(0.5)
     assert motor_current(0.3, 0.02) < OVERLOAD_CURRENT <= motor_current(0.3, 0.2) == motor_current(0.3, 9.0)
 
 
-def test_the_simulated_body_and_battery_are_those_of_a_kobuki() -> None:
+def test_simulated_body_and_battery_match_a_kobuki() -> None:
     assert base_body.ENCODER_STEP == METRES_PER_TICK
     assert (simulated.EMPTY_VOLTAGE, simulated.FULL_VOLTAGE) == (EMPTY_VOLTAGE, FULL_VOLTAGE)

@@ -32,7 +32,7 @@ def within(solid: UprightBox | UprightCylinder, x: float, y: float) -> bool:
 
 
 @given(solids, place, place)
-def test_the_nearest_spot_is_on_it_and_nothing_of_it_is_nearer(
+def test_nearest_offset_reaches_the_solid_and_nothing_is_nearer(
     solid: UprightBox | UprightCylinder, x: float, y: float
 ) -> None:
     dx, dy = solid.nearest_offset(x, y)
@@ -48,7 +48,7 @@ def test_the_nearest_spot_is_on_it_and_nothing_of_it_is_nearer(
 
 
 @given(solids, place, place, st.floats(-pi, pi))
-def test_a_ray_ends_where_small_steps_first_are_within(
+def test_ray_ends_at_the_first_point_within_the_solid(
     solid: UprightBox | UprightCylinder, x: float, y: float, angle: float
 ) -> None:
     far = solid.intersect_ray(x, y, cos(angle), sin(angle))
@@ -62,7 +62,7 @@ def test_a_ray_ends_where_small_steps_first_are_within(
 
 
 @given(solids, points, points)
-def test_a_line_of_sight_is_cut_by_whatever_one_of_its_points_is_in(
+def test_line_of_sight_is_blocked_by_a_point_within_the_solid(
     solid: UprightBox | UprightCylinder, eye: Point3, point: Point3
 ) -> None:
     shares = [step / 200 for step in range(201)]
@@ -74,7 +74,7 @@ def test_a_line_of_sight_is_cut_by_whatever_one_of_its_points_is_in(
     assert solid.blocks_sight(eye, point) == solid.blocks_sight(point, eye)
 
 
-def test_a_line_over_and_a_line_under_it_are_free() -> None:
+def test_line_of_sight_above_or_below_the_box_is_free() -> None:
     shelf = UprightBox(2.0, 0.0, 1.0, 1.0, 0.3, bottom=0.5, top=1.0)
     assert shelf.blocks_sight((0.0, 0.0, 0.7), (4.0, 0.0, 0.7))
     assert not shelf.blocks_sight((0.0, 0.0, 1.2), (4.0, 0.0, 1.2))
@@ -83,7 +83,7 @@ def test_a_line_over_and_a_line_under_it_are_free() -> None:
     assert not shelf.blocks_sight((0.0, 0.0, 0.7), (1.0, 0.0, 0.7))  # it ends before
 
 
-def test_straight_up_and_beside_is_free() -> None:
+def test_vertical_lines_and_rays_beside_a_solid_are_free() -> None:
     for solid in (UprightBox(0.0, 0.0, 1.0, 1.0), UprightCylinder(0.0, 0.0, 0.5)):
         assert solid.blocks_sight((0.1, 0.1, 0.2), (0.1, 0.1, 2.0))
         assert not solid.blocks_sight((0.9, 0.0, 0.2), (0.9, 0.0, 2.0))

@@ -53,7 +53,7 @@ def drive(body: BaseBody, linear: float, angular: float, start: float, seconds: 
     return start + seconds
 
 
-def test_on_an_open_floor_it_goes_where_its_wheels_go() -> None:
+def test_body_follows_its_wheels_on_an_open_floor() -> None:
     body, wheels = BaseBody(), SimulatedWheels()
     body.command(0.3, 0.4, 0.0)
     wheels.command(0.3, 0.4, 0.0)
@@ -67,7 +67,7 @@ def test_on_an_open_floor_it_goes_where_its_wheels_go() -> None:
     st.floats(-pi, pi),
     st.lists(st.tuples(st.floats(-0.7, 0.7), st.floats(-3, 3), st.floats(0.02, 2.0)), min_size=1, max_size=8),
 )
-def test_no_drive_leads_through_a_wall(heading: float, moves: list[tuple[float, float, float]]) -> None:
+def test_body_never_passes_a_wall(heading: float, moves: list[tuple[float, float, float]]) -> None:
     body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.5, 0.0, heading)), ground=Walled())
     now = 0.0
     for linear, angular, seconds in moves:
@@ -75,7 +75,7 @@ def test_no_drive_leads_through_a_wall(heading: float, moves: list[tuple[float, 
         assert body.pose.x <= WALL - BASE_RADIUS + 0.001
 
 
-def test_it_comes_up_to_the_wall_and_feels_it_while_it_stands_there() -> None:
+def test_body_reaches_the_wall_and_its_bumper_stays_pressed() -> None:
     body = BaseBody(ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
     assert body.pose.x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
@@ -88,7 +88,7 @@ def test_it_comes_up_to_the_wall_and_feels_it_while_it_stands_there() -> None:
     assert body.pose.x == pytest.approx(WALL - BASE_RADIUS - 0.19, abs=0.01)
 
 
-def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
+def test_blocked_body_slips_its_wheels_and_turns_on_the_spot() -> None:
     body = BaseBody(ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
     left, right = body.encoders
@@ -101,7 +101,7 @@ def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
     assert body.encoders[1] > right + 2000
 
 
-def test_two_times_that_differ_by_a_rounding_error_do_not_let_it_go() -> None:
+def test_rounding_error_in_time_does_not_release_the_body() -> None:
     body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, 0.5)), ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
     body.advance(now + 1e-12)
@@ -109,7 +109,7 @@ def test_two_times_that_differ_by_a_rounding_error_do_not_let_it_go() -> None:
     assert min(body.currents) > 3.0
 
 
-def test_a_wheel_that_turns_in_vain_is_overloaded_after_a_while_and_no_longer_once_it_is_free() -> None:
+def test_blocked_wheel_is_overloaded_after_a_while_until_it_is_free() -> None:
     body = BaseBody(ground=Walled())
     now = drive(body, 0.3, 0.0, 0.0, 2.7)
     assert body.overcurrent == NO_SIDES
@@ -121,14 +121,14 @@ def test_a_wheel_that_turns_in_vain_is_overloaded_after_a_while_and_no_longer_on
     assert body.currents == pytest.approx((0.24, 0.24))
 
 
-def test_standing_still_against_a_wall_its_motors_draw_nothing() -> None:
+def test_motors_draw_nothing_while_standing_at_a_wall() -> None:
     body = BaseBody(ground=Walled())
     drive(body, 0.0, 0.0, drive(body, 0.3, 0.0, 0.0, 4.0), 1.0)
     assert (body.bumper, body.currents, body.overcurrent) == (Sides(centre=True), (0.0, 0.0), NO_SIDES)
 
 
 @given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=20))
-def test_a_wall_stops_it_at_the_same_place_however_often_one_looks(pauses: list[float]) -> None:
+def test_wall_stops_the_body_at_the_same_place_at_any_update_rate(pauses: list[float]) -> None:
     body, now = BaseBody(ground=Walled()), 0.0
     for pause in pauses * 30:
         now += pause
@@ -155,22 +155,20 @@ def test_a_wall_stops_it_at_the_same_place_however_often_one_looks(pauses: list[
     ],
 )
 @pytest.mark.parametrize("heading", [0.0, 170.0, -90.0, 720.0])
-def test_the_bumper_tells_the_side_by_the_direction_from_the_heading(
-    direction: float, felt: Sides, heading: float
-) -> None:
+def test_bumper_side_depends_on_direction_relative_to_heading(direction: float, felt: Sides, heading: float) -> None:
     ground = Felt(direction + heading)
     body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=ground)
     body.advance(0.0)
     assert body.bumper == felt
 
 
-def test_two_things_press_two_parts_of_the_bumper() -> None:
+def test_two_contacts_press_two_bumper_sides() -> None:
     body = BaseBody(ground=Felt(-40.0, 10.0))
     body.advance(0.0)
     assert body.bumper == Sides(centre=True, right=True)
 
 
-def test_behind_it_nothing_is_felt_but_it_is_stopped_all_the_same() -> None:
+def test_contact_behind_stops_the_body_without_a_bumper() -> None:
     body = BaseBody(ground=Felt(180.0))
     now = drive(body, -0.3, 0.0, 0.0, 1.0)
     assert (body.pose.x, body.bumper) == (0.0, NO_SIDES)
@@ -179,7 +177,7 @@ def test_behind_it_nothing_is_felt_but_it_is_stopped_all_the_same() -> None:
 
 
 @given(st.floats(-180, 180), st.floats(-180, 180))
-def test_one_can_leave_what_one_touches_but_not_enter_it(heading: float, direction: float) -> None:
+def test_body_can_leave_a_contact_but_not_enter_it(heading: float, direction: float) -> None:
     body = BaseBody(wheels=SimulatedWheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=Felt(direction))
     drive(body, 0.4, 0.0, 0.0, 1.0)
     away = cos(radians(direction - heading)) < -0.001
@@ -188,7 +186,7 @@ def test_one_can_leave_what_one_touches_but_not_enter_it(heading: float, directi
     assert (body.pose.x, body.pose.y) == (0.0, 0.0) or not into
 
 
-def test_somebody_who_walks_into_it_is_felt_though_it_stands_still() -> None:
+def test_person_walking_into_a_standing_body_presses_its_bumper() -> None:
     ground = Felt()
     body = BaseBody(ground=ground)
     body.advance(1.0)
@@ -204,7 +202,7 @@ def test_somebody_who_walks_into_it_is_felt_though_it_stands_still() -> None:
     [((0.156, 0.0), Sides(centre=True)), ((0.087, 0.136), Sides(left=True)), ((0.087, -0.136), Sides(right=True))],
 )
 @pytest.mark.parametrize("heading", [0.0, 130.0])
-def test_each_floor_sensor_sees_the_hole_beneath_it(spot: tuple[float, float], felt: Sides, heading: float) -> None:
+def test_each_floor_sensor_detects_a_hole_beneath(spot: tuple[float, float], felt: Sides, heading: float) -> None:
     c, s = cos(radians(heading)), sin(radians(heading))
     x, y = 2.0 + spot[0] * c - spot[1] * s, 3.0 + spot[0] * s + spot[1] * c
     body = BaseBody(
@@ -215,7 +213,7 @@ def test_each_floor_sensor_sees_the_hole_beneath_it(spot: tuple[float, float], f
     assert (body.cliff, body.wheel_drop) == (felt, NO_SIDES)
 
 
-def test_driven_over_an_edge_a_wheel_drops_and_it_hangs_there_until_put_down_elsewhere() -> None:
+def test_body_over_an_edge_hangs_until_put_down_elsewhere() -> None:
     body = BaseBody(ground=Holed(lambda x, _: x > 0.5))
     now = drive(body, 0.3, 0.0, 0.0, 4.0)
     assert body.cliff == Sides(left=True, centre=True, right=True)
@@ -231,13 +229,13 @@ def test_driven_over_an_edge_a_wheel_drops_and_it_hangs_there_until_put_down_els
     assert body.pose.x > -0.8
 
 
-def test_with_one_wheel_over_an_edge_that_wheel_drops() -> None:
+def test_one_wheel_over_an_edge_drops() -> None:
     body = BaseBody(ground=Holed(lambda _, y: y > 0.1))
     body.advance(0.0)
     assert (body.wheel_drop, body.cliff) == (Sides(left=True), Sides(left=True))
 
 
-def test_lifted_it_turns_its_wheels_in_the_air() -> None:
+def test_lifted_body_turns_its_wheels_in_the_air() -> None:
     body = BaseBody()
     body.lifted = True
     now = drive(body, 0.3, 0.2, 0.0, 1.0)
@@ -251,7 +249,7 @@ def test_lifted_it_turns_its_wheels_in_the_air() -> None:
 
 
 @given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=20))
-def test_without_a_new_command_it_comes_to_rest(pauses: list[float]) -> None:
+def test_body_stops_without_a_new_command(pauses: list[float]) -> None:
     body, now = BaseBody(), 0.0
     body.command(0.3, 0.0, 0.0)
     for pause in pauses:
@@ -273,5 +271,5 @@ def test_without_a_new_command_it_comes_to_rest(pauses: list[float]) -> None:
         (Sides(left=True), Sides(left=True, right=True), Sides(left=True, right=True)),
     ],
 )
-def test_what_one_of_two_feels_is_felt(first: Sides, second: Sides, both: Sides) -> None:
+def test_merged_sides_contain_both_contacts(first: Sides, second: Sides, both: Sides) -> None:
     assert merge_sides(first, second) == both

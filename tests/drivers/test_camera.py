@@ -87,7 +87,7 @@ def levels(frames: list[CameraFrame]) -> list[int]:
     return [round(float(frame.image.mean()) / 10) * 10 for frame in frames]
 
 
-def test_a_video_plays_at_its_own_rate_and_begins_again(video: Path, opened: Opener) -> None:
+def test_video_plays_at_its_own_rate_and_repeats(video: Path, opened: Opener) -> None:
     clock = ManualClock(start=7.0)
     frames = play(opened(open_source(video, clock)), clock, 7, 0.1)
     assert levels(frames) == [20, 60, 100, 140, 180, 20, 60]
@@ -95,13 +95,13 @@ def test_a_video_plays_at_its_own_rate_and_begins_again(video: Path, opened: Ope
     assert [frame.stamp for frame in frames] == pytest.approx([7.0 + 0.1 * number for number in range(7)])
 
 
-def test_no_frame_comes_while_the_clock_stands_still(video: Path, opened: Opener) -> None:
+def test_no_frame_arrives_while_the_clock_stands_still(video: Path, opened: Opener) -> None:
     camera = opened(open_source(video, ManualClock()))
     assert camera.read(60.0) is not None
     assert camera.read(0.05) is None
 
 
-def test_a_video_without_loop_says_that_it_has_ended(video: Path, opened: Opener) -> None:
+def test_video_without_loop_reports_its_end(video: Path, opened: Opener) -> None:
     clock, notices = ManualClock(), Queue[DeviceStatus]()
     camera = opened(open_source(video, clock, loop=False, report=notices.put))
     play(camera, clock, 5, 0.1)
@@ -110,7 +110,7 @@ def test_a_video_without_loop_says_that_it_has_ended(video: Path, opened: Opener
     assert [notices.get(timeout=5).kind for _ in range(2)] == ["online", "offline"]
 
 
-def test_a_late_reader_gets_the_newest_frame_and_the_rest_count_as_dropped(video: Path, opened: Opener) -> None:
+def test_late_reader_gets_the_newest_frame_and_the_rest_is_dropped(video: Path, opened: Opener) -> None:
     clock = ManualClock()
     camera = opened(open_source(video, clock))
     assert camera.read(60.0) is not None
@@ -123,7 +123,7 @@ def test_a_late_reader_gets_the_newest_frame_and_the_rest_count_as_dropped(video
     assert camera.health().counters["dropped"] == 2
 
 
-def test_a_file_that_is_absent_is_named_and_found_when_it_appears(video: Path, tmp_path: Path, opened: Opener) -> None:
+def test_absent_file_is_named_and_found_when_it_appears(video: Path, tmp_path: Path, opened: Opener) -> None:
     path = tmp_path / "later.avi"
     camera = opened(open_source(path, SystemClock(), retry=0.02))
     wait_until(lambda: f"{path}: no such file" in camera.health().detail)
@@ -134,7 +134,7 @@ def test_a_file_that_is_absent_is_named_and_found_when_it_appears(video: Path, t
     assert camera.health().online
 
 
-def test_a_file_that_is_no_video_is_named(tmp_path: Path, opened: Opener) -> None:
+def test_file_that_is_not_a_video_is_named(tmp_path: Path, opened: Opener) -> None:
     path = tmp_path / "broken.avi"
     path.write_bytes(b"this was never a video" * 50)
     camera = opened(open_source(path, SystemClock(), retry=0.02))
@@ -143,14 +143,14 @@ def test_a_file_that_is_no_video_is_named(tmp_path: Path, opened: Opener) -> Non
 
 
 @pytest.mark.parametrize("source", [97, "97", "/dev/video97"])
-def test_a_camera_that_is_not_plugged_in_says_what_to_type(source: Source, opened: Opener) -> None:
+def test_unplugged_camera_gives_a_hint(source: Source, opened: Opener) -> None:
     camera = opened(open_source(source, SystemClock(), retry=0.02))
     wait_until(lambda: camera.health().detail == "camera: /dev/video97: no such device")
     assert "mission ports" in camera.health().hint
     assert not camera.health().online
 
 
-def test_the_password_of_a_stream_is_not_shown(opened: Opener) -> None:
+def test_stream_password_is_not_shown(opened: Opener) -> None:
     camera = opened(open_source("rtsp://me:secret@127.0.0.1:9/x", SystemClock(), retry=0.02))
     wait_until(lambda: "rtsp://***@127.0.0.1:9/x: cannot be opened as a stream" in camera.health().detail)
     assert "secret" not in camera.health().hint
@@ -183,7 +183,7 @@ def live(feed: Webcam, clock: Clock, report: Callable[[DeviceStatus], None] = la
     return ThreadedCamera(lambda: feed, clock, name="eye", field_of_view=1.0, loop=True, retry=0.02, report=report)
 
 
-def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
+def test_unplugged_camera_reconnects_by_itself() -> None:
     feed, clock, notices = Webcam(), ManualClock(), Queue[DeviceStatus]()
     camera = live(feed, clock, notices.put)
     camera.open()
@@ -206,7 +206,7 @@ def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
     camera.close()
 
 
-def test_a_source_that_fails_is_reported_and_started_again(caplog: pytest.LogCaptureFixture) -> None:
+def test_failing_source_is_reported_and_restarted(caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Webcam):
         def grab(self, skip_count: Callable[[], int]) -> Image | None:
             if not self.pictures.qsize():
@@ -223,7 +223,7 @@ def test_a_source_that_fails_is_reported_and_started_again(caplog: pytest.LogCap
     assert "ValueError: not a picture" in caplog.text
 
 
-def test_a_camera_that_falls_silent_is_offline() -> None:
+def test_silent_camera_is_offline() -> None:
     feed, clock = Webcam(), ManualClock()
     feed.present.set()
     feed.pictures.put(grey(1))
@@ -239,7 +239,7 @@ def test_a_camera_that_falls_silent_is_offline() -> None:
     camera.close()
 
 
-def test_closing_does_not_wait_for_a_driver_that_hangs() -> None:
+def test_close_does_not_wait_for_a_hanging_driver() -> None:
     feed = Webcam()
     feed.present.set()
     camera = live(feed, ManualClock())
@@ -253,7 +253,7 @@ def test_closing_does_not_wait_for_a_driver_that_hangs() -> None:
     assert feed.stopped.wait(5.0)
 
 
-def test_closing_ends_a_read_that_waits() -> None:
+def test_close_ends_a_waiting_read() -> None:
     feed, results = Webcam(), list[CameraFrame | None]()
     capture = CaptureThread("eye", feed, ManualClock(), loop=True, retry=0.02, report=lambda _: None)
     capture.start()
@@ -264,17 +264,17 @@ def test_closing_ends_a_read_that_waits() -> None:
     assert results == [None]
 
 
-def test_a_folder_shows_its_pictures_by_name_again_and_again(folder: Path, opened: Opener) -> None:
+def test_folder_shows_its_pictures_by_name_repeatedly(folder: Path, opened: Opener) -> None:
     clock = ManualClock()
     assert levels(play(opened(open_source(folder, clock, rate=2.0)), clock, 4, 0.5)) == [50, 150, 50, 150]
 
 
-def test_one_picture_is_a_camera_too(folder: Path, opened: Opener) -> None:
+def test_single_picture_is_a_camera(folder: Path, opened: Opener) -> None:
     clock = ManualClock()
     assert levels(play(opened(open_source(folder / "b.png", clock)), clock, 3, 0.2)) == [150, 150, 150]
 
 
-def test_a_folder_without_pictures_and_a_broken_picture_are_named(tmp_path: Path, opened: Opener) -> None:
+def test_folder_without_pictures_and_broken_picture_are_named(tmp_path: Path, opened: Opener) -> None:
     camera = opened(open_source(tmp_path, SystemClock(), retry=0.02))
     wait_until(lambda: f"{tmp_path}: contains no pictures" in camera.health().detail)
     (tmp_path / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\n nothing")
@@ -284,7 +284,7 @@ def test_a_folder_without_pictures_and_a_broken_picture_are_named(tmp_path: Path
     wait_until(lambda: "gone.png: no such file or folder" in gone.health().detail)
 
 
-def test_a_source_is_told_by_its_form(folder: Path, video: Path) -> None:
+def test_source_kind_depends_on_its_form(folder: Path, video: Path) -> None:
     sources: tuple[Source, ...] = (
         0,
         "1",
@@ -306,11 +306,11 @@ def test_a_source_is_told_by_its_form(folder: Path, video: Path) -> None:
     assert tuple(map(source_kind, sources)) == kinds
 
 
-def test_figures_of_other_scripts_are_no_number_of_a_device() -> None:
+def test_non_ascii_digits_are_not_a_device_number() -> None:
     assert [source_kind(text) for text in ("٢", "1²", "9" * 30)] == [SourceKind.VIDEO] * 3
 
 
-def test_a_camera_can_be_opened_and_closed_in_any_order(video: Path) -> None:
+def test_camera_can_be_opened_and_closed_in_any_order(video: Path) -> None:
     with closing(open_source(video, SystemClock())) as camera:
         assert camera.read(0.0) is None
         assert camera.health().detail == "camera: not open"
@@ -332,7 +332,7 @@ def test_impossible_settings_are_refused(wrong: dict[str, Any], folder: Path) ->
         open_source(folder, ManualClock(), **wrong)
 
 
-def test_offline_every_frame_is_walked_through_once(video: Path, folder: Path) -> None:
+def test_offline_every_frame_is_iterated_once(video: Path, folder: Path) -> None:
     seen = [(path.name, number) for path, number, _ in iter_pictures([video, folder, folder / "b.png"])]
     assert seen == [*(("clip.avi", number) for number in range(5)), ("a.jpg", 0), ("b.png", 0), ("b.png", 0)]
 
@@ -343,7 +343,7 @@ def test_offline_all_absent_paths_are_named_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["broken.png", "broken.avi"])
-def test_offline_a_file_that_does_not_decode_is_named(name: str, tmp_path: Path) -> None:
+def test_offline_undecodable_file_is_named(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"nonsense")
     with pytest.raises(BadRequest, match=f"{name}: cannot be decoded, 8 bytes"):
         list(iter_pictures([tmp_path]))

@@ -71,7 +71,7 @@ def machine(tmp_path: Path) -> Machine:
     return Machine(tmp_path)
 
 
-def test_cameras_come_by_number_with_their_names_and_sizes(machine: Machine) -> None:
+def test_cameras_are_listed_by_number_with_names_and_sizes(machine: Machine) -> None:
     machine.plug_in("video10", "Second: camera", YUYV)
     machine.plug_in("video0", "HD Webcam", YUYV, MJPG)
     assert machine.listed() == [
@@ -80,30 +80,30 @@ def test_cameras_come_by_number_with_their_names_and_sizes(machine: Machine) -> 
     ]
 
 
-def test_a_node_that_carries_no_pictures_is_left_out(machine: Machine) -> None:
+def test_node_without_pictures_is_left_out(machine: Machine) -> None:
     machine.plug_in("video0", "HD Webcam", YUYV)
     machine.plug_in("video1", "HD Webcam")
     assert [device.path.name for device in machine.listed()] == ["video0"]
 
 
-def test_of_a_camera_that_scales_freely_the_largest_size_is_told(machine: Machine) -> None:
+def test_camera_with_continuous_sizes_lists_the_largest(machine: Machine) -> None:
     machine.plug_in("video0", "scaler", META)
     assert machine.listed()[0].sizes == ((1920, 1080),)
 
 
-def test_a_camera_that_cannot_be_opened_is_listed_with_the_reason(machine: Machine) -> None:
+def test_camera_that_cannot_be_opened_is_listed_with_the_reason(machine: Machine) -> None:
     machine.plug_in("video0", "gone", YUYV)
     (machine.devices / "video0").unlink()
     assert machine.listed() == [CameraDevice(machine.devices / "video0", "gone", trouble="No such file or directory")]
 
 
-def test_a_camera_that_fails_when_asked_is_listed_with_the_reason(machine: Machine) -> None:
+def test_failing_camera_is_listed_with_the_reason(machine: Machine) -> None:
     machine.plug_in("video0", "ill", YUYV)
     machine.kernel.broken = True
     assert machine.listed()[0].trouble == "Input/output error"
 
 
-def test_a_system_without_video_devices_has_no_cameras(machine: Machine) -> None:
+def test_system_without_video_devices_has_no_cameras(machine: Machine) -> None:
     assert machine.listed() == []
 
 
@@ -114,7 +114,7 @@ def test_a_system_without_video_devices_has_no_cameras(machine: Machine) -> None
         ["rp1-cfe-csi2_ch0", "rp1-cfe-csi2_ch1", "rp1-cfe-fe_image0", "pispbe-input", "pispbe-output0"],
     ],
 )
-def test_a_csi_camera_of_a_raspberry_pi_is_listed_once_as_none_for_opencv(machine: Machine, names: list[str]) -> None:
+def test_csi_camera_of_a_raspberry_pi_is_listed_once_as_csi(machine: Machine, names: list[str]) -> None:
     for number, name in enumerate(names):
         machine.plug_in(f"video{number}", name, YUYV)
     machine.plug_in("video9", "HD Webcam", YUYV)

@@ -54,13 +54,13 @@ def fresh() -> Iterator[Image]:
     return cycle(map(noisy, range(7)))
 
 
-def test_a_still_scene_with_the_noise_of_a_sensor_is_fresh(watched: Watched) -> None:
+def test_still_scene_with_sensor_noise_is_fresh(watched: Watched) -> None:
     watched.show(fresh(), 8.0)
     assert watched.notices == []
     assert watched.freshness.problem == ("", "")
 
 
-def test_a_camera_that_hangs_is_told_of_once_with_what_to_do_and_so_is_its_return(watched: Watched) -> None:
+def test_frozen_camera_is_reported_once_with_a_hint_and_so_is_its_return(watched: Watched) -> None:
     watched.show(fresh(), 1.0)
     watched.show(repeat(STILL), FROZEN_TIMEOUT - 0.2)
     assert watched.notices == []
@@ -74,12 +74,12 @@ def test_a_camera_that_hangs_is_told_of_once_with_what_to_do_and_so_is_its_retur
     assert [notice.kind for notice in watched.notices] == ["fault", "online", "fault"]
 
 
-def test_a_covered_lens_has_not_hung(watched: Watched) -> None:
+def test_covered_lens_is_not_frozen(watched: Watched) -> None:
     watched.show(repeat(np.zeros((48, 64, 3), np.uint8)), 8.0)
     assert watched.notices == []
 
 
-def test_pictures_that_come_too_slowly_are_told_of_once_and_so_is_their_end(watched: Watched) -> None:
+def test_slow_pictures_are_reported_once_and_so_is_their_end(watched: Watched) -> None:
     watched.show(fresh(), 6.0, rate=3.0)
     watched.show(fresh(), 6.0, rate=2.0)
     assert watched.told() == [("fault", "camera: fewer than 4 pictures per second")]
@@ -89,7 +89,7 @@ def test_pictures_that_come_too_slowly_are_told_of_once_and_so_is_their_end(watc
 
 
 @given(st.lists(st.floats(0.0, 0.2), min_size=50, max_size=80))
-def test_any_rhythm_of_five_pictures_a_second_or_more_is_quick_enough(gaps: list[float]) -> None:
+def test_any_rhythm_of_five_pictures_per_second_is_fast_enough(gaps: list[float]) -> None:
     watched, pictures = Watched(), fresh()
     for gap in gaps:
         watched.time += gap
@@ -97,7 +97,7 @@ def test_any_rhythm_of_five_pictures_a_second_or_more_is_quick_enough(gaps: list
     assert watched.notices == []
 
 
-def test_a_camera_that_was_away_begins_anew(watched: Watched) -> None:
+def test_freshness_restarts_after_a_disconnect(watched: Watched) -> None:
     watched.show(repeat(STILL), 5.0)
     watched.freshness.restart()
     assert watched.freshness.problem == ("", "")
@@ -135,7 +135,7 @@ def until_shown(camera: ThreadedCamera, count: int) -> None:
     wait_until(lambda: camera.health().counters["frames"] == count)
 
 
-def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> None:
+def test_frozen_live_camera_is_online_and_gives_the_reason() -> None:
     feed, clock, notices = Live(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)
     try:
@@ -152,7 +152,7 @@ def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> Non
         camera.close()
 
 
-def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
+def test_silent_camera_is_reported_once_to_its_reader() -> None:
     feed, clock, notices = Live(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)
     try:
@@ -173,7 +173,7 @@ def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
 
 
 @pytest.mark.real_time
-def test_a_recording_may_hold_still(tmp_path: Path) -> None:
+def test_recording_may_be_still(tmp_path: Path) -> None:
     path, clock, notices = tmp_path / "still.png", ManualClock(), list[DeviceStatus]()
     cv2.imwrite(str(path), STILL)
     camera = open_source(path, clock, rate=10.0, report=notices.append)
@@ -206,7 +206,7 @@ class Counting(Live):
         return image
 
 
-def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online() -> None:
+def test_unread_pictures_are_not_decoded_and_the_camera_stays_online() -> None:
     feed, clock = Counting(), ManualClock()
     camera = opened(feed, clock, lambda _: None)
     try:
@@ -229,7 +229,7 @@ def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online(
         camera.close()
 
 
-def test_a_reader_that_waits_for_longer_than_a_second_gets_the_next_picture() -> None:
+def test_reader_waiting_over_a_second_gets_the_next_picture() -> None:
     feed, clock = Counting(), ManualClock()
     camera = opened(feed, clock, lambda _: None)
     found = list[object]()
@@ -247,7 +247,7 @@ def test_a_reader_that_waits_for_longer_than_a_second_gets_the_next_picture() ->
         reader.join()
 
 
-def test_pictures_that_a_reader_lets_go_by_are_not_decoded_and_make_no_camera_slow() -> None:
+def test_skipped_pictures_are_not_decoded_and_not_counted_as_slow() -> None:
     feed, clock, notices = Counting(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)
     try:
@@ -269,5 +269,5 @@ def test_pictures_that_a_reader_lets_go_by_are_not_decoded_and_make_no_camera_sl
         camera.close()
 
 
-def test_a_camera_that_is_not_open_lets_nothing_go_by() -> None:
+def test_closed_camera_skips_nothing() -> None:
     ThreadedCamera(Counting, ManualClock(), name="eye", field_of_view=1.0, loop=True, retry=1.0, report=print).skip(3)

@@ -72,7 +72,7 @@ def endless(connection: Connection) -> None:
     connection.stream()
 
 
-def test_a_stream_shows_its_pictures_and_leaves_no_process() -> None:
+def test_stream_shows_its_pictures_and_leaves_no_process() -> None:
     before = children(os.getpid())
     with WebCamera(endless) as web:
         with watched(f"{web.url}/stream") as camera:
@@ -112,7 +112,7 @@ SILENT: tuple[Answer, ...] = (stalled, silent_from_the_start, silent_after_its_h
 
 
 @pytest.mark.parametrize("behaviour", SILENT)
-def test_a_silent_camera_is_closed_at_once_and_leaves_no_process(behaviour: Answer) -> None:
+def test_silent_camera_is_closed_at_once_and_leaves_no_process(behaviour: Answer) -> None:
     before = children(os.getpid())
     with WebCamera(behaviour) as web:
         with watched(f"{web.url}/stream") as camera:
@@ -149,13 +149,13 @@ def program(*arguments: str) -> "subprocess.Popen[str]":
 
 @pytest.mark.parametrize("behaviour", SILENT)
 @pytest.mark.parametrize(("end", "code"), [("exit", 0), ("raise", 1)])
-def test_python_ends_in_good_order_with_a_camera_that_nobody_closed(behaviour: Answer, end: str, code: int) -> None:
+def test_python_exits_cleanly_with_an_unclosed_camera(behaviour: Answer, end: str, code: int) -> None:
     with WebCamera(behaviour) as web, program(f"{web.url}/stream", "5", end) as run:
         out, _ = run.communicate(timeout=60)
         assert (out, run.returncode) == ("success\n", code)
 
 
-def test_a_run_that_is_killed_takes_its_reader_along() -> None:
+def test_killed_run_ends_its_reader_process() -> None:
     with WebCamera(stalled) as web, program(f"{web.url}/stream", "8", "wait") as run:
         assert run.stdout is not None
         assert run.stdout.readline() == "success\n"
@@ -165,7 +165,7 @@ def test_a_run_that_is_killed_takes_its_reader_along() -> None:
         wait_until(lambda: not Path(f"/proc/{child}").exists())
 
 
-def test_a_reader_that_crashes_is_reported_and_followed_by_another() -> None:
+def test_crashed_reader_is_reported_and_restarted() -> None:
     notices = Queue[DeviceStatus]()
     with WebCamera(endless) as web, watched(f"{web.url}/stream", notices) as camera:
         shown(camera)
@@ -179,7 +179,7 @@ def test_a_reader_that_crashes_is_reported_and_followed_by_another() -> None:
         assert (back.kind, back.message) == ("online", f"{web.url}/stream gives pictures again")
 
 
-def test_a_hiccup_is_told_of_and_so_is_its_end_on_the_same_connection() -> None:
+def test_hiccup_and_its_end_are_reported_on_the_same_connection() -> None:
     def hiccup(connection: Connection) -> None:
         connection.send(MJPEG)
         connection.stream(count=5)
@@ -196,7 +196,7 @@ def test_a_hiccup_is_told_of_and_so_is_its_end_on_the_same_connection() -> None:
         assert len(web.connections) == 1
 
 
-def test_a_stream_that_stays_silent_is_asked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_stream_is_reconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "STALL_TIMEOUT", 0.5)
 
     def once_silent(connection: Connection) -> None:
@@ -257,14 +257,14 @@ def in_no_kind(connection: Connection) -> None:
 @pytest.mark.parametrize(
     "behaviour", [chunked, without_lengths, with_wrong_lengths, torn, of_changing_size, in_no_kind]
 )
-def test_whatever_a_stream_puts_between_whole_pictures_they_are_shown(behaviour: Answer) -> None:
+def test_pictures_are_found_between_any_stream_data(behaviour: Answer) -> None:
     with WebCamera(behaviour) as web, watched(f"{web.url}/") as camera:
         frames = shown(camera, 4)
         assert all(frame.image[0, 0, 0] > 200 for frame in frames)
         assert all(abs(float(frame.image[40:, 40:].std())) < 2 for frame in frames)
 
 
-def test_an_address_of_one_picture_is_asked_again_and_again() -> None:
+def test_snapshot_address_is_requested_repeatedly() -> None:
     def snapshot(connection: Connection) -> None:
         if connection.number % 4 == 1:
             connection.send(answer(b"", status="503 Service Unavailable"))
@@ -283,7 +283,7 @@ def test_an_address_of_one_picture_is_asked_again_and_again() -> None:
     assert all(notice.kind == "fault" for notice in notices.queue)  # some are late
 
 
-def test_an_mjpeg_stream_over_tcp_has_one_connection() -> None:
+def test_mjpeg_stream_over_tcp_has_one_connection() -> None:
     """Read what ``rpicam-vid --codec mjpeg --listen -o tcp://0.0.0.0:8888`` sends: JPEG after JPEG, to one client."""
 
     def rpicam(connection: Connection) -> None:
@@ -296,7 +296,7 @@ def test_an_mjpeg_stream_over_tcp_has_one_connection() -> None:
         assert len(web.connections) == 1
 
 
-def test_a_snapshot_is_read_where_its_last_byte_closes_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_snapshot_is_read_when_its_last_byte_closes_the_response(monkeypatch: pytest.MonkeyPatch) -> None:
     read1 = HTTPResponse.read1
 
     def read_and_close(response: HTTPResponse, size: int = -1) -> bytes:  # as Python 3.13 does
@@ -317,7 +317,7 @@ def test_a_snapshot_is_read_where_its_last_byte_closes_the_answer(monkeypatch: p
     assert [image is not None and image.shape for image in images] == [(48, 64, 3)] * 2
 
 
-def test_a_film_over_tcp_is_for_ffmpeg_on_the_same_connection(tmp_path: Path) -> None:
+def test_film_over_tcp_goes_to_ffmpeg_on_the_same_connection(tmp_path: Path) -> None:
     film = tmp_path / "film.avi"
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
     for level in range(100):
@@ -362,7 +362,7 @@ REFUSALS: tuple[tuple[Answer, str, str], ...] = (
 
 
 @pytest.mark.parametrize(("behaviour", "reason", "hint"), REFUSALS, ids=[reason[:30] for _, reason, _ in REFUSALS])
-def test_why_an_address_gives_no_pictures_is_said(behaviour: Answer, reason: str, hint: str) -> None:
+def test_address_without_pictures_gives_the_reason(behaviour: Answer, reason: str, hint: str) -> None:
     with WebCamera(behaviour) as web, watched(f"{web.url}/stream") as camera:
         wait_until(lambda: reason in camera.health().detail)
         assert hint in camera.health().hint
@@ -388,7 +388,7 @@ def rtsp(status: str) -> Answer:
         ("453 Not Enough Bandwidth", "me:secret@", "cannot be opened as a stream", "ffplay rtsp://***@"),
     ],
 )
-def test_why_an_rtsp_camera_refuses_is_said(
+def test_refusing_rtsp_camera_gives_the_reason(
     monkeypatch: pytest.MonkeyPatch, status: str, names: str, reason: str, hint: str
 ) -> None:
     monkeypatch.setenv(decode.FFMPEG_LOG_LEVEL, decode.FFMPEG_SILENT)  # as in a process that has read a picture before
@@ -416,14 +416,14 @@ def test_why_an_rtsp_camera_refuses_is_said(
         ("nonsense://127.0.0.1/", "cannot be opened as a stream", "ffplay nonsense://127.0.0.1/"),
     ],
 )
-def test_why_an_address_does_not_open_is_said(source: str, reason: str, hint: str) -> None:
+def test_address_that_does_not_open_gives_the_reason(source: str, reason: str, hint: str) -> None:
     with watched(source) as camera:
         wait_until(lambda: reason in camera.health().detail)
         assert hint in camera.health().hint
 
 
 @pytest.mark.parametrize("scheme", ["Basic", "Digest"])
-def test_a_name_and_a_password_are_sent_and_never_shown(scheme: str) -> None:
+def test_user_and_password_are_sent_and_never_shown(scheme: str) -> None:
     asks = {"Basic": 'Basic realm="cam"', "Digest": 'Digest realm="cam", nonce="abc", qop="auth", algorithm=MD5'}[
         scheme
     ]
@@ -451,7 +451,7 @@ UNSUPPORTED = ("algorithm=SHA-512-256", 'qop="auth-int"', 'qop="auth-int", algor
 
 
 @pytest.mark.parametrize("heads", UNSUPPORTED)
-def test_a_camera_that_offers_basic_beside_an_unsupported_digest_shows_pictures(heads: str) -> None:
+def test_basic_authentication_is_used_beside_an_unsupported_digest(heads: str) -> None:
     digest = f'WWW-Authenticate: Digest realm="cam", nonce="abc", {heads}'
 
     def guarded(connection: Connection) -> None:
@@ -469,7 +469,7 @@ def test_a_camera_that_offers_basic_beside_an_unsupported_digest_shows_pictures(
             wait_until(lambda: "offers only unsupported authentication methods" in camera.health().detail)
 
 
-def test_a_camera_shows_pictures_again_after_memory_or_descriptors_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_recovers_after_memory_or_descriptors_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:
     take = reader.ReaderProcess.copy_picture
     troubles = [OSError(24, "Too many open files"), MemoryError()]
 
@@ -484,7 +484,7 @@ def test_a_camera_shows_pictures_again_after_memory_or_descriptors_ran_out(monke
     assert not troubles
 
 
-def test_a_certificate_that_nobody_trusts_is_explained(tmp_path: Path) -> None:
+def test_untrusted_certificate_is_explained(tmp_path: Path) -> None:
     key, made = tmp_path / "key.pem", tmp_path / "cert.pem"
     command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=cam"]
     subprocess.run([*command, "-keyout", str(key), "-out", str(made)], check=True, capture_output=True)
@@ -516,11 +516,11 @@ def test_a_certificate_that_nobody_trusts_is_explained(tmp_path: Path) -> None:
         ("see http://me:secret@h/x, and http://me:secret@z", "see http://***@h/x, and http://***@z"),
     ],
 )
-def test_no_secret_of_an_address_is_shown(address: str, safe: str) -> None:
+def test_secrets_of_an_address_are_not_shown(address: str, safe: str) -> None:
     assert without_secrets(address) == safe
 
 
-def test_a_reader_lets_as_many_pictures_by_as_it_was_told() -> None:
+def test_reader_skips_the_requested_number_of_pictures() -> None:
     first, decoded = 0, list[bool]()  # the number of the first picture needed; of each picture, whether it was decoded
 
     def spare() -> int:

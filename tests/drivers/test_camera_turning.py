@@ -38,7 +38,7 @@ def spotted(width: int, height: int, x: float, y: float) -> Image:
 
 
 @given(turns, shares, shares)
-def test_a_point_is_where_the_turned_picture_shows_it(turn: ImageOrientation, x: float, y: float) -> None:
+def test_point_moves_with_the_rotated_picture(turn: ImageOrientation, x: float, y: float) -> None:
     image = turn_image(spotted(160, 120, x, y), turn)
     assert (image.shape[1], image.shape[0]) == turn.size(160, 120)
     rows, columns = np.nonzero(image[:, :, 0])
@@ -49,7 +49,7 @@ def test_a_point_is_where_the_turned_picture_shows_it(turn: ImageOrientation, x:
 
 
 @given(turns, shares, shares, st.floats(0.4, 0.6), st.floats(0.4, 0.6))
-def test_a_pixel_of_a_turned_picture_has_the_turned_direction(
+def test_ray_of_a_rotated_pixel_is_the_rotated_ray(
     turn: ImageOrientation, x: float, y: float, centre_x: float, centre_y: float
 ) -> None:
     """Whatever the lens: the ray of a pixel, turned, is that of the turned pixel."""
@@ -84,7 +84,7 @@ def _ray(lens: Pinhole, x: float, y: float) -> tuple[float, float]:
     return right, tan(elevation) * hypot(right, 1.0)
 
 
-def test_a_quarter_turn_swaps_the_angles_of_view() -> None:
+def test_quarter_turn_swaps_the_angles_of_view() -> None:
     upright = CameraKeys(rotate="90", field_of_view=radians(60), width=640, height=480).upright()
     assert (upright.width, upright.height) == (480, 640)
     assert degrees(upright.field_of_view) == pytest.approx(46.83, abs=0.01)
@@ -107,7 +107,7 @@ def test_a_quarter_turn_swaps_the_angles_of_view() -> None:
         ("rotate: 180, flip: both", ImageOrientation(2, flip_horizontal=True, flip_vertical=True)),
     ],
 )
-def test_a_robot_file_says_how_its_camera_is_mounted(written: str, turn: ImageOrientation, tmp_path: Path) -> None:
+def test_robot_file_sets_the_camera_orientation(written: str, turn: ImageOrientation, tmp_path: Path) -> None:
     path = tmp_path / "turned.yaml"
     path.write_text(f"robot: turned\ncamera: {{{written}}}\n")
     camera = load_robot(path).camera
@@ -115,7 +115,7 @@ def test_a_robot_file_says_how_its_camera_is_mounted(written: str, turn: ImageOr
     assert camera.orientation == turn
 
 
-def test_a_turn_that_is_none_by_right_angles_is_refused_and_shows_no_password(tmp_path: Path) -> None:
+def test_rotation_that_is_not_a_right_angle_is_refused_without_password(tmp_path: Path) -> None:
     path = tmp_path / "turned.yaml"
     path.write_text("robot: turned\ncamera: {source: 'http://me:secret@cam/x', rotate: 45 deg}\n")
     with pytest.raises(InvalidFileError) as caught:
@@ -133,7 +133,7 @@ def test_a_turn_that_is_none_by_right_angles_is_refused_and_shows_no_password(tm
     )
 
 
-def test_pictures_come_turned_from_every_source(tmp_path: Path) -> None:
+def test_pictures_of_every_source_are_rotated(tmp_path: Path) -> None:
     path = tmp_path / "spot.png"
     cv2.imwrite(str(path), spotted(160, 120, 0.1, 0.2))
     camera = open_source(path, ManualClock(), turn=ImageOrientation(1))

@@ -47,11 +47,11 @@ def fit(machine: HostMachine, *, now: float = NOW, free: float = 50e9) -> Mappin
     return {each.about: each for each in found}
 
 
-def test_a_machine_of_which_nothing_is_known_is_fit(desk: RecordedMachine) -> None:
+def test_unknown_machine_is_ok(desk: RecordedMachine) -> None:
     assert {each.verdict for each in fit(desk.machine).values()} == {"ok"}
 
 
-def test_the_groups_that_a_user_lacks_are_told_with_the_command_that_adds_them(desk: RecordedMachine) -> None:
+def test_missing_groups_are_reported_with_the_usermod_command(desk: RecordedMachine) -> None:
     desk.write("etc/group", "root:x:0:\ndialout:x:20:\nvideo:x:44:pi\naudio:x:29:")
     found = fit(desk.stranger(29))["rights"]
     assert (found.verdict, found.message.split(":")[0]) == ("warning", "you are not in dialout, video")
@@ -59,7 +59,7 @@ def test_the_groups_that_a_user_lacks_are_told_with_the_command_that_adds_them(d
     assert fit(desk.stranger(20, 29, 44))["rights"].message == "you are in dialout, video, audio"
 
 
-def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachine) -> None:
+def test_slow_adapter_busy_port_and_camera_are_reported(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1", latency=16)
     desk.port("ttyUSB1", "1a86:55d3")
     desk.process(812, "ModemManager", "/dev/ttyUSB1")
@@ -74,11 +74,11 @@ def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachin
 
 
 @pytest.mark.parametrize(("free", "verdict"), [(50e9, "ok"), (1e9, "warning"), (0.1e9, "wrong")])
-def test_the_room_on_the_disk_is_judged(desk: RecordedMachine, free: float, verdict: str) -> None:
+def test_free_disk_space_is_judged(desk: RecordedMachine, free: float, verdict: str) -> None:
     assert fit(desk.machine, free=free)["disk"].verdict == verdict
 
 
-def test_a_clock_in_the_past_and_one_that_was_not_set_are_told(desk: RecordedMachine) -> None:
+def test_clock_in_the_past_or_unsynchronised_is_reported(desk: RecordedMachine) -> None:
     assert fit(desk.machine, now=INSTALLED - 1)["clock"].verdict == "wrong"
     desk.write("run/systemd/timesync/other", "")
     assert fit(desk.machine)["clock"].verdict == "warning"
@@ -86,7 +86,7 @@ def test_a_clock_in_the_past_and_one_that_was_not_set_are_told(desk: RecordedMac
     assert fit(desk.machine)["clock"].verdict == "ok"
 
 
-def test_a_governor_that_saves_power_is_told_unless_the_processor_governs_itself(desk: RecordedMachine) -> None:
+def test_powersave_governor_is_reported_except_with_intel_pstate(desk: RecordedMachine) -> None:
     desk.write(f"{CPU_FOLDER[1:]}/cpu0/cpufreq/scaling_governor", "powersave")
     desk.write(f"{CPU_FOLDER[1:]}/cpu0/cpufreq/scaling_driver", "cpufreq-dt")
     found = fit(desk.machine)["processor"]
@@ -96,7 +96,7 @@ def test_a_governor_that_saves_power_is_told_unless_the_processor_governs_itself
     assert fit(desk.machine)["processor"].message == "1 cores, governor powersave"
 
 
-def test_load_heat_memory_and_a_weak_supply_are_told(desk: RecordedMachine) -> None:
+def test_load_heat_memory_and_weak_supply_are_reported(desk: RecordedMachine) -> None:
     desk.write("proc/loadavg", "9.10 5.00 3.00 4/300 1234")
     desk.write(THROTTLED_FILE[1:], "50000")
     desk.write("sys/class/thermal/thermal_zone0/temp", "84500")
@@ -133,9 +133,7 @@ def found_of(bus: DriverContext, *joints: JointKeys) -> list[Finding]:
     return list(examine(keys, bus))
 
 
-def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
-    bus: DriverContext, servos: list[VirtualServo]
-) -> None:
+def test_healthy_servos_report_values_and_nothing_is_written(bus: DriverContext, servos: list[VirtualServo]) -> None:
     before = [bytes(servo.table) for servo in servos]
     fine, other = found_of(bus, JointKeys(id=1), JointKeys(id=3, written_model="XM430-W350"))
     assert (fine.verdict, fine.message) == ("ok", "AX-12A, firmware 24, 12.0 V, 35 degC")
@@ -144,16 +142,14 @@ def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
     assert all(servo.limp for servo in servos)
 
 
-def test_too_little_voltage_is_told_with_what_it_should_be(bus: DriverContext, servos: list[VirtualServo]) -> None:
+def test_low_voltage_is_reported_with_the_nominal_one(bus: DriverContext, servos: list[VirtualServo]) -> None:
     servos[0].voltage, servos[1].voltage = 9.4, 5.5
     low, empty = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
     assert (low[0].verdict, low[0].message) == ("warning", "9.4 V is low for a servo made for 12 V")
     assert (empty[0].verdict, empty[0].message) == ("wrong", "5.5 V: below 6.0 V it shuts down")
 
 
-def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(
-    bus: DriverContext, servos: list[VirtualServo]
-) -> None:
+def test_hot_or_shut_down_servo_suggests_recovery(bus: DriverContext, servos: list[VirtualServo]) -> None:
     servos[0].temperature = 66.0
     servos[1].overload()
     hot, shut = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
@@ -163,7 +159,7 @@ def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(
     assert shut[0].fix == "remove the cause, then: mission servo torque recover --robot ROBOT"
 
 
-def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
+def test_other_model_missing_servo_and_wrong_limits_are_reported(
     bus: DriverContext, servos: list[VirtualServo]
 ) -> None:
     servos[3].set("cw_angle_limit", 400)
@@ -187,7 +183,7 @@ def heard(rate: float = 50.0, count: int = 20, **felt: int) -> list[KobukiSubpay
     return [FirmwareVersion(0, 2, 1), *(Core(time_ms=time, battery_decivolts=155, **felt) for time in times)]
 
 
-def test_a_kobuki_tells_its_firmware_its_battery_and_how_steadily_it_reports() -> None:
+def test_kobuki_reports_firmware_battery_and_report_rate() -> None:
     assert list(check_reports(heard())) == [
         Finding("firmware", "1.2.0"),
         Finding("reports", "50 a second"),
@@ -198,7 +194,7 @@ def test_a_kobuki_tells_its_firmware_its_battery_and_how_steadily_it_reports() -
 @pytest.mark.parametrize(
     ("rate", "verdict"), [(0.0, "ok"), (0.2, "ok"), (-0.6, "warning"), (3.0, "warning"), (6.0, "wrong")]
 )
-def test_the_drift_of_a_kobuki_at_rest_is_told_in_degrees_a_second(rate: float, verdict: str) -> None:
+def test_gyro_drift_of_a_resting_kobuki_is_in_degrees_per_second(rate: float, verdict: str) -> None:
     count = 75
     turns = [Inertia(round(35990 + 100 * rate * number / 50) % 36000) for number in range(count)]
     (found,) = [each for each in check_reports([*heard(count=count), *turns]) if each.about == "gyro drift"]
@@ -209,7 +205,7 @@ def test_the_drift_of_a_kobuki_at_rest_is_told_in_degrees_a_second(rate: float, 
     assert found.message == "not measured: its wheels turned meanwhile"
 
 
-def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:
+def test_silent_lame_empty_or_lifted_kobuki_is_reported() -> None:
     assert [each.message for each in check_reports([])] == ["it is silent"]
     assert [each.message for each in check_reports(heard(rate=30.0)) if each.verdict == "warning"] == [
         "30 of 50 a second arrive"
@@ -228,15 +224,13 @@ def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:
     ("grey", "verdict", "words"),
     [(5, "wrong", "black"), (20, "warning", "dark"), (120, "ok", "120 of 255"), (250, "warning", "overexposed")],
 )
-def test_what_a_camera_shows_is_judged_by_its_brightness(
-    monkeypatch: pytest.MonkeyPatch, grey: int, verdict: str, words: str
-) -> None:
+def test_picture_brightness_is_judged(monkeypatch: pytest.MonkeyPatch, grey: int, verdict: str, words: str) -> None:
     exposure = exposed(monkeypatch, striped(grey))
     assert exposure.verdict == verdict
     assert words in exposure.message
 
 
-def test_a_camera_whose_pictures_are_all_of_one_colour_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_with_single_coloured_pictures_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     exposure = exposed(monkeypatch, np.full((48, 64, 3), 120, np.uint8))
     assert (exposure.verdict, exposure.message) == (
         "wrong",
@@ -268,7 +262,7 @@ def exposed(patch: pytest.MonkeyPatch, picture: Image) -> Finding:
     return found[1]
 
 
-def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
+def test_unplugged_camera_is_reported_at_once() -> None:
     (found,) = look_through(CameraKeys(source="987"), DriverContext(ManualClock()))
     assert (found.verdict, found.message, found.fix) == (
         "wrong",
@@ -277,7 +271,7 @@ def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
     )
 
 
-def test_a_lidar_tells_who_it_is_and_how_it_feels_and_does_not_turn(sockets: Sockets) -> None:
+def test_lidar_reports_model_and_health_without_turning(sockets: Sockets) -> None:
     lidar = VirtualRPLidar(lambda bearings, _: np.full(len(bearings), 2.0))
     sockets.devices["rplidar"] = lidar
     keys, site = RPLidarKeys(port="rplidar"), DriverContext(sockets.clock, "rplidar")
@@ -312,7 +306,7 @@ class Ear:
 
 
 @pytest.mark.parametrize(("level", "words"), [(0, "muted"), (1000, "level -30 dB"), (32767, "too loud")])
-def test_what_a_microphone_hears_is_judged_by_its_level(level: int, words: str) -> None:
+def test_microphone_level_is_judged(level: int, words: str) -> None:
     ear = Ear(level)
     (found,) = check_microphone(ear, DriverContext(ManualClock()))
     assert words in found.message

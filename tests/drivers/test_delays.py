@@ -14,7 +14,7 @@ from tests.drivers.lines import direct_bus
 from tests.drivers.test_kobuki_driver import Bench
 
 
-def test_times_are_added_up_in_microseconds() -> None:
+def test_durations_are_counted_in_microseconds() -> None:
     delays = DelayStatistics()
     for seconds in (0.001, 0.003, 0.0005):
         delays.add(seconds)
@@ -25,7 +25,7 @@ def mux() -> VelocityMultiplexer:
     return VelocityMultiplexer(VelocityLimits(0.5, 1.9, 0.5, 3.5))
 
 
-def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
+def test_command_delay_ends_at_the_first_matching_velocity() -> None:
     waiting = mux()
     waiting.request(Velocity(0.1, 0.0), 1.0, None)
     for now in (1.015, 1.035):
@@ -39,7 +39,7 @@ def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
     }
 
 
-def test_a_command_that_was_never_obeyed_did_not_wait() -> None:
+def test_command_that_was_never_executed_has_no_delay() -> None:
     stopped, overruled = mux(), mux()
     stopped.request(Velocity(0.1, 0.0), 1.0, None)
     stopped.stop()
@@ -52,7 +52,7 @@ def test_a_command_that_was_never_obeyed_did_not_wait() -> None:
     assert overruled.command_delays.counters("command")["commands"] == 1
 
 
-def test_a_base_tells_how_far_apart_its_reports_come_and_how_long_commands_wait() -> None:
+def test_base_counts_report_gaps_and_command_delays() -> None:
     bench = Bench(VirtualKobuki())
     bench.drive(2.0, 0.1)
     counters = bench.base.health().counters
@@ -62,7 +62,7 @@ def test_a_base_tells_how_far_apart_its_reports_come_and_how_long_commands_wait(
     assert counters["longest_command_us"] <= 45_000
 
 
-def test_time_without_a_connection_is_no_gap_between_reports() -> None:
+def test_disconnected_time_is_not_a_report_gap() -> None:
     bench = Bench(VirtualKobuki())
     bench.link.run(1.0)
     bench.clock.advance(60.0)
@@ -71,7 +71,7 @@ def test_time_without_a_connection_is_no_gap_between_reports() -> None:
     assert bench.base.health().counters["longest_report_gap_us"] < 100_000
 
 
-def test_a_bus_tells_how_long_its_exchanges_take_without_those_that_nobody_answered() -> None:
+def test_bus_counts_exchange_times_without_unanswered_ones() -> None:
     bus, _, _ = direct_bus(chain(1, paced=True))
     for _ in range(3):
         bus.read_block(ServoAddress(1), 36, 11)

@@ -46,7 +46,7 @@ def heard(base: Pose2D, *, clear: bool = True) -> DockSignals:
         (180, DockBeam(0), DockBeam(0)),
     ],
 )
-def test_each_sector_has_its_beam_near_and_far(bearing: float, near: DockBeam, far: DockBeam) -> None:
+def test_each_sector_has_its_near_and_far_beam(bearing: float, near: DockBeam, far: DockBeam) -> None:
     assert heard(before(DOCK, NEAR_RANGE - 0.01, bearing)) == DockSignals(centre=near)
     assert heard(before(DOCK, NEAR_RANGE + 0.01, bearing)) == DockSignals(centre=far)
     assert heard(before(DOCK, FAR_RANGE + 0.01, bearing)) == NO_SIGNALS
@@ -55,20 +55,18 @@ def test_each_sector_has_its_beam_near_and_far(bearing: float, near: DockBeam, f
 @pytest.mark.parametrize(
     ("turned", "receiver"), [(0, "centre"), (14, "centre"), (-14, "centre"), (-60, "left"), (60, "right")]
 )
-def test_the_receiver_that_looks_at_the_dock_hears_it(turned: float, receiver: str) -> None:
+def test_receiver_facing_the_dock_receives_its_signal(turned: float, receiver: str) -> None:
     signals = heard(before(DOCK, 1.0, turned=turned))
     assert signals == DockSignals(**{receiver: DockBeam.FAR_CENTRE})
 
 
-def test_with_its_back_to_the_dock_or_with_something_between_a_base_hears_nothing() -> None:
+def test_base_facing_away_or_behind_an_obstacle_receives_nothing() -> None:
     assert heard(before(DOCK, 1.0, turned=180)) == NO_SIGNALS
     assert heard(before(DOCK, 1.0), clear=False) == NO_SIGNALS
 
 
 @given(st.floats(-3, 5), st.floats(-3, 3), st.floats(-10, 10), st.floats(-pi, pi))
-def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
-    x: float, y: float, heading: float, facing: float
-) -> None:
+def test_dock_signals_depend_only_on_the_relative_pose(x: float, y: float, heading: float, facing: float) -> None:
     turned = WorldDock(DOCK.x, DOCK.y, facing)
     dx, dy, c, s = x - DOCK.x, y - DOCK.y, cos(facing), sin(facing)
     moved = Pose2D(DOCK.x + dx * c - dy * s, DOCK.y + dx * s + dy * c, heading + facing)
@@ -93,18 +91,18 @@ def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
         (TOUCHING, 0, 180, False),
     ],
 )
-def test_the_contacts_meet_only_straight_before_it(away: float, bearing: float, turned: float, meets: bool) -> None:
+def test_contacts_meet_only_straight_ahead(away: float, bearing: float, turned: float, meets: bool) -> None:
     assert DOCK.has_contact(before(DOCK, away, bearing, turned), BASE_RADIUS) is meets
 
 
-def test_it_is_bumped_into_and_seen_over_and_a_range_finder_looks_over_it() -> None:
+def test_dock_is_bumped_into_but_below_the_range_finder() -> None:
     world = SimulatedWorld(dock=DOCK)
     assert world.contact_directions(DOCK.x + TOUCHING - 0.001, DOCK.y, BASE_RADIUS, 0.0) == pytest.approx([pi])
     assert world.distance(0.0, DOCK.y, pi, 0.0) == pytest.approx(3.0)
     assert world.distance(0.0, DOCK.y, pi, 0.0, height=0.05) == pytest.approx(2.9)
 
 
-def test_what_stands_before_it_hides_it() -> None:
+def test_obstacle_hides_the_dock() -> None:
     screen = WorldBox("screen", -2.2, 0.5, (0.1, 1.0, 0.5), (1, 2, 3))
     body = BaseBody(
         wheels=SimulatedWheels(pose=before(DOCK, 1.5)), ground=SimulatedWorld(dock=DOCK, furniture=(screen,))
@@ -116,7 +114,7 @@ def test_what_stands_before_it_hides_it() -> None:
     assert free.dock_signals() == DockSignals(centre=DockBeam.FAR_CENTRE)
 
 
-def test_a_base_on_the_contacts_is_docked_until_it_leaves_or_is_lifted() -> None:
+def test_base_on_the_contacts_is_docked_until_it_leaves_or_is_lifted() -> None:
     body = BaseBody(
         wheels=SimulatedWheels(pose=before(DOCK, TOUCHING + 0.01)),
         ground=SimulatedWorld(dock=DOCK),
@@ -155,7 +153,7 @@ def home(body: BaseBody, seconds: float) -> bool:
 
 @pytest.mark.parametrize("bearing", [-11, -3, 6])
 @pytest.mark.parametrize("dead_time", [0.0, 0.2])
-def test_who_hears_the_middle_beam_is_led_home_without_a_bump(bearing: float, dead_time: float) -> None:
+def test_middle_beam_leads_home_without_a_bump(bearing: float, dead_time: float) -> None:
     wheels = SimulatedWheels(pose=before(DOCK, 1.2, bearing, turned=100), dead_time=dead_time)
     body = BaseBody(wheels=wheels, ground=SimulatedWorld(dock=DOCK))
     assert home(body, 120.0)

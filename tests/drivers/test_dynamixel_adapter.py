@@ -99,7 +99,7 @@ def test_two_threads_on_one_bus_wait_for_each_other(patient_bench: Bench) -> Non
     assert sum(bench.bus.statistics(servo).corrupt for servo in (1, 2, 3)) == 0
 
 
-def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench: Bench) -> None:
+def test_unplugged_bus_is_reported_and_works_after_replugging(bench: Bench) -> None:
     bench.terminal.unplug()
     assert str(until_lost(lambda: bench.bus.read(ServoAddress(1), LED))).startswith(f"arm: {bench.terminal.path}: ")
     assert not bench.bus.is_open
@@ -112,13 +112,13 @@ def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench:
     assert bench.bus.ping(ServoAddress(1)) == 12
 
 
-def test_a_sync_write_alone_notices_the_pulled_plug(bench: Bench) -> None:
+def test_sync_write_notices_an_unplugged_bus(bench: Bench) -> None:
     bench.terminal.unplug()
     until_lost(lambda: bench.bus.sync_write(1, LED, {1: 1}))
     assert not bench.bus.is_open
 
 
-def test_another_rate_is_set_without_letting_go_of_the_port(bench: Bench) -> None:
+def test_baud_rate_changes_without_closing_the_port(bench: Bench) -> None:
     bench.bus.baud = 57_600
     with pytest.raises(NoReply):
         bench.bus.read_block(ServoAddress(1), 36, 2, tries=1)
@@ -127,7 +127,7 @@ def test_another_rate_is_set_without_letting_go_of_the_port(bench: Bench) -> Non
     assert bench.bus.ping(ServoAddress(1)) == 12
 
 
-def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
+def test_open_port_is_not_shared(bench: Bench) -> None:
     second = ServoBus(bench.terminal.path, bench.clock, name="head")
     with pytest.raises(NotConnected, match=r"head: .*: in use"):
         second.open()
@@ -136,7 +136,7 @@ def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
     second.close()
 
 
-def test_a_bus_that_is_not_open_says_so_and_may_be_closed_often(tmp_path: Path) -> None:
+def test_closed_bus_gives_the_reason_and_may_be_closed_repeatedly(tmp_path: Path) -> None:
     bus = ServoBus(str(tmp_path / "servos"), SystemClock(), name="arm")
     with pytest.raises(NotConnected, match="not opened yet"):
         bus.read(ServoAddress(1), LED)
@@ -151,7 +151,7 @@ def test_a_bus_that_is_not_open_says_so_and_may_be_closed_often(tmp_path: Path) 
 
 
 @pytest.mark.real_time
-def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) -> None:
+def test_babbling_bus_does_not_prevent_the_timeout(bare: tuple[int, str]) -> None:
     master, path = bare
     bus = ServoBus(path, SystemClock(), reply_timeout=0.02)
     bus.open()
@@ -176,7 +176,7 @@ def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) ->
         bus.close()
 
 
-def test_a_line_that_takes_no_more_bytes_is_gone(bare: tuple[int, str]) -> None:
+def test_line_that_accepts_no_bytes_is_lost(bare: tuple[int, str]) -> None:
     _, path = bare  # nobody reads at the other end
     line = open_transport("arm", path, 1_000_000, SystemClock())
     try:

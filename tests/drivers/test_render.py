@@ -195,7 +195,7 @@ class WatchedClock(ManualClock):
         return super().now()
 
 
-def test_closing_ends_a_read_that_waits() -> None:
+def test_close_ends_a_waiting_read() -> None:
     clock = WatchedClock()
     camera = RenderedCamera(SimulatedWorld(), lambda _: Viewpoint(), clock, size=(160, 120))
     camera.open()

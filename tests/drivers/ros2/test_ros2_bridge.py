@@ -59,7 +59,7 @@ def entity(role: str, name: str = "", kind: str = "", qos: str = DEFAULT_QOS) ->
 # --- tokens -----------------------------------------------------------------------------------------------------------
 
 
-def test_tokens_are_read_as_a_bridge_writes_them() -> None:
+def test_bridge_tokens_are_parsed() -> None:
     assert bridge.parse_token("@/1f/@ros2_lv") == [entity("NN", qos="")]
     twist = bridge.parse_token("@/1f/@ros2_lv/MS/bot1§cmd_vel/geometry_msgs§msg§Twist/:1::1,10")
     assert twist == [entity("MS", "/bot1/cmd_vel", "geometry_msgs/msg/Twist")]
@@ -94,11 +94,11 @@ def test_tokens_are_read_as_a_bridge_writes_them() -> None:
         "@/1f/@ros2_lv/MP//a§msg§B/:::",
     ],
 )
-def test_a_token_that_is_none_is_nobody(token: str) -> None:
+def test_invalid_bridge_token_is_ignored(token: str) -> None:
     assert bridge.parse_token(token) == []
 
 
-def test_what_we_offer_is_read_back_by_the_same_rules() -> None:
+def test_offered_tokens_are_parsed_by_the_same_rules() -> None:
     trigger = bridge.service_token("1f", "/a/dock", TRIGGER)
     assert trigger is not None
     assert bridge.parse_token(trigger) == [entity("SS", "/a/dock", TRIGGER)]
@@ -113,7 +113,7 @@ def test_what_we_offer_is_read_back_by_the_same_rules() -> None:
 
 
 @pytest.mark.real_time
-def test_a_base_behind_a_bridge_is_found_and_driven_and_comes_to_rest(robot: Bridged) -> None:
+def test_base_behind_a_bridge_drives_and_stops(robot: Bridged) -> None:
     robot.open()
     wait_until(robot.drives, pause=0.02)
     robot.base.stop()
@@ -129,7 +129,7 @@ def test_a_base_behind_a_bridge_is_found_and_driven_and_comes_to_rest(robot: Bri
 
 
 @pytest.mark.real_time
-def test_with_its_bridge_gone_it_comes_to_rest_and_with_it_back_it_goes_on(robot: Bridged) -> None:
+def test_base_stops_without_its_bridge_and_drives_again_with_it(robot: Bridged) -> None:
     robot.open()
     wait_until(robot.drives, pause=0.02)
     robot.terminal.unplug()
@@ -146,7 +146,7 @@ def test_with_its_bridge_gone_it_comes_to_rest_and_with_it_back_it_goes_on(robot
 
 
 @pytest.mark.real_time
-def test_a_leaf_that_falls_silent_lets_it_rest_and_a_stop_is_sent_at_once(robot: Bridged) -> None:
+def test_base_stops_when_a_leaf_is_silent_and_stop_is_sent_at_once(robot: Bridged) -> None:
     robot.open()
     wait_until(robot.drives, pause=0.02)
     silent = robot.clock.now()
@@ -162,7 +162,7 @@ def test_a_leaf_that_falls_silent_lets_it_rest_and_a_stop_is_sent_at_once(robot:
 
 
 @pytest.mark.real_time
-def test_a_goal_of_nav2_behind_a_bridge_succeeds_and_another_is_cancelled_by_a_latch(robot: Bridged) -> None:
+def test_nav2_goal_behind_a_bridge_succeeds_or_is_cancelled_by_a_latch(robot: Bridged) -> None:
     robot.open()
     wait_until(robot.graph.navigates)
     number = robot.graph.navigate(((0.3, 0.0, 0.0),), "odom")
@@ -212,7 +212,7 @@ def test_services_topics_and_latched_topics_behind_a_bridge(robot: Bridged) -> N
 
 
 @pytest.mark.real_time
-def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot: Bridged) -> None:
+def test_bridge_reports_wrong_types_and_malformed_messages(robot: Bridged) -> None:
     robot.open()
     text = types().encode(STRING, {"data": "this is no odometry"})
 
@@ -239,7 +239,7 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
     wait_until(lambda: robot.base.protocol._faults.fault(1) != mismatch)  # type: ignore[attr-defined]
 
 
-def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
+def test_odometry_of_two_bridges_is_ignored(robot: Bridged) -> None:
     robot.open()
     other: Any = open_session("bridge", ZenohAccess((robot.terminal.path,)), timeout=5.0)
     token = other.liveliness().declare_token(f"@/{other.zid()}/@ros2_lv/MP/tb4§odom/nav_msgs§msg§Odometry/:::10,1")
@@ -250,7 +250,7 @@ def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
 
 
 @pytest.mark.real_time
-def test_messages_that_a_stalled_link_held_up_are_late_by_their_headers(robot: Bridged) -> None:
+def test_messages_delayed_by_a_stalled_link_are_late_by_their_headers(robot: Bridged) -> None:
     robot.terminal.open()
     session: Any = open_session("test", ZenohAccess((robot.terminal.path,)), timeout=5.0)
     node = Ros2Node(session, SystemClock())
@@ -279,7 +279,7 @@ def x_of(payload: bytes) -> float:
     return float(types().decode(ODOMETRY, payload).pose.pose.position.x)
 
 
-def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridged) -> None:
+def test_offered_services_and_messages_reach_robots_behind_a_bridge(robot: Bridged) -> None:
     robot.terminal.open()
     session: Any = open_session("test", ZenohAccess((robot.terminal.path,)), timeout=5.0)
     node = Ros2Node(session, SystemClock(), name="server")
@@ -307,7 +307,7 @@ def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridge
     session.close()
 
 
-def test_who_speaks_to_both_counts_once() -> None:
+def test_node_on_router_and_bridge_counts_once() -> None:
     """A program of ours on a router without a bridge is no bridge, though it has their tokens."""
     router: Any = open_session("router", ZenohAccess((), mode="router", listen=(path := DdsBridge().path,)))
     ours, other = (open_session("test", ZenohAccess((path,)), timeout=5.0) for _ in range(2))
@@ -323,7 +323,7 @@ def test_who_speaks_to_both_counts_once() -> None:
 
 
 @pytest.mark.real_time
-def test_the_command_lists_topics_and_messages_behind_a_bridge(
+def test_topics_command_lists_topics_and_messages_behind_a_bridge(
     robot: Bridged, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot.terminal.open()
@@ -338,9 +338,7 @@ def test_the_command_lists_topics_and_messages_behind_a_bridge(
 ROBOT = "robot: dds\nros2: {router: ROUTER, domain: DOMAIN}\nbase: {driver: ros2}\n"
 
 
-def test_ports_and_doctor_say_how_a_robot_speaks_or_why_it_does_not(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ports_and_doctor_explain_how_a_robot_is_reached(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bridged, desk, file = DdsBridge(), RecordedMachine(tmp_path / "machine"), tmp_path / "dds.yaml"
 
     def told(text: str, *, router: str = bridged.path, domain: int = 0) -> bool:

@@ -80,7 +80,7 @@ def full(config: RobotConfig, topic: str) -> str:
     return wire.full_name(topic, "" if nodes is None else nodes.namespace)
 
 
-def test_all_tokens_are_understood_and_name_no_session(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
+def test_recorded_tokens_are_parsed_and_contain_no_session(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
     tokens = [line["token"] for line in robot[1] if "token" in line]
     for token in tokens:
         entity = wire.parse_entity(token)
@@ -89,7 +89,7 @@ def test_all_tokens_are_understood_and_name_no_session(robot: tuple[RobotConfig,
         assert int(entity.zid, 16) < 1000, "scrubbed"
 
 
-def test_the_base_goes_where_its_odometry_says(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
+def test_base_follows_recorded_odometry(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
     config, lines = robot
     keys, timeline = config.keys(Ros2BaseKeys), Timeline()
     assert keys is not None
@@ -114,7 +114,7 @@ def test_the_base_goes_where_its_odometry_says(robot: tuple[RobotConfig, list[di
     base.close()
 
 
-def test_the_range_finder_measures_what_was_measured(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
+def test_range_finder_reports_the_recorded_ranges(robot: tuple[RobotConfig, list[dict[str, Any]]]) -> None:
     config, lines = robot
     keys, timeline = config.keys(Ros2RangeKeys), Timeline()
     assert keys is not None

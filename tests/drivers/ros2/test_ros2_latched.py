@@ -59,7 +59,7 @@ def router() -> Iterator[str]:
     terminal.close()
 
 
-def test_who_comes_later_is_told_what_was_sent_last(router: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_late_subscriber_receives_the_latched_message(router: str, capsys: pytest.CaptureFixture[str]) -> None:
     sender = Sender(router, "/robot_description")
     for text in ("<robot/>", "<robot name='newest'/>"):
         sender.send(text, ago=60.0)
@@ -68,7 +68,7 @@ def test_who_comes_later_is_told_what_was_sent_last(router: str, capsys: pytest.
     sender.close()
 
 
-def test_it_holds_while_its_sender_is_there_and_is_heard_of_a_sender_that_comes_back(router: str) -> None:
+def test_latched_message_is_good_while_its_sender_is_online(router: str) -> None:
     clock = SystemClock()
     graph = make_graph(ZenohKeys(router=router, domain=0), DriverContext(clock))
     graph.open()
@@ -90,7 +90,7 @@ def test_it_holds_while_its_sender_is_there_and_is_heard_of_a_sender_that_comes_
     graph.close()
 
 
-def test_a_topic_says_by_its_token_whether_it_is_latched() -> None:
+def test_token_tells_whether_a_topic_is_latched() -> None:
     kept = {":1:,1:,:,:,,": True, ":1:,10:,:,:,,": True, "1:1:1,1:0,0:0,0:1,0,0": True}
     for qos, latched in {**kept, wire.DEFAULT_QOS: False, "2:2:1,5:0,0:0,0:1,0,0": False, "": False}.items():
         token = wire.Entity("MP", 0, "ab", "0", "1", "node", "", "/map", STRING, "RIHS01_00", qos).token

@@ -56,7 +56,7 @@ def said(port: TopicPort) -> dict[int, tuple[str, ...]]:
     return dict(wire.parse_about(payload) for channel, payload in frames if channel == wire.ABOUT_CHANNEL)
 
 
-def test_all_that_listen_are_told_whatever_their_types_and_hashes() -> None:
+def test_message_is_sent_to_subscribers_of_every_type_and_hash() -> None:
     network = Network()
     port = TopicPort(cast(Ros2Node, network), CHANNELS)
     network.listens((TWISTS[1], "RIHS01_a"), (TWISTS[0], "RIHS01_b"), (TWISTS[0], "TypeHashNotSupported"))
@@ -68,7 +68,7 @@ def test_all_that_listen_are_told_whatever_their_types_and_hashes() -> None:
     ]  # fmt: skip
 
 
-def test_who_listens_late_or_for_another_type_is_never_sent_what_is_of_the_one_before() -> None:
+def test_late_subscriber_never_receives_messages_of_the_old_type() -> None:
     network = Network()
     port = TopicPort(cast(Ros2Node, network), CHANNELS)
     assert said(port)[0] == ()
@@ -82,7 +82,7 @@ def test_who_listens_late_or_for_another_type_is_never_sent_what_is_of_the_one_b
     assert network.sent == [(TWISTS[1], "a", b"stamped")]
 
 
-def test_two_nodes_that_are_heard_at_once_are_told_as_two_and_one_that_was_started_anew_as_one() -> None:
+def test_two_nodes_are_reported_as_two_and_a_restarted_node_as_one() -> None:
     network = Network()
     port = TopicPort(cast(Ros2Node, network), CHANNELS)
 

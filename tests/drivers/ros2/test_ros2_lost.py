@@ -91,7 +91,7 @@ def way(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Way]:
         yield way
 
 
-def test_the_base_comes_to_rest_and_with_the_way_back_it_drives_again(way: Way) -> None:
+def test_base_stops_without_its_route_and_drives_again_with_it(way: Way) -> None:
     clock = SystemClock()
     wait_until(way.drives, pause=0.02)
     way.lost()
@@ -108,7 +108,7 @@ def test_the_base_comes_to_rest_and_with_the_way_back_it_drives_again(way: Way) 
     wait_until(way.drives, pause=0.02)
 
 
-def test_a_goal_is_said_to_be_unknown_and_cancelled_with_the_way_back_and_the_next_is_done(way: Way) -> None:
+def test_lost_goal_is_unknown_then_cancelled_and_the_next_one_succeeds(way: Way) -> None:
     graph = way.robot.graph
     far = graph.navigate(((5.0, 0.0, 0.0),), "odom")
     wait_until(lambda: graph.progress(far).state is GoalState.RUNNING and not way.stands())
@@ -124,7 +124,7 @@ def test_a_goal_is_said_to_be_unknown_and_cancelled_with_the_way_back_and_the_ne
     assert graph.progress(near).state is GoalState.SUCCEEDED
 
 
-def test_a_peer_goes_directly_to_a_node_that_the_router_tells_of_and_does_without_the_router() -> None:
+def test_peer_connects_to_a_node_directly_and_works_without_the_router() -> None:
     with ExitStack() as closed:
         robot = Robot(mode="peer")
         closed.callback(robot.close)

@@ -91,7 +91,7 @@ class Part:
 
 @pytest.mark.parametrize("spoilt", SPOILT)
 @pytest.mark.parametrize("name", ["base", "range", "arm"])
-def test_a_message_that_cannot_be_read_is_reported_with_what_was_expected_and_what_came(name: str, spoilt: str) -> None:
+def test_malformed_message_is_reported_with_expected_and_actual_type(name: str, spoilt: str) -> None:
     part = Part(name)
     make, why = SPOILT[spoilt]
     part.hear(make(part.kind))
@@ -104,7 +104,7 @@ def test_a_message_that_cannot_be_read_is_reported_with_what_was_expected_and_wh
 
 
 @pytest.mark.parametrize("field", ["position x", "orientation z", "linear x"])
-def test_odometry_with_a_figure_that_is_none_names_it(field: str) -> None:
+def test_odometry_with_nan_names_its_field(field: str) -> None:
     part = Part("base")
     which, axis = field.split()
     pose: dict[str, Any] = {"orientation": {"w": 1.0}, "position": {}}
@@ -114,7 +114,7 @@ def test_odometry_with_a_figure_that_is_none_names_it(field: str) -> None:
     assert part.faults == [f"/odom: malformed message: its {field} is nan, in {ODOMETRY}"]
 
 
-def test_a_list_that_is_said_to_be_longer_than_the_message_is_malformed() -> None:
+def test_list_longer_than_its_message_is_malformed() -> None:
     for kind, at in ((LASER_SCAN, struct.pack("<ff", 1.0, 2.0)), (JOINT_STATE, struct.pack("<I", 6) + b"elbow")):
         with pytest.raises(MalformedMessage, match=f"expected {kind}"):
             types().decode(kind, lengthened(GOOD[kind], at))
@@ -124,14 +124,14 @@ def test_a_list_that_is_said_to_be_longer_than_the_message_is_malformed() -> Non
         types().decode("std_msgs/msg/String", TEXT[:-9])
 
 
-def test_the_other_byte_order_is_read() -> None:
+def test_big_endian_message_is_decoded() -> None:
     part = Part("range")
     part.hear(big_endian(LASER_SCAN, {"angle_increment": 0.1, "range_max": 9.0, "ranges": [1.0, 2.0]}))
     assert part.device.scan().value.ranges.tolist() == [1.0, 2.0]
     assert part.faults == []
 
 
-def test_a_stream_of_malformed_messages_is_reported_once_in_a_while() -> None:
+def test_repeated_malformed_messages_are_reported_seldom() -> None:
     part = Part("range")
     for _ in range(200):
         part.hear(TEXT)
@@ -142,9 +142,7 @@ def test_a_stream_of_malformed_messages_is_reported_once_in_a_while() -> None:
 
 @pytest.mark.parametrize(("name", "number", "verb"), [("base", 1, "sends"), ("base", 0, "listens for"),
                                                       ("range", 0, "sends"), ("voice", 0, "listens for")])  # fmt: skip
-def test_another_type_under_the_name_of_a_topic_is_reported_for_as_long_as_it_is_there(
-    name: str, number: int, verb: str
-) -> None:
+def test_type_mismatch_is_reported_while_it_lasts(name: str, number: int, verb: str) -> None:
     part = Part(name)
     why = f"expected this, but a node {verb} sensor_msgs/msg/Imu"
     part.device.on_data(wire.mismatch_frame(number, why))
@@ -156,7 +154,7 @@ def test_another_type_under_the_name_of_a_topic_is_reported_for_as_long_as_it_is
     assert part.topics._faults.fault(number) == ""
 
 
-def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
+def test_part_without_valid_messages_gives_the_reason() -> None:
     part = Part("base")
     part.topics._remote_types |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
     part.hear(TEXT)
@@ -167,14 +165,14 @@ def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     assert part.topics.offline_reason(part.clock.now(), "", 0, silent=False)[0] == "base: /odom: no odometry received"
 
 
-def test_a_joint_whose_position_is_not_a_number_is_named() -> None:
+def test_joint_with_nan_position_is_named() -> None:
     part = Part("arm")
     part.device._remote_types |= {0: JOINT_STATE, 1: "std_msgs/msg/Float64MultiArray"}
     part.hear(types().encode(JOINT_STATE, {"name": ["elbow"], "position": [nan]}))
     assert part.device._offline_reason(part.clock.now())[0].endswith("no states of elbow; not a number: elbow")
 
 
-def test_no_number_of_topics_fills_the_memory() -> None:
+def test_topic_faults_have_bounded_memory() -> None:
     faults = TopicFaults("ros2", [], ManualClock())
     for number in range(3 * MAX_TOPICS):
         faults.add_for_topic(f"/{number}", "x")

@@ -98,7 +98,7 @@ def hearers() -> list[tuple[str, Take]]:
     return found
 
 
-def test_no_payload_from_outside_raises_anything() -> None:
+def test_random_payloads_never_raise() -> None:
     chance, known = Random(22), hearers()  # noqa: S311 - no secret
     good = [types().encode(kind, some_values(kind, chance)) for kind, _ in known]
     for number in range(PAYLOADS):

@@ -74,7 +74,7 @@ def other() -> Iterator[Other]:
     other.close()
 
 
-def test_it_is_driven_measured_and_sent_to_places(other: Other) -> None:
+def test_other_program_is_driven_measured_and_sent_goals(other: Other) -> None:
     def driven() -> bool:
         other.base.drive(Velocity(0.2, 0.1))
         state = other.base.state().value
@@ -104,7 +104,7 @@ def test_it_is_driven_measured_and_sent_to_places(other: Other) -> None:
     assert heard["cancelled"] == 1
 
 
-def test_a_goal_whose_server_is_killed_is_unknown_and_the_base_is_silent(other: Other) -> None:
+def test_goal_of_a_killed_server_is_unknown_and_the_base_goes_offline(other: Other) -> None:
     far = other.graph.navigate(((9.0, 0.0, 0.0),), "map")
     wait_until(lambda: other.graph.progress(far).state is GoalState.RUNNING)
     other.process.kill()

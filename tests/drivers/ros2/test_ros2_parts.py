@@ -108,7 +108,7 @@ def robot() -> Iterator[Robot]:
 
 
 @pytest.mark.real_time
-def test_arm_head_and_voice_do_what_they_are_told(robot: Robot) -> None:
+def test_arm_head_and_voice_follow_commands(robot: Robot) -> None:
     robot.open()
     robot.arm.move({"elbow": 0.4})
     robot.head.look(HeadPose(0.5, 0.2))
@@ -122,7 +122,7 @@ def test_arm_head_and_voice_do_what_they_are_told(robot: Robot) -> None:
 
 
 @pytest.mark.real_time
-def test_joints_that_tell_that_they_stand_wake_no_mission(robot: Robot) -> None:
+def test_reports_of_resting_joints_wake_no_mission(robot: Robot) -> None:
     robot.open()
     before, told = len(robot.woken), robot.arm.health().counters["reports"]
     wait_until(lambda: robot.arm.health().counters["reports"] >= told + 20)
@@ -130,7 +130,7 @@ def test_joints_that_tell_that_they_stand_wake_no_mission(robot: Robot) -> None:
 
 
 @pytest.mark.real_time
-def test_with_its_router_gone_the_arm_stands_and_with_it_back_it_stays_there_until_it_is_told(robot: Robot) -> None:
+def test_arm_stops_without_its_router_and_stays_until_commanded(robot: Robot) -> None:
     robot.open()
     robot.arm.move({"elbow": 1.4}, speeds={"elbow": 0.3})
     wait_until(lambda: robot.truly() > 0.05)
@@ -147,7 +147,7 @@ def test_with_its_router_gone_the_arm_stands_and_with_it_back_it_stays_there_unt
     wait_until(lambda: abs(robot.truly()) < 0.01)
 
 
-def test_joints_that_turn_all_the_way_round_have_twins() -> None:
+def test_continuous_joints_have_twins() -> None:
     timeline = Timeline()
     stage = SimContext(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), part_name="head")
     turning = Ros2HeadKeys(pan=Ros2AxisKeys(joint="one"), tilt=Ros2AxisKeys(joint="two"))
@@ -188,7 +188,7 @@ voice:
         ("wrist_joint", "90 deg", "head_1_joint", "'pan' and 'tilt' are both joint 'head_1_joint'"),
     ],
 )
-def test_what_a_robot_file_says_of_its_joints_is_checked(joint: str, limit: str, tilt: str, wrong: str) -> None:
+def test_joint_limits_of_a_robot_file_are_checked(joint: str, limit: str, tilt: str, wrong: str) -> None:
     text = ROBOT.replace("JOINT", joint).replace("LIMIT", limit).replace("TILT", tilt)
     if not wrong:
         found = parse_robot(SourceText("tiago.yaml", text)).keys(Ros2ArmKeys)
@@ -200,7 +200,7 @@ def test_what_a_robot_file_says_of_its_joints_is_checked(joint: str, limit: str,
     assert any(wrong in str(fault) for fault in caught.value.diagnostics)
 
 
-def test_a_wildcard_for_a_topic_is_a_mistake_of_the_robot_file() -> None:
+def test_wildcard_topic_in_a_robot_file_is_an_error() -> None:
     base = "base: {driver: ros2, cmd_vel: /cmd*/**, odom: odometry/filtered, dock: 'a b'}"
     with pytest.raises(InvalidFileError) as caught:
         parse_robot(SourceText("wild.yaml", f"robot: wild\nros2: {{driver: zenoh, namespace: /*}}\n{base}\n"))
@@ -210,7 +210,7 @@ def test_a_wildcard_for_a_topic_is_a_mistake_of_the_robot_file() -> None:
 
 
 @pytest.mark.parametrize(("command", "there"), [("{joint}/command", "left arm"), ("arm/*", "left_arm")])
-def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
+def test_joint_name_with_a_wildcard_is_an_error(command: str, there: str) -> None:
     arm = f"arm: {{driver: ros2, command: '{command}', joints: {{wrist: {{joint: {there}}}}}}}"
     with pytest.raises(InvalidFileError, match=r"cannot stand in a topic|is not a valid topic name"):
         parse_robot(SourceText("wild.yaml", f"robot: wild\nros2: {{driver: zenoh}}\n{arm}\n"))
@@ -225,7 +225,7 @@ def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
         lambda it: it.latest("odom?"),
     ],
 )
-def test_nor_does_a_mission_reach_others_by_it(asked: Callable[[Ros2Graph], object]) -> None:
+def test_wildcard_topic_of_a_mission_is_refused(asked: Callable[[Ros2Graph], object]) -> None:
     nodes = make_graph(ZenohKeys(), DriverContext(ManualClock()))
     with pytest.raises(BadRequest, match="is not a valid topic name"):
         asked(nodes)

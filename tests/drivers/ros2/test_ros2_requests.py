@@ -63,7 +63,7 @@ HEARD = types().encode(f"{CANCEL}_Response", {})
 REJECTED, NOT_KNOWN, TERMINATED = (types().encode(f"{CANCEL}_Response", {"return_code": code}) for code in (1, 2, 3))
 
 
-def test_a_goal_whose_end_is_unknown_is_cancelled_until_its_server_has_heard_it() -> None:
+def test_goal_with_unknown_end_is_cancelled_until_confirmed() -> None:
     network, requests, number = begun()
     network.there = False
     network.asked[1][1](None)
@@ -86,7 +86,7 @@ def test_a_goal_whose_end_is_unknown_is_cancelled_until_its_server_has_heard_it(
     assert len(network.cancels) == 2
 
 
-def test_a_cancel_that_was_lost_is_sent_again_by_itself_and_by_who_asks_again() -> None:
+def test_lost_cancel_is_sent_again() -> None:
     network, requests, number = begun()
     requests.cancel(number)
     requests.cancel(number)
@@ -99,7 +99,7 @@ def test_a_cancel_that_was_lost_is_sent_again_by_itself_and_by_who_asks_again() 
     assert len(network.cancels) == 3
 
 
-def test_a_cancel_that_is_rejected_is_asked_for_again_and_again() -> None:
+def test_rejected_cancel_is_sent_again() -> None:
     network, requests, number = begun()
     requests.cancel(number)
     for count in (1, 2, 3):
@@ -109,7 +109,7 @@ def test_a_cancel_that_is_rejected_is_asked_for_again_and_again() -> None:
         look(network, requests, 1.5)
 
 
-def test_a_goal_that_its_server_does_not_know_any_more_is_over_and_one_that_has_ended_tells_how() -> None:
+def test_cancel_of_a_goal_unknown_to_its_server_ends_it() -> None:
     network, requests, number = begun()
     requests.cancel(number)
     network.cancels[0](TERMINATED)
@@ -124,7 +124,7 @@ def test_a_goal_that_its_server_does_not_know_any_more_is_over_and_one_that_has_
     assert len(network.cancels) == 2
 
 
-def test_a_server_that_is_back_at_once_is_another_one_and_what_it_was_asked_is_unknown_and_cancelled() -> None:
+def test_restarted_server_makes_its_goal_unknown_and_cancelled() -> None:
     network, requests, number = begun()
     network.servers = ["b"]
     look(network, requests, 0.1)
@@ -138,7 +138,7 @@ def test_a_server_that_is_back_at_once_is_another_one_and_what_it_was_asked_is_u
     assert len(network.cancels) == 1
 
 
-def test_what_two_servers_would_do_is_not_begun_and_what_was_begun_is_cancelled_though_there_are_two() -> None:
+def test_goal_is_refused_with_two_servers_but_can_be_cancelled() -> None:
     network, requests, number = begun()
     network.servers = ["a", "b"]
     with pytest.raises(NotConnected, match="2 servers of /navigate_to_pose"):
@@ -147,7 +147,7 @@ def test_what_two_servers_would_do_is_not_begun_and_what_was_begun_is_cancelled_
     assert len(network.cancels) == 1
 
 
-def test_a_goal_that_never_ends_goes_on_for_days_while_its_server_is_there() -> None:
+def test_goal_may_run_for_days_while_its_server_is_online() -> None:
     network, requests, number = begun()
     for _ in range(100):
         look(network, requests, 3600.0)
@@ -175,7 +175,7 @@ class Goal:
             replied(chance.choice((None, *[answers.get(kind, ended)] * 3)))
 
 
-def test_random_answers_take_every_transition_and_a_goal_that_may_go_on_is_cancelled(
+def test_random_answers_take_every_transition_of_a_goal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def cancel(goal: Goal, _: Random) -> None:

@@ -82,7 +82,7 @@ def nodes(text: str) -> Iterator[Ros2Graph]:
         graph.close()
 
 
-def test_with_a_certificate_of_the_authority_it_gets_in_and_with_none_or_another_it_does_not(folder: Path) -> None:
+def test_router_with_mtls_needs_a_certificate_of_its_authority(folder: Path) -> None:
     with routed(folder, {"tls": {"enable_mtls": True}}) as address:
         trusting = f"  router: {address}\n  ca: {folder}/robots.pem\n"
 
@@ -97,7 +97,7 @@ def test_with_a_certificate_of_the_authority_it_gets_in_and_with_none_or_another
         _stays_out(f"  router: {address}\n  ca: {folder}/others.pem\n" + shown("laptop"))
 
 
-def test_with_the_password_of_its_user_it_gets_in_and_with_another_it_does_not(folder: Path) -> None:
+def test_router_with_users_needs_the_right_password(folder: Path) -> None:
     users = {"usrpwd": {"user": "router", "password": "its own", "dictionary_file": str(folder / "users")}}
     with routed(folder, {"auth": users}) as address:
         trusting = f"  router: {address}\n  ca: {folder}/robots.pem\n"

@@ -75,7 +75,7 @@ def robot() -> Iterator[Robot]:
 
 
 @pytest.mark.real_time
-def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Robot) -> None:
+def test_base_is_found_with_its_message_type_and_driven(robot: Robot) -> None:
     robot.open()
 
     def driven() -> bool:
@@ -93,7 +93,7 @@ def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Rob
 
 
 @pytest.mark.real_time
-def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_itself(robot: Robot) -> None:
+def test_base_stops_without_its_router_and_reconnects_by_itself(robot: Robot) -> None:
     robot.open()
 
     def driven() -> bool:
@@ -117,7 +117,7 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
 
 
 @pytest.mark.real_time
-def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) -> None:
+def test_messages_without_attachment_are_reported_and_ignored(robot: Robot) -> None:
     robot.open()
     session = robot.terminal._session
     payload = types().encode("std_msgs/msg/String", {"data": "hello"})
@@ -134,7 +134,7 @@ def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) ->
     wait_until(told)
 
 
-def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot) -> None:
+def test_missing_router_is_reported_with_its_address_and_a_hint(robot: Robot) -> None:
     robot.graph.open()
     wait_until(lambda: "no Zenoh router answers" in robot.graph.health().detail)
     assert robot.terminal.path in robot.graph.health().detail
@@ -144,7 +144,7 @@ def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot
 
 
 @pytest.mark.parametrize("compressed", [False, True])
-def test_pictures_come_as_they_were_taken(robot: Robot, compressed: bool) -> None:
+def test_pictures_arrive_unchanged(robot: Robot, compressed: bool) -> None:
     shown = np.zeros((48, 64, 3), np.uint8)
     shown[:, 32:] = (250, 20, 30)
     robot.terminal.devices.append(VirtualPictures(lambda _: shown, "/tb4/oakd/image", compressed=compressed))
@@ -161,7 +161,7 @@ def test_pictures_come_as_they_were_taken(robot: Robot, compressed: bool) -> Non
 
 
 @pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "mono8", "bgra8", "rgba8", "yuv422_yuy2"])
-def test_each_encoding_becomes_blue_green_red(encoding: str) -> None:
+def test_each_encoding_is_converted_to_bgr(encoding: str) -> None:
     size = {"mono8": 1, "bgra8": 4, "rgba8": 4, "yuv422_yuy2": 2}.get(encoding, 3)
     values = {"height": 4, "width": 6, "encoding": encoding, "step": 6 * size + 5, "data": bytes(4 * (6 * size + 5))}
     assert decode_image(IMAGES[0], types().encode(IMAGES[0], values)).shape == (4, 6, 3)
@@ -171,13 +171,13 @@ def test_each_encoding_becomes_blue_green_red(encoding: str) -> None:
     "values",
     [{"encoding": "16UC1"}, {"width": 0}, {"step": 3}, {"height": 4000}, {"width": 2**31, "step": 2**32 - 1}],
 )
-def test_a_picture_whose_figures_make_no_sense_is_none(values: dict[str, object]) -> None:
+def test_picture_with_inconsistent_size_is_refused(values: dict[str, object]) -> None:
     good = {"height": 4, "width": 6, "encoding": "bgr8", "step": 18, "data": bytes(72)}
     with pytest.raises(ValueError, match=r"."):
         decode_image(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))
 
 
-def test_a_topic_of_a_name_is_no_action_of_it(robot: Robot) -> None:
+def test_topic_is_not_mistaken_for_an_action(robot: Robot) -> None:
     robot.open()
     wait_until(lambda: robot.graph.does("dock") and robot.graph.offers("odom"))
     assert robot.graph.offers("dock")

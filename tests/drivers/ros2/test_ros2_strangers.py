@@ -34,7 +34,7 @@ GID = bytes(range(16))
 # --- attachments ----------------------------------------------------------------------------------------------------
 
 
-def test_the_attachment_of_an_older_rmw_zenoh_which_names_its_parts_is_read_and_answered_in_kind() -> None:
+def test_attachment_with_named_fields_is_parsed_and_answered_in_kind() -> None:
     named = b"".join(
         bytes([len(word)]) + word + data
         for word, data in (
@@ -50,17 +50,17 @@ def test_the_attachment_of_an_older_rmw_zenoh_which_names_its_parts_is_read_and_
 
 
 @pytest.mark.parametrize("length", [1, 12, 24])
-def test_a_gid_of_another_length_is_one(length: int) -> None:
+def test_gid_of_another_length_is_accepted(length: int) -> None:
     told = Attachment(7, 10**18, bytes(length))
     assert wire.parse_attachment(told.pack()) == told
 
 
-def test_a_sender_that_does_not_know_the_time_is_heard_by_its_numbers() -> None:
+def test_messages_without_a_time_are_accepted_by_number() -> None:
     sieve = MessageFilter()
     assert all(sieve.accepts(Attachment(number, 0, GID), number / 10) for number in range(100))
 
 
-def test_clocks_that_differ_by_hours_and_are_set_by_hours_make_nothing_late_for_long() -> None:
+def test_clock_offsets_and_jumps_of_hours_do_not_make_messages_late() -> None:
     sieve = MessageFilter()
     passed = []
     for number in range(100):
@@ -91,7 +91,7 @@ def scanned(ranger: Ros2Ranger, **given: object) -> Any:
     return ranger.scan().value
 
 
-def test_a_scan_whose_highest_range_is_infinite_is_one(ranger: Ros2Ranger) -> None:
+def test_scan_with_infinite_maximum_range_is_accepted(ranger: Ros2Ranger) -> None:
     scan = scanned(ranger, range_max=inf, ranges=[1.0, inf, 3.0])
     assert scan is not None
     assert np.isfinite(scan.most)
@@ -99,7 +99,7 @@ def test_a_scan_whose_highest_range_is_infinite_is_one(ranger: Ros2Ranger) -> No
     assert np.isnan(scan.ranges[1])
 
 
-def test_what_is_no_range_is_nothing_and_a_clockwise_scan_is_turned_round(ranger: Ros2Ranger) -> None:
+def test_invalid_ranges_become_nan_and_a_clockwise_scan_is_reversed(ranger: Ros2Ranger) -> None:
     scan = scanned(ranger, angle_min=0.1, angle_increment=-0.1, ranges=[-1.0, nan, 3.0])
     assert (scan.start, scan.step) == (pytest.approx(-0.1), pytest.approx(0.1))
     assert scan.ranges[0] == 3.0
@@ -107,7 +107,7 @@ def test_what_is_no_range_is_nothing_and_a_clockwise_scan_is_turned_round(ranger
     assert np.isnan(scanned(ranger, ranges=[0.0, inf, -inf]).ranges).all()
 
 
-def test_a_scan_whose_beams_are_nowhere_is_none(ranger: Ros2Ranger) -> None:
+def test_scan_with_invalid_angles_is_malformed(ranger: Ros2Ranger) -> None:
     several: tuple[dict[str, object], ...] = (
         {"angle_increment": nan}, {"angle_increment": 0.0}, {"angle_min": inf}, {"ranges": []},
     )  # fmt: skip
@@ -131,9 +131,7 @@ def test_a_scan_whose_beams_are_nowhere_is_none(ranger: Ros2Ranger) -> None:
         {"intensities": [1.0, 2.0, 3.0]},
     ],
 )
-def test_a_scan_with_figures_left_out_is_used_where_its_meaning_is_clear(
-    ranger: Ros2Ranger, given: dict[str, object]
-) -> None:
+def test_scan_with_missing_fields_is_used_if_unambiguous(ranger: Ros2Ranger, given: dict[str, object]) -> None:
     scan = scanned(ranger, **given)
     assert scan is not None
     assert scan.ranges.tolist() == [1.0, 2.0, 3.0]
@@ -164,9 +162,7 @@ REFUSED: tuple[tuple[dict[str, object], str], ...] = (
 
 
 @pytest.mark.parametrize(("given", "why"), REFUSED)
-def test_a_scan_without_a_clear_meaning_is_refused_by_name(
-    ranger: Ros2Ranger, given: dict[str, object], why: str
-) -> None:
+def test_ambiguous_scan_is_refused_with_its_reason(ranger: Ros2Ranger, given: dict[str, object], why: str) -> None:
     ranger._kind = LASER_SCAN
     ranger._link.health = lambda: Health(True)  # type: ignore[method-assign]
     assert scanned(ranger, **given) is None
@@ -177,13 +173,13 @@ def test_a_scan_without_a_clear_meaning_is_refused_by_name(
     assert LASER_SCAN in health.detail
 
 
-def test_a_clockwise_scan_has_left_on_its_left(ranger: Ros2Ranger) -> None:
+def test_clockwise_scan_keeps_left_on_the_left(ranger: Ros2Ranger) -> None:
     scan = scanned(ranger, angle_min=1.6, angle_max=-1.6, angle_increment=-1.6, ranges=[1.0, 2.0, 3.0])
     assert dict(zip(scan.bearings().round(3).tolist(), scan.ranges.tolist(), strict=True)) == {-1.6: 3, 0: 2, 1.6: 1}
 
 
 @pytest.mark.parametrize("blank", [[inf, inf, inf], [10.5, 10.5, 10.5], [0.0, inf, -inf]])
-def test_a_scan_with_nothing_near_is_one(ranger: Ros2Ranger, blank: list[float]) -> None:
+def test_scan_with_nothing_near_is_accepted(ranger: Ros2Ranger, blank: list[float]) -> None:
     assert np.isnan(scanned(ranger, ranges=blank).ranges).all()
 
 
@@ -215,13 +211,13 @@ def about_z(angle: float, length: float = 1.0) -> dict[str, float]:
     return {"z": length * sin(angle / 2), "w": length * cos(angle / 2)}
 
 
-def test_an_orientation_that_is_not_of_length_one_is_taken_for_its_direction(base: Topics) -> None:
+def test_orientation_of_any_length_is_normalised(base: Topics) -> None:
     origin = base.robot.origin
     odometry(base, origin.x, origin.y, about_z(origin.heading + 0.3, 2.0))
     assert base.state().pose.heading == pytest.approx(0.3, abs=1e-6)
 
 
-def test_an_orientation_that_was_never_set_is_none(base: Topics) -> None:
+def test_unset_orientation_is_malformed(base: Topics) -> None:
     before, counted = base.state().pose, base.device.health().counters["malformed"]
     odometry(base, 3.0, -2.0, {"w": 0.0})
     odometry(base, 3.0, -2.0, {"w": nan})
@@ -229,13 +225,13 @@ def test_an_orientation_that_was_never_set_is_none(base: Topics) -> None:
     assert base.device.health().counters["malformed"] == counted + 2
 
 
-def test_somebody_who_sets_the_heading_of_its_odometry_alone_does_not_turn_it(base: Topics) -> None:
+def test_reset_of_the_odometry_heading_does_not_turn_the_base(base: Topics) -> None:
     origin, before = base.robot.origin, base.state().pose
     odometry(base, origin.x, origin.y, about_z(origin.heading + 2.0))
     assert base.state().pose.heading == pytest.approx(before.heading, abs=1e-6)
 
 
-def test_the_frame_of_its_odometry_goes_without_the_slash_that_tf_refuses(base: Topics) -> None:
+def test_odometry_frame_has_no_leading_slash(base: Topics) -> None:
     frames: list[str] = []
     base.device.protocol._on_origin = lambda _, frame: frames.append(frame)  # type: ignore[attr-defined]
     odometry(base, 40.0, 7.0, about_z(0.0), "/tb4/odom")
@@ -255,7 +251,7 @@ def test_the_frame_of_its_odometry_goes_without_the_slash_that_tf_refuses(base: 
         ((-1.0,), 100.0),  # what some say who do not measure it
     ],
 )
-def test_a_battery_is_a_share_or_percent_or_not_measured(
+def test_battery_percentage_may_be_a_share_percent_or_unmeasured(
     base: Topics, shares: tuple[float, ...], percent: float
 ) -> None:
     for share in shares:
@@ -264,7 +260,7 @@ def test_a_battery_is_a_share_or_percent_or_not_measured(
     assert base.state().battery_percent == pytest.approx(percent, abs=1e-4)
 
 
-def test_a_battery_that_is_not_there_is_not_empty(base: Topics) -> None:
+def test_absent_battery_is_not_empty(base: Topics) -> None:
     told(base, "battery", percentage=0.0, voltage=nan, present=False)
     base.wait(0.1)
     assert (base.state().battery_percent, base.state().battery_voltage) == (100.0, 0.0)
@@ -275,7 +271,7 @@ def detection(kind: int, frame: str) -> Any:
 
 
 @pytest.mark.parametrize("namespace", ["", "left_robot/", "centre/right/"])
-def test_the_side_of_a_contact_is_said_by_its_frame_and_not_by_the_name_of_the_robot(namespace: str) -> None:
+def test_contact_side_comes_from_the_frame_not_the_namespace(namespace: str) -> None:
     bumper = create3.parse_hazards([detection(create3.BUMP, f"{namespace}bump_right")]).bumper
     assert (bumper.left, bumper.centre, bumper.right) == (False, False, True)
 
@@ -292,7 +288,7 @@ def test_the_side_of_a_contact_is_said_by_its_frame_and_not_by_the_name_of_the_r
         (255, "", "hazard of type 255"),
     ],
 )
-def test_hazards_that_are_no_contacts_are_named_and_unknown_types_are_kept(kind: int, frame: str, name: str) -> None:
+def test_other_hazards_are_named_and_unknown_types_are_kept(kind: int, frame: str, name: str) -> None:
     report = create3.parse_hazards([detection(kind, frame), detection(create3.BUMP, "bump_left")])
     assert report.others == {name}
     assert report.bumper == Sides(left=True)
@@ -301,7 +297,7 @@ def test_hazards_that_are_no_contacts_are_named_and_unknown_types_are_kept(kind:
 # --- joints ---------------------------------------------------------------------------------------------------------
 
 
-def test_joints_whose_speeds_are_not_measured_are_there() -> None:
+def test_joints_without_measured_velocities_are_reported() -> None:
     site = DriverContext(ManualClock())
     keys = Ros2ArmKeys(joints={"elbow": Ros2JointKeys(joint="arm_2"), "wrist": Ros2JointKeys(joint="arm_3")})
     arm = make_arm(keys, DriverContext(site.clock, needed_parts={"ros2": make_graph(ZenohKeys(domain=0), site)}))
@@ -335,7 +331,7 @@ def raw(encoding: str, rows: np.ndarray[Any, Any], width: int, **given: object) 
     ("encoding", "first"),
     [("bayer_rggb8", (0, 0)), ("bayer_bggr8", (1, 1)), ("bayer_gbrg8", (1, 0)), ("bayer_grbg8", (0, 1))],
 )
-def test_each_bayer_pattern_shows_red_as_red(encoding: str, first: tuple[int, int]) -> None:
+def test_each_bayer_pattern_keeps_red(encoding: str, first: tuple[int, int]) -> None:
     rows = np.zeros((8, 8), np.uint8)
     rows[first[0] :: 2, first[1] :: 2] = 200
     blue, green, red = raw(encoding, rows, 8)[4, 4]
@@ -344,13 +340,13 @@ def test_each_bayer_pattern_shows_red_as_red(encoding: str, first: tuple[int, in
 
 
 @pytest.mark.parametrize("encoding", ["yuv422", "uyvy", "UYVY"])
-def test_uyvy_is_what_yuv422_means(encoding: str) -> None:
+def test_yuv422_is_decoded_as_uyvy(encoding: str) -> None:
     rows = np.tile(np.array([128, 220, 128, 220], np.uint8), (4, 3))
     assert np.ptp(raw(encoding, rows, 6)) <= 2
     assert raw(encoding, rows, 6).mean() > 200
 
 
-def test_nv21_has_its_colours_below() -> None:
+def test_nv21_picture_is_decoded() -> None:
     rows = np.full((6, 4), 128, np.uint8)
     rows[:4] = 220
     assert raw("nv21", rows, 4, height=4).shape == (4, 4, 3)
@@ -359,14 +355,14 @@ def test_nv21_has_its_colours_below() -> None:
 
 @pytest.mark.parametrize(("order", "big"), [("<u2", 0), (">u2", 1)])
 @pytest.mark.parametrize("encoding", ["mono16", "bgr16", "rgb16", "bayer_rggb16"])
-def test_sixteen_bits_are_seen_in_eight_whatever_comes_first(encoding: str, order: str, big: int) -> None:
+def test_16_bit_pictures_are_scaled_to_8_bits_in_both_byte_orders(encoding: str, order: str, big: int) -> None:
     rows = np.full((4, 12 if encoding in {"bgr16", "rgb16"} else 4), 200 * 256 + 7, order)
     found = raw(encoding, rows, 4, is_bigendian=big)
     assert found.shape == (4, 4, 3)
     assert (found == 200).all()
 
 
-def test_depths_are_no_picture_and_rows_with_padding_are() -> None:
+def test_depth_image_is_refused_and_padded_rows_are_accepted() -> None:
     with pytest.raises(ValueError, match="16UC1"):
         raw("16UC1", np.zeros((4, 4), "<u2"), 4)
     padded = np.zeros((4, 16), np.uint8)
@@ -375,7 +371,7 @@ def test_depths_are_no_picture_and_rows_with_padding_are() -> None:
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png"])
-def test_a_compressed_picture_that_ends_early_is_none(suffix: str) -> None:
+def test_truncated_compressed_picture_is_refused(suffix: str) -> None:
     good = cv2.imencode(suffix, np.random.default_rng(1).integers(0, 255, (60, 80, 3), np.uint8))[1].tobytes()
 
     def shown(data: bytes) -> Any:
@@ -390,7 +386,7 @@ def test_a_compressed_picture_that_ends_early_is_none(suffix: str) -> None:
             shown(data)
 
 
-def test_a_camera_whose_pictures_are_not_understood_says_why() -> None:
+def test_camera_names_an_unsupported_encoding() -> None:
     feed = TopicFeed(lambda _: None, "/depth", ManualClock())  # type: ignore[arg-type,return-value]
     feed._port = Sent(types().encode(IMAGES[0], {"height": 1, "width": 1, "encoding": "32FC1", "step": 4}))  # type: ignore[assignment]
     feed._kind = IMAGES[0]

@@ -63,7 +63,7 @@ def by_rosbags(name: str, values: Any) -> object:
 
 
 @pytest.mark.parametrize("name", GOLDEN)
-def test_bytes_are_those_of_rosbags_and_come_back_as_the_same_values(name: str) -> None:
+def test_encoded_bytes_match_rosbags_and_decode_to_the_same_values(name: str) -> None:
     values = some_values(name, Random(name))  # noqa: S311 - no secret
     golden = bytes(get_typestore(Stores.ROS2_JAZZY).serialize_cdr(by_rosbags(name, values), name, little_endian=True))
     assert types().encode(name, values) == golden
@@ -71,11 +71,11 @@ def test_bytes_are_those_of_rosbags_and_come_back_as_the_same_values(name: str) 
 
 
 @pytest.mark.parametrize("name", HASHES)
-def test_hashes_are_those_of_the_design_document(name: str) -> None:
+def test_type_hashes_match_the_design_document(name: str) -> None:
     assert types().digest(name) == HASHES[name]
 
 
-def test_a_goal_of_nav2_is_sixteen_bytes_a_pose_and_a_tree() -> None:
+def test_nav2_goal_is_encoded_as_id_pose_and_tree() -> None:
     name = "nav2_msgs/action/NavigateToPose_SendGoal_Request"
     pose = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.5}, "orientation": {"w": 1}}}
     data = types().encode(name, {"goal_id": {"uuid": list(range(16))}, "goal": {"pose": pose}})
@@ -86,7 +86,7 @@ def test_a_goal_of_nav2_is_sixteen_bytes_a_pose_and_a_tree() -> None:
     assert types().decode(name, data).goal.pose.pose.position.x == 1.5
 
 
-def test_a_type_without_fields_is_one_byte() -> None:
+def test_type_without_fields_is_one_byte() -> None:
     assert types().encode("std_srvs/srv/Empty_Request", {}) == b"\0\1\0\0\0"
     assert types().to_plain(types().decode("std_srvs/srv/Empty_Response", b"\0\1\0\0\0")) == {}
 
@@ -99,13 +99,13 @@ def test_a_type_without_fields_is_one_byte() -> None:
         ({"linear": 3}, "linear: needs fields, got 3"),
     ],
 )
-def test_values_that_do_not_fit_their_type_are_refused_with_their_field(values: dict[str, object], told: str) -> None:
+def test_values_of_a_wrong_type_are_refused_with_their_field(values: dict[str, object], told: str) -> None:
     with pytest.raises(BadRequest, match="geometry_msgs/msg/Twist") as caught:
         types().encode("geometry_msgs/msg/Twist", values)
     assert told in str(caught.value)
 
 
-def test_a_type_that_is_not_known_says_whose_are() -> None:
+def test_unknown_type_lists_the_known_packages() -> None:
     with pytest.raises(BadRequest, match="'my_msgs/msg/Mine' of ROS 2 is not known") as caught:
         types().encode("my_msgs/msg/Mine", {})
     assert "nav2_msgs" in caught.value.hint
@@ -113,7 +113,7 @@ def test_a_type_that_is_not_known_says_whose_are() -> None:
 
 
 @pytest.mark.parametrize("name", [*GOLDEN, "nav2_msgs/action/NavigateToPose_FeedbackMessage"])
-def test_noise_is_malformed_and_nothing_else(name: str) -> None:
+def test_random_bytes_raise_only_malformed_message(name: str) -> None:
     chance = Random(name)  # noqa: S311 - no secret
     good = types().encode(name, some_values(name, chance) if name in GOLDEN else {})
     for _ in range(150):

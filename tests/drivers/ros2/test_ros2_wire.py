@@ -64,17 +64,17 @@ DESIGN = {
 
 
 @pytest.mark.parametrize("token", DESIGN)
-def test_the_tokens_of_the_design_document_are_read_and_written(token: str) -> None:
+def test_tokens_of_the_design_document_are_parsed_and_written(token: str) -> None:
     assert wire.parse_entity(token) == DESIGN[token]
     assert DESIGN[token].token == token
 
 
-def test_the_key_of_the_design_document_is_that_of_its_publisher() -> None:
+def test_publisher_key_matches_the_design_document() -> None:
     talker = list(DESIGN.values())[2]
     assert talker.key == f"2/chatter/std_msgs::msg::dds_::String_/{STRING}"
 
 
-def test_a_namespace_is_within_a_token_with_its_slashes_as_percent() -> None:
+def test_namespace_slashes_become_percent_signs_in_a_token() -> None:
     told = Entity(
         "MP", 0, "a", "1", "2", "talker", "/fleet/one", "/fleet/one/scan", "sensor_msgs/msg/LaserScan", "h", "q"
     )
@@ -82,7 +82,7 @@ def test_a_namespace_is_within_a_token_with_its_slashes_as_percent() -> None:
     assert wire.parse_entity(told.token) == told
 
 
-def test_an_attachment_is_a_number_a_time_sixteen_and_a_gid() -> None:
+def test_attachment_consists_of_number_time_and_gid() -> None:
     packed = Attachment(7, 1_700_000_000_000_000_001, bytes(range(16))).pack()
     assert packed == struct.pack("<qqB", 7, 1_700_000_000_000_000_001, 16) + bytes(range(16))
     assert len(packed) == 33
@@ -90,7 +90,7 @@ def test_an_attachment_is_a_number_a_time_sixteen_and_a_gid() -> None:
 
 
 @given(some.binary(max_size=90), some.booleans())
-def test_what_is_no_attachment_is_none(data: bytes, named: bool) -> None:
+def test_invalid_attachment_is_none(data: bytes, named: bool) -> None:
     begun = b"\x0fsequence_number" * named + data
     told = wire.parse_attachment(begun)
     assert told is None or told.pack() == begun
@@ -98,13 +98,13 @@ def test_what_is_no_attachment_is_none(data: bytes, named: bool) -> None:
 
 @given(some.text(max_size=40))
 @settings(max_examples=40)
-def test_what_is_no_token_is_none(text: str) -> None:
+def test_invalid_token_is_none(text: str) -> None:
     assert wire.parse_entity(text) is None
     wire.parse_entity("@ros2_lv/0/a/0/1/MP/%/%/n/" + text)
 
 
 @given(some.lists(some.tuples(some.integers(0, 65535), some.binary(max_size=50)), max_size=6), some.integers(1, 9))
-def test_frames_come_whole_however_they_are_cut(sent: list[tuple[int, bytes]], size: int) -> None:
+def test_frames_are_found_in_any_split(sent: list[tuple[int, bytes]], size: int) -> None:
     data = b"".join(wire.frame(*each) for each in sent)
     finder = wire.TopicFrameFinder()
     pieces = [data[at : at + size] for at in range(0, len(data), size)]
@@ -112,20 +112,20 @@ def test_frames_come_whole_however_they_are_cut(sent: list[tuple[int, bytes]], s
 
 
 @given(some.binary(max_size=200))
-def test_any_bytes_are_borne_as_frames(data: bytes) -> None:
+def test_frame_finder_accepts_any_bytes(data: bytes) -> None:
     finder = wire.TopicFrameFinder()
     finder.feed(data)
     finder.feed(data)
 
 
-def test_a_topic_within_a_namespace_is_one_that_does_not_begin_with_a_slash() -> None:
+def test_relative_topic_is_within_the_namespace() -> None:
     assert wire.full_name("scan", "/tb4") == "/tb4/scan"
     assert wire.full_name("scan") == "/scan"
     assert wire.full_name("/scan", "/tb4") == "/scan"
 
 
 @pytest.mark.parametrize("name", ["/cmd*", "**", "/tb4/$*/odom", "a b", "", "/", "/odom/", "/a//b", "odom?x", "/döck"])
-def test_no_topic_is_called_so_that_others_are_reached_besides(name: str) -> None:
+def test_topic_name_with_wildcards_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="is not a valid topic name"):
         wire.full_name(name, "/tb4")
 
@@ -133,7 +133,7 @@ def test_no_topic_is_called_so_that_others_are_reached_besides(name: str) -> Non
 GID = bytes(16)
 
 
-def test_a_message_that_comes_twice_or_out_of_order_counts_once() -> None:
+def test_duplicate_or_reordered_message_counts_once() -> None:
     sieve = MessageFilter()
     passed = [
         number for number in (1, 2, 2, 4, 3, 5) if sieve.accepts(Attachment(number, number * 10**8, GID), number / 10)
@@ -142,7 +142,7 @@ def test_a_message_that_comes_twice_or_out_of_order_counts_once() -> None:
     assert sieve.duplicate_count == 2
 
 
-def test_messages_that_were_held_up_do_not_count_and_those_after_them_do() -> None:
+def test_delayed_messages_are_dropped_and_later_ones_accepted() -> None:
     sieve = MessageFilter()
     for number in range(20):
         assert sieve.accepts(Attachment(number, number * 10**8, GID), number / 10 + 0.01)
@@ -152,7 +152,7 @@ def test_messages_that_were_held_up_do_not_count_and_those_after_them_do() -> No
     assert sieve.accepts(Attachment(60, 60 * 10**8, GID), 6.02)
 
 
-def test_a_sender_whose_clock_was_set_back_is_heard_again_after_a_second() -> None:
+def test_sender_whose_clock_was_set_back_is_accepted_after_a_second() -> None:
     sieve = MessageFilter()
     sieve.accepts(Attachment(1, 100 * 10**9, GID), 1.0)
     heard = [sieve.accepts(Attachment(2 + step, 50 * 10**9 + step * 10**8, GID), 1.1 + step / 10) for step in range(20)]
@@ -160,13 +160,13 @@ def test_a_sender_whose_clock_was_set_back_is_heard_again_after_a_second() -> No
     assert all(heard[10:])
 
 
-def test_another_sender_has_its_own_numbers() -> None:
+def test_each_sender_has_its_own_numbers() -> None:
     sieve = MessageFilter()
     assert sieve.accepts(Attachment(900, 10**9, GID), 1.0)
     assert sieve.accepts(Attachment(1, 10**9, b"x" * 16), 1.0)
 
 
-def test_a_senders_clock_that_is_slow_makes_nothing_late() -> None:
+def test_slow_sender_clock_makes_no_message_late() -> None:
     sieve = MessageFilter()
     for number in range(20_000):
         assert sieve.accepts(Attachment(number, round(number * 0.99995 * 10**9), GID), float(number))
