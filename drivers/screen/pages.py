@@ -214,5 +214,5 @@ class PageScreen(BaseScreen):
     def _wait_for_port(self) -> None:
         while not self._end_requested.wait(PORT_RETRY_INTERVAL):
             if self._try_to_serve():
-                self._report(DeviceStatus(self.name, "online", f"the face is at {self.address}"))
+                self._report(DeviceStatus(self.name, "online", f"the robot's face (screen): {self.address}"))
                 return

@@ -112,7 +112,7 @@ class TalkingScreen:
         self._open = True
         self._screen.open()
         if isinstance(self._screen, ScreenPage) and self._screen.address:
-            self._report(DeviceStatus(self.name, "online", f"the face is at {self._screen.address}"))
+            self._report(DeviceStatus(self.name, "online", f"the robot's face (screen): {self._screen.address}"))
         if self._lips is not None:
             self._ending.clear()
             self._thread = Thread(target=self._run, args=(self._lips,), name="lips", daemon=True)

@@ -30,7 +30,7 @@ def freeze_garbage_collector() -> None:
 
 COMMANDS: Mapping[str, CommandEntry] = {
     "run": CommandEntry(RUN, "missions.cli.run:command", "Run a mission: simulated, unless a robot is named."),
-    "stop": CommandEntry(RUN, "missions.cli.stop:command", "Stop all runs on this machine at once."),
+    "stop": CommandEntry(RUN, "missions.cli.stop:command", "Stop all runs of this user on this computer."),
     "list": CommandEntry(LOOK, "missions.cli.list:command", "List missions, robots, worlds, behaviours and so on."),
     "show": CommandEntry(LOOK, "missions.cli.show:command", "Show a mission, record, behaviour, world or gait."),
     "check": CommandEntry(LOOK, "missions.cli.check:command", "Check missions without running them."),

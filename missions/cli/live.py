@@ -159,7 +159,7 @@ class RunDisplay:
         if event.status == "online":
             self._online_parts.append(event.part)
             self._show_preparing()
-            if "is at http:" in event.detail:  # the address of the page with its face
+            if "(screen): http" in event.detail:  # the address of the page with its face
                 self._lines.print(f"  {event.detail_without_part}")
             elif event.part in self._faulty_parts:
                 self._faulty_parts.discard(event.part)
@@ -180,6 +180,8 @@ class RunDisplay:
 
     def _reflex(self, event: ReflexFired) -> None:
         what = f" base: {REFLEX_TEXTS[event.condition]}" + (f": {event.where}" if event.where else "")
+        if event.condition == "latched" and event.where.startswith("stopped by mission stop"):
+            what = " base: stopped by `mission stop`; to go on: mission stop --release --resume"
         self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), what)
 
     def _log(self, event: Logged) -> None:

@@ -13,17 +13,17 @@ from missions.control.command_broadcast import send_to_all
 NO_RUNS = "no mission is running"
 
 
-@click.command(epilog="Example: mission stop --release")
+@click.command(epilog="Example: mission stop --release --resume")
 @click.argument("which", metavar="[RUN]...", nargs=-1, shell_complete=complete_runs)
 @click.option("--list", "only_list", is_flag=True, help="List the runs without stopping them.")
 @click.option("--release", is_flag=True, help="Release a stop; the mission stays paused.")
 @click.option("--resume", is_flag=True, help="Resume a paused mission; with --release, also a stopped one.")
 @click.option("--end", is_flag=True, help="Stop, and end the run.")
 def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool, end: bool) -> int:
-    """Stop all runs of this user at once, or the named ones (process number or mission).
+    """Stop all runs of this user on this computer, or the named ones (process number or mission).
 
-    Base, head, arm and voice are latched and the mission is paused until `mission stop --release`. This works over SSH
-    and for every run, with or without the studio. A run that does not reply is ended by a signal.
+    The stop latches: base, head, arm and voice stay stopped, and the mission paused. To go on: `mission stop --release
+    --resume`. This works over SSH, with or without the studio. A run that does not reply is ended by a signal.
 
     Commands that move a robot by hand (teleop, head, servo record) have no latch: they are ended, with all parts at
     rest.

@@ -57,7 +57,7 @@ class StateStamps:
 HEAD_SPEED = radians(60)
 """Turn rate of the head at full input, in rad/s."""
 
-RELEASE_HINT = "mission stop --release, or “Hold to release” on the page"
+RELEASE_HINT = "mission stop --release --resume, or “Hold to release” on the page"
 """Hint while a stop is latched."""
 
 MAX_TURN_TIME = 0.1

@@ -89,7 +89,7 @@ class StopLatch:
         """Raise DeviceFault if behaviours must not move actuators now."""
         self._permit_first()
         if self.reason:
-            raise DeviceFault(self.reason, hint="mission stop --release")
+            raise DeviceFault(self.reason, hint="mission stop --release --resume")
 
     def _stop_remaining(self, remaining: deque[str], stopped: list[str]) -> None:
         """Stop the parts that no other thread has taken."""

@@ -374,7 +374,9 @@ def _report_unknown_word(
     modifiers, composites = (*MODIFIERS, *BESIDE_KEYS), BRANCHES
     words = [*context.leaves, *composites, *([] if alone else modifiers)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
-    if " - " in key.text:
+    if key.text.startswith("-") and key.text[1:] in words:
+        hint = f"write '- {key.text[1:]}', with a space after the dash"
+    elif " - " in key.text:
         hint = "align each '- ' of a list in one column"
     elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
         hint = UNMATCHED_HINT  # the user means a loop; neither word is one

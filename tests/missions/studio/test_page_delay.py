@@ -36,7 +36,7 @@ def test_the_page_says_why_driving_is_refused_and_drives_again_once_the_link_is_
     with run_of(tmp_path) as (_, base), lossy(served.port, 0.0, never) as network:
         through = SimpleNamespace(host=f"127.0.0.1:{network.port}", operator=served.operator)
         page = Page(browser, cast("Served", through), view="#drive")
-        page.press("Take the wheels")
+        page.press("Take control")
         page.wait_for("You drive.", "Round trip: ", "driving needs at most 500 ms")
         with page.held(STICK, up=60):
             wait_until(moving(base))
@@ -44,7 +44,7 @@ def test_the_page_says_why_driving_is_refused_and_drives_again_once_the_link_is_
             pressed = base.seen().heard_at
             assert seconds_to_rest(base, pressed) <= MAX_STATE_AGE + BRAKING
             page.wait_for("Driving is refused: ")
-        page.wait_for(SLOW, "You have the wheels.", "slow connection: round trip 2.")
+        page.wait_for(SLOW, "You have control.", "slow connection: round trip 2.")
         assert holds_still(page, base, 1.0)
         network.up = network.down = 0.0
         wait_until(lambda: not page.says("Driving is refused"))
@@ -58,7 +58,7 @@ def test_a_page_that_gets_no_states_any_more_says_so_and_drives_no_longer(
     with run_of(tmp_path) as (_, base), lossy(served.port, 0.0, never) as network:
         through = SimpleNamespace(host=f"127.0.0.1:{network.port}", operator=served.operator)
         page = Page(browser, cast("Served", through), view="#drive")
-        page.press("Take the wheels")
+        page.press("Take control")
         page.wait_for("You drive.")
         with page.held(STICK, up=60):
             wait_until(moving(base))

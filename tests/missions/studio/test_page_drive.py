@@ -31,7 +31,7 @@ def scene(tmp_path: Path) -> Iterator[tuple[Process, LoneBase]]:
 
 def driver(browser: Browser, served: Served) -> Page:
     page = Page(browser, served, view="#drive")
-    page.press("Take the wheels")
+    page.press("Take control")
     page.wait_for("You drive.")
     return page
 
@@ -204,7 +204,7 @@ def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -
     page.tab.evaluate("document.querySelector('.actions .main').click()")
     page.wait_for("You drive.")
     with page.held(STICK, up=60):
-        wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Plan").name))
+        wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Map").name))
     page.go("Live")
     page.press("End the mission")
     page.press("Press again to end it")
@@ -221,10 +221,10 @@ def test_who_drives_moves_the_robot_also_while_simulated_time_is_paused(
         page.wait_for("paused")
         page.go("Drive")
         page.wait_for("The mission is paused.")
-        page.press("Take the wheels")
+        page.press("Take control")
         page.wait_for("You drive. The mission is paused.")
         with page.held(STICK, up=60):
-            wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Plan").name))
+            wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Map").name))
         page.press("Resume")
         wait_until(lambda: not page.says("The mission is paused."))
 

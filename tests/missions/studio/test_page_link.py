@@ -63,7 +63,7 @@ def test_who_makes_new_links_stays_in_and_sees_them_and_stop_has_its_connection_
     with studio() as served:
         page = overheard(browser, served, "#run")
         page.tab.evaluate(SLOW_ENTRY)
-        page.press("Permissions")
+        page.press("Access links")
         page.press("New links")
         page.press("Sign out everyone else?")
         wait_until(lambda: page.tab.evaluate("window.refusals > 0"))
@@ -212,7 +212,9 @@ def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(brows
     try:
         page.wait_for("STOP may not reach every run", "Too many levels of symbolic links")
         page.stop.click()
-        page.wait_for("PERHAPS NOT STOPPED", "Too many levels of symbolic links", "Use the robot's own switch")
+        page.wait_for(
+            "PERHAPS NOT STOPPED", "Too many levels of symbolic links", "Press the emergency stop on the robot"
+        )
         colour = "getComputedStyle(document.querySelector('.latched')).backgroundColor"
         assert page.tab.evaluate(colour) == "rgb(196, 18, 26)"
     finally:
@@ -247,14 +249,14 @@ def test_who_drives_is_asked_for_the_wheels_and_hands_them_over(
     with run_of(tmp_path) as (process, _), served.client(served.operator) as other:
         run = str(process.process.pid)
         page = Page(browser, served, view="#drive")
-        page.press("Take the wheels")
+        page.press("Take control")
         page.wait_for("You drive.")
         other.ask("watch", run=run, state=False)
         assert not other.ask("take", run=run)["result"]["yours"]
-        page.wait_for(f"{other.welcome['name']} asks for the wheels.")
+        page.wait_for(f"{other.welcome['name']} asks for control.")
         page.press("Hand over")
         page.wait_for(f"{other.welcome['name']} drives.")
         page.press("Ask")
-        page.wait_for(f"You have asked {other.welcome['name']} for the wheels.")
+        page.wait_for(f"You have asked {other.welcome['name']} for control.")
         other.send(do="give", run=run)
         page.wait_for("You drive.")

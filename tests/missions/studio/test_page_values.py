@@ -159,9 +159,9 @@ def test_a_success_does_not_count_failures(browser: Browser, served: Served, mon
     path = write(folder / "went_on.mcap", [*told, ended])
     try:
         page = Page(browser, served, view="#records/went_on.mcap")
-        page.wait_for("✓ success", "3 steps failed, and the mission went on")
+        page.wait_for("✓ success", "3 nodes failed, and the mission went on")
         assert not page.says(" failure")
         page.press("Next failed step")
-        page.wait_for("No step failed after this moment.")
+        page.wait_for("No node failed after this moment.")
     finally:
         path.unlink()

@@ -35,7 +35,7 @@ def test_until_the_missions_are_read_the_page_says_so_and_no_longer(browser: Bro
         f" return [before, {told}];"
         "})"
     )
-    assert said == ["Reading the missions…", ""]
+    assert said == ["Loading the missions…", ""]
 
 
 @pytest.mark.real_time
@@ -240,7 +240,7 @@ def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, serve
     page.wait_for("Choose the robot first.")
     page.tab.evaluate("document.querySelector('.target select').value = 'turtlebot2'")
     page.press("Run on the robot")
-    page.wait_for("Confirm first that there is room around the robot.")
+    page.wait_for("Confirm first that the robot has room and that you can reach its emergency stop.")
 
 
 def test_each_view_has_stop_in_sight_and_nothing_too_wide(browser: Browser, served: Served) -> None:

@@ -29,14 +29,14 @@ export class Drive {
   #keys = new Set();
   #number = 0;
   #zero_count = { drive: ZERO_COMMANDS, look: ZERO_COMMANDS };
-  #is_giving = false; // wheels given up, not confirmed by the run yet
+  #is_giving = false; // control released, not confirmed by the run yet
   #held_stops = []; // indices of the game pads whose red button is held
   #is_blocked = false; // until all controls are released: a command was late, or STOP was pressed
   #is_refused = false; // by the run, since all controls were released last
   #last_sent_at = -Infinity;
   #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
   #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
-  #take = button("Take the wheels", () => this.#toggle_wheels(), { class: "main" });
+  #take = button("Take control", () => this.#toggle_wheels(), { class: "main" });
   #resume = button("Resume", () => this.#watcher.ask("resume").catch(notify), { hidden: true });
   #status = el("p", { class: "wheels", role: "status" });
   #request = el("div", { class: "warning", role: "alert", hidden: true });
@@ -60,7 +60,7 @@ export class Drive {
     limit.append(this.#limit);
     const keys = el("p", { class: "hint" }, "Keys: W A S D or arrows drive, I J K L turn the head.");
     this.node = el("div", { class: "view drive" },
-      el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Plan", "plan", this.#plan)),
+      el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Map", "plan", this.#plan)),
       el("div", { class: "cockpit" },
         this.#start_box, el("div", { class: "row" }, this.#take, this.#status, this.#resume), this.#delay, this.#refusal_box, this.#request, limit,
         el("div", { class: "sticks" }, el("div", null, this.#base, el("span", null, "drive")), el("div", null, this.#head, el("span", null, "head"))),
@@ -140,7 +140,7 @@ export class Drive {
     this.#give_wheels();
   }
 
-  /** Whether this page has the wheels. */
+  /** Whether this page has control. */
   get #has_wheels() {
     const { state, lives } = this.#watcher;
     return Boolean(lives && this.#link.open && state?.driver && state.driver === this.#link.welcome?.name);
@@ -184,7 +184,7 @@ export class Drive {
   #read_pads() {
     const all = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected);
     const pads = all.filter((each) => each.mapping === "standard");
-    // For a pad without the standard mapping (mode D) the browser does not know the red button: every button is STOP.
+    // Without the standard mapping (mode D) the red button is unknown: every button is STOP.
     const stops = (each) => (each.mapping === "standard" ? each.buttons[STOP_BUTTON]?.pressed : each.buttons.some((one) => one.pressed));
     const red = all.filter(stops).map((each) => each.index);
     const pressed = red.some((index) => !this.#held_stops.includes(index));
@@ -192,7 +192,7 @@ export class Drive {
     if (pressed) this.#stop.stop(); // always: also while driving is blocked, in another view, or on a second pad
     const pad = pads[0];
     if (!pad && all.length && this.#is_shown) {
-      put(this.#pad, "Game pad: this browser does not know its buttons. Each of them is STOP, and it does not drive; try its mode X.");
+      put(this.#pad, "Game pad: unknown layout. Every button is STOP, and the sticks do nothing; set its switch to X (XInput).");
     }
     if (!pad || !this.#is_shown) return [];
     const held = pad.buttons[DRIVE_BUTTON]?.pressed;
@@ -202,7 +202,7 @@ export class Drive {
     return [-y, -x, -(pan ?? 0), tilt ?? 0];
   }
 
-  /** Milliseconds from a state to the command based on it: measured by the run, or by the connection. */
+  /** Milliseconds from a state to the command based on it. */
   get #roundTrip() {
     const { state } = this.#watcher;
     return Math.max(this.#link.roundTrip, this.#has_wheels ? 1000 * state.round_trip : 0);
@@ -269,7 +269,7 @@ export class Drive {
     this.#head.release();
   }
 
-  /** Stop at once, and give up the wheels. */
+  /** Stop, and release control. */
   #give_wheels() {
     const mine = this.#has_wheels;
     this.#zero_count.drive = 0;
@@ -288,7 +288,7 @@ export class Drive {
     }
     try {
       const { yours } = await this.#watcher.ask("take");
-      if (!yours) notify("The driver was asked for the wheels.", "good");
+      if (!yours) notify("The driver was asked for control.", "good");
     } catch (error) {
       notify(error);
     }
@@ -303,13 +303,13 @@ export class Drive {
     const asking = (state?.asking ?? []).filter((each) => each !== this.#link.welcome?.name);
     const has_asked = state?.asking?.includes(this.#link.welcome?.name);
     this.#take.disabled = !operator || !lives || !base || !this.#link.open || Boolean(has_asked);
-    put(this.#take, mine ? "Give up the wheels" : state?.driver ? `Ask ${state.driver} for the wheels` : "Take the wheels");
+    put(this.#take, mine ? "Release control" : state?.driver ? `Ask ${state.driver} for control` : "Take control");
     let words = "The mission drives.";
     if (!lives) words = "There is no run to drive.";
     else if (!base) words = "This run has no base to drive.";
     else if (!operator) words = "You can watch and stop.";
-    else if (mine) words = state.stopped ? "A stop is latched: release it first." : this.#refusal ? "You have the wheels." : `You drive.${state.paused ? " The mission is paused." : ""}`;
-    else if (has_asked) words = `You have asked ${state.driver} for the wheels.`;
+    else if (mine) words = state.stopped ? "The robot is stopped: hold “Hold to release” first." : this.#refusal ? "You have control." : `You drive.${state.paused ? " The mission is paused." : ""}`;
+    else if (has_asked) words = `You have asked ${state.driver} for control.`;
     else if (state.driver) words = `${state.driver} drives.`;
     else if (state.stopped) words = `The robot was ${state.stopped}.`;
     else if (state.paused) words = "The mission is paused.";
@@ -320,7 +320,7 @@ export class Drive {
     this.#request.hidden = !mine || !asking.length;
     if (!this.#request.hidden && this.#request.dataset.who !== asking[0]) {
       this.#request.dataset.who = asking[0];
-      this.#request.replaceChildren(el("p", null, `${asking[0]} asks for the wheels.`), button("Hand over", () => this.#give_wheels()));
+      this.#request.replaceChildren(el("p", null, `${asking[0]} asks for control.`), button("Hand over", () => this.#give_wheels()));
     }
     const limits = scene?.limits;
     const share = this.#pace.value / 100;

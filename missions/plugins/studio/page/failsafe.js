@@ -35,7 +35,7 @@ export class Failsafe {
       const { robot, choices, chosen, moments } = await this.#link.ask({ do: "failsafe", ...this.#chosen }, REPLY_TIMEOUT);
       if (number !== this.#request_count) return; // another choice was made in the meantime
       if (!this.#form.childElementCount) this.#draw(choices, chosen);
-      put(this.#about, `The base of ${robot}, with the rules of its driver. The fault begins at 0 s. A mission or person tries again after each failure.`);
+      put(this.#about, `Computed, nothing moves: how the base of ${robot} reacts to a fault at 0 s. A mission or person repeats the command after each failure.`);
       this.#steps = moments.map(({ t, ahead, words }) =>
         el("li", null, el("b", null, `${t.toFixed(2)} s`), el("span", null, words), el("em", null, `${(100 * ahead).toFixed(0)} cm since the fault`)));
       this.#list.replaceChildren(...this.#steps);

@@ -28,7 +28,7 @@ export class Faults {
   async show() {
     const { examples, command } = await this.#watcher.ask("faults");
     this.#draw(examples);
-    put(this.#about, examples.length ? "" : `Faults need simulated time: ${command}`);
+    put(this.#about, examples.length ? "" : `Faults need simulated time. Try: ${command}`);
   }
 
   #draw(examples) {

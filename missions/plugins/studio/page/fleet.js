@@ -41,7 +41,7 @@ export class Fleet {
       const { fleet, robots, missing } = await this.#link.ask({ do: "fleet" });
       const text = JSON.stringify([robots.map((each) => ({ ...each, age: 0 })), missing]);
       if (text === this.#drawn_text) return; // unchanged: keep the focus
-      put(this.#message, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `No robots in fleet ${fleet}: mission task serve --fleet ${fleet}`);
+      put(this.#message, robots.length ? `Fleet ${fleet}: ${robots.length} robot${robots.length > 1 ? "s" : ""}` : `No robots in fleet ${fleet}. Try: mission task serve --fleet ${fleet}`);
       this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
       this.#drawn_text = text; // only after it was drawn, so that a failed drawing is repeated
     } catch (error) {
@@ -64,7 +64,7 @@ export class Fleet {
       el("div", null, el("b", null, robot.name), el("span", { class: "outcome" }, robot.stopped ? "STOPPED" : robot.connection),
         el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), robot.stopped && el("span", { class: "reason" }, `stopped by ${robot.stopped}`)),
       el("div", { class: "actions" },
-        robot.mission && button("Plan", () => this.#show(robot), { "aria-label": `Plan of ${robot.name}` }),
+        robot.mission && button("Tree", () => this.#show(robot), { "aria-label": `Tree of ${robot.name}` }),
         may && robot.stopped && button("Release", () => this.#do("release_fleet", { robot: `${robot.name}/${robot.number}` }), { "aria-label": `Release ${robot.name}` })));
   }
 

@@ -68,7 +68,7 @@ export class Params {
       }
       return row;
     });
-    this.node = el("div", { class: "fields" }, rows.length ? rows : el("p", { class: "hint" }, "This mission has no params."));
+    this.node = el("div", { class: "fields" }, rows.length ? rows : el("p", { class: "hint" }, "This mission has no parameters."));
   }
 
   /** Texts of all params with a value. */
@@ -93,7 +93,7 @@ export class Params {
     return { values, missing };
   }
 
-  /** Values that differ from the defaults, as texts. Throws an Error that names a missing param. */
+  /** Changed values, as texts. Throws an Error that names a missing param. */
   get values() {
     const { values, missing } = this.changed;
     if (!missing) return values;
@@ -103,8 +103,8 @@ export class Params {
 }
 
 const SIMULATIONS = [
-  ["fast", "simulated time"],
-  ["wire", "real time, virtual devices"],
+  ["fast", "simulated time (fast)"],
+  ["wire", "real time, virtual devices (wire)"],
 ];
 const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", "2 ×"], ["5", "5 ×"], ["20", "20 ×"], ["", "as fast as possible"]];
 
@@ -120,7 +120,7 @@ export class Target {
     this.speed = choice(SPEEDS, "1");
     this.options = library.options;
     this.seed = el("input", { type: "text", inputmode: "numeric", value: String(this.options.seed.default), size: "6" });
-    this.sure = toggle("I have checked: the robot has room to move, and I can reach its switch.", false);
+    this.sure = toggle("I have checked: the robot has room to move, and I can reach its emergency stop.", false);
     this.sure.classList.add("sure");
     const kinds = el("div", { class: "segments", role: "radiogroup", "aria-label": "Where it runs" });
     this.kinds = [["Simulated", false], ["On the robot", true]].map(([text, real]) => {
@@ -165,7 +165,7 @@ export class Target {
   members(later = false) {
     if (this.#real) {
       if (!this.robot.value) throw new Error("Choose the robot first.");
-      if (this.sure.getAttribute("aria-checked") !== "true") throw new Error("Confirm first that there is room around the robot.");
+      if (this.sure.getAttribute("aria-checked") !== "true") throw new Error("Confirm first that the robot has room and that you can reach its emergency stop.");
       return { robot: this.robot.value, sure: true };
     }
     const found = { robot: this.robot.value, simulate: this.how.value, world: this.world.value };

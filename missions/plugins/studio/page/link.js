@@ -1,4 +1,4 @@
-// Connection to the studio: reconnects by itself, matches answers to commands, and measures its age and round trip.
+// Connection to the studio: reconnects, matches answers to commands, measures age and round trip.
 
 const PING_INTERVAL = 1000; // milliseconds between two `hello`
 const LINK_TIMEOUT = 5000; // milliseconds without a message after which the connection counts as lost

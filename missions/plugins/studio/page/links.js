@@ -12,7 +12,7 @@ export function links(link, stop) {
   const press = button("New links", async () => {
     clearTimeout(armed);
     if (press.textContent === "New links") {
-      put(press, "Sign out everyone else?");
+      put(press, "Press again to sign out everyone else");
       armed = setTimeout(() => put(press, "New links"), SECOND_PRESS_TIME);
       return;
     }
@@ -28,5 +28,5 @@ export function links(link, stop) {
     }
   });
   const about = el("p", { class: "hint" }, "The old links stop working. Everyone who used them is signed out, and what they drive stops.");
-  return panel("Permissions", "who", about, press, found);
+  return panel("Access links", "who", about, press, found);
 }

@@ -42,14 +42,14 @@ export class Live {
     const tools = el("div", { class: "tools" }, follow, button("Fold all", () => this.#tree.fold(true)), button("Unfold all", () => this.#tree.fold(false)), this.#ticks);
     const cameras = panel("Camera", "camera", this.#camera);
     cameras.addEventListener("fold", () => (this.#camera.shown = this.#is_shown && !cameras.classList.contains("folded")));
-    this.#joints.panel = panel("Arm", "arm", this.#joints.node);
+    this.#joints.panel = panel("Joints", "arm", this.#joints.node);
     this.node = el("div", { class: "view live" },
       el("div", { class: "head" }, el("div", null, this.#title, this.#facts, this.#result, this.#age),
         el("div", { class: "controls", role: "group", "aria-label": "The mission" }, this.#clock, this.#pause, this.#step, this.#halt)),
       el("div", { class: "actions begin" }, el("a", { class: "button", href: "#run" }, "Choose a mission"), el("a", { class: "button", href: "#drive" }, "Drive without a mission")),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", tools, this.#tree), panel("Variables", "values", this.#variables.node)),
-        el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Speech", "spoken", this.#speech.node)),
+        el("div", null, cameras, panel("Map", "plan", this.#plan), panel("Speech", "spoken", this.#speech.node)),
         el("div", null, panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
     this.#camera.begin(watcher);
     watcher.addEventListener("which", () => this.#clear());

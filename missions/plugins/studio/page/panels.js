@@ -123,7 +123,7 @@ export class Joints {
   }
 
   #add(name) {
-    if (!this.#rows.size) this.node.append(el("tr", null, ["joint", "", "position", "load", "heat"].map((text) => el("th", { scope: "col" }, text))));
+    if (!this.#rows.size) this.node.append(el("tr", null, ["joint", "", "position", "load", "temperature"].map((text) => el("th", { scope: "col" }, text))));
     const row = { mark: svg("circle", { cy: 6, r: 5 }), position: el("td"), load: el("td"), heat: el("td") };
     const drawing = svg("svg", { viewBox: "0 0 120 12", "aria-hidden": "true" }, svg("rect", { y: 5, width: 120, height: 2 }), row.mark);
     const label = el("th", { scope: "row" }, plain(name));

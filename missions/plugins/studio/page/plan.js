@@ -1,4 +1,4 @@
-// Plan from above: the drawing of the world, the robot, its path, people and the points of the range finder.
+// Map: the drawing of the world, the robot, its path, people and the points of the range finder.
 
 import { el, on_frame } from "./dom.js";
 
@@ -8,7 +8,7 @@ const TRAIL_STEP = 0.02; // metres from one point of the trail to the next
 const MARGIN = 1.5; // metres around the content if there is no world
 
 export class Plan extends HTMLElement {
-  #canvas = el("canvas", { role: "img", "aria-label": "Plan" });
+  #canvas = el("canvas", { role: "img", "aria-label": "Map" });
   #image = el("img", { alt: "", hidden: true });
   #world = null;
   #world_name = "";
@@ -134,7 +134,7 @@ export class Plan extends HTMLElement {
     this.#draw_people(pen, place, metre, colour);
     if (this.#pose) this.#draw_robot(pen, place, metre, colour);
     const people = this.#people.length ? `; sees ${this.#people.map((each) => each.name).join(", ")}` : "";
-    canvas.setAttribute("aria-label", this.#pose ? `Plan: the robot is at ${x.toFixed(1)} m, ${y.toFixed(1)} m${people}` : "Plan");
+    canvas.setAttribute("aria-label", this.#pose ? `Map: the robot is at ${x.toFixed(1)} m, ${y.toFixed(1)} m${people}` : "Map");
   }
 
   #draw_grid(pen, place, metre, width, height, colour) {

@@ -14,7 +14,7 @@ const MAX_LETTERS = 60000; // letters of base64 in a message
  */
 export async function pose(place, ask, send) {
   if (!navigator.mediaDevices)
-    throw new Error("A browser allows its camera only over https or on this computer: mission studio --certificate, or ssh -L 8642:127.0.0.1:8642.");
+    throw new Error("A browser allows its camera only over https or from localhost. Try: mission studio --certificate FILE --key FILE");
   const stream = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
   const video = document.createElement("video");
   try {

@@ -53,8 +53,8 @@ export class Record {
   constructor(link, name) {
     this.#link = link;
     this.#name = name;
-    this.#joints.panel = panel("Arm", "arm", this.#joints.node);
-    this.node = el("article", { class: "record" }, el("p", { class: "empty" }, "Reading…"));
+    this.#joints.panel = panel("Joints", "arm", this.#joints.node);
+    this.node = el("article", { class: "record" }, el("p", { class: "empty" }, "Loading…"));
     this.#slider.addEventListener("input", () => this.go(Number(this.#slider.value)));
     this.#log.node.addEventListener("click", (event) => {
       const line = event.target.closest("li[data-t]");
@@ -104,7 +104,7 @@ export class Record {
     this.#request_moment();
   }
 
-  /** Show the statuses at time t from the pieces read so far; `changed` overrides them. */
+  /** Show the statuses at time t from the loaded pieces; `changed` overrides them. */
   #show_statuses(t, changed) {
     const statuses = {};
     for (const [key, lane] of Object.entries(this.#record.lanes)) statuses[key] = at(lane, t);
@@ -128,7 +128,7 @@ export class Record {
     }
     this.#record = record;
     this.#stretch((this.#end = record.until));
-    const skip = (back) => button(back ? "‹ Failed step" : "Failed step ›", () => this.#skip(back), { "aria-label": back ? "Previous failed step" : "Next failed step" });
+    const skip = (back) => button(back ? "‹ Failed node" : "Failed node ›", () => this.#skip(back), { "aria-label": back ? "Previous failed node" : "Next failed node" });
     const facts = [plain(record.robot), simulation_text(record.simulated), plain(record.world ?? ""), day(record.began)];
     const links = record.links; // only for operators
     this.node.replaceChildren(
@@ -141,7 +141,7 @@ export class Record {
           links && el("a", { class: "button", href: links.download, download: true }, "Download"))),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", this.#tree)),
-        el("div", null, panel("Camera", "camera", this.#canvas, this.#caption), panel("Plan", "plan", this.#plan)),
+        el("div", null, panel("Camera", "camera", this.#canvas, this.#caption), panel("Map", "plan", this.#plan)),
         el("div", null, panel("Variables", "values", this.#variables.node), panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
     this.#tree.draw(record.drawing);
     if (record.world) this.#plan.under(this.#link, record.world);
@@ -175,8 +175,8 @@ export class Record {
   #add(piece) {
     for (const t of piece.failures) this.#mark(t, "failed");
     const { failures, more, result } = this.#record;
-    const failed = `${failures.length || "no"} ${failures.length === 1 ? "step" : "steps"} failed`;
-    put(this.#failure_text, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: reading…`}`);
+    const failed = `${failures.length || "no"} ${failures.length === 1 ? "node" : "nodes"} failed`;
+    put(this.#failure_text, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: loading…`}`);
     this.#log.add(piece.log);
   }
 
@@ -188,7 +188,7 @@ export class Record {
   #skip(back) {
     const { failures } = this.#record;
     const next = back ? failures.filter((t) => t < this.#t - STEP / 2).at(-1) : failures.find((t) => t > this.#t + STEP / 2);
-    if (next === undefined) notify(`No step failed ${back ? "before" : "after"} this moment.`, "good");
+    if (next === undefined) notify(`No node failed ${back ? "before" : "after"} this moment.`, "good");
     else this.go(next);
   }
 
@@ -209,7 +209,7 @@ export class Record {
     this.#playing = requestAnimationFrame(on);
   }
 
-  /** Request the shown moment: one request at a time, and only the newest of those waiting. */
+  /** Request the shown moment: one request at a time, then the newest waiting one. */
   async #request_moment() {
     this.#requested_time = this.#t;
     if (this.#is_busy) return;

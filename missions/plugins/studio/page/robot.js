@@ -25,7 +25,7 @@ export class Robot {
     this.#link = link;
     this.#watcher = watcher;
     this.#faults = new Faults({ link, watcher });
-    this.#joints.panel = panel("Arm", "arm", this.#joints.node);
+    this.#joints.panel = panel("Joints", "arm", this.#joints.node);
     const about = el("p", { class: "hint" }, "A change holds until the run ends. To keep it, write it to the robot file; comments there stay. Joints use a new limit from their next goal on.");
     this.node = el("div", { class: "view robot" }, el("div", null, this.#title, this.#facts),
       el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel, this.#faults.panel),

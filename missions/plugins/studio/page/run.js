@@ -26,7 +26,7 @@ export class Run {
   #list = el("ul", { class: "missions" });
   #own_heading = el("li", { class: "group" }, "Your missions");
   #shipped_heading = el("li", { class: "group" }, "Shipped with MissionTree");
-  #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
+  #motions = el("div", { class: "motions", role: "group", "aria-label": "Course exercises" });
   #people = el("p", { class: "hint" });
   #person = el("input", { type: "text", autocomplete: "off" });
   #add_from_run = button("Add with the robot's camera", () => this.#add_person(false));
@@ -34,7 +34,7 @@ export class Run {
   #preview = el("div", { class: "pose" });
   #person_form = el("div", { hidden: true }, field("Name", this.#person, "of the person in front of the camera; ask them first"), el("div", { class: "actions" }, this.#add_from_run, this.#add_here), this.#preview);
   #checkup = el("div", { class: "hint" });
-  #form = el("div", { class: "chosen" }, el("p", { class: "empty" }, "Reading the missions…"));
+  #form = el("div", { class: "chosen" }, el("p", { class: "empty" }, "Loading the missions…"));
   #links = el("div", { hidden: true });
   #approval = toggle("Needs approval before it begins", false);
   #run_button = button("Run", () => this.#start(), { class: "main" });
@@ -52,7 +52,7 @@ export class Run {
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#trouble, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people, this.#person_form),
+      el("div", { class: "side" }, panel("Course exercises", "eight", this.#motions), library, panel("People", "people", this.#people, this.#person_form),
         panel("Check-up", "checkup", this.#checkup), this.#links),
       this.#form);
   }
@@ -101,7 +101,7 @@ export class Run {
     }
     this.#arrange(library.missions);
     put(this.#trouble, library.trouble);
-    put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows no people yet: mission person add NAME");
+    put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows no people yet. Try: mission person add NAME");
     this.#checkup.replaceChildren(...checkup_lines(library.checkup));
     return true;
   }
@@ -173,12 +173,12 @@ export class Run {
       el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")),
       el("h1", null, plain(mission.title)),
       el("p", { class: "summary" }, mission.summary),
-      panel("Params", "params", params.node),
+      panel("Parameters", "params", params.node),
       panel("Where it runs", "target", this.#target.node),
       el("div", { class: "actions" }, this.#run_button),
       panel("Schedule", "later",
         el("div", { class: "fields two" }, field("At", at, "18:00, or 2026-12-24 18:00"), field("Every", every, "30 min, day, monday 18:00"),
-          field("Priority", priority, "-100 to 100, the highest runs first"), field("Retry", retry, "number of retries after a failure")),
+          field("Priority", priority, "-100 to 100, the highest runs first"), field("Retries", retry, "after a failure")),
         this.#approval,
         button("Add to the queue", () => this.#queue())),
       panel("Tree", "preview", tree));
@@ -227,7 +227,7 @@ export class Run {
     try {
       const { at, every, priority, retry } = this.#when;
       const [first, again] = [Number(priority.value || 0), Number(retry.value || 0)];
-      if (![first, again].every(Number.isInteger)) throw new Error("Priority and retry are whole numbers.");
+      if (![first, again].every(Number.isInteger)) throw new Error("Priority and retries must be whole numbers.");
       const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again, needs_approval: this.#approval.getAttribute("aria-checked") === "true" };
       const answer = await this.#link.ask({ do: "add_task", mission: this.#mission.name, params: this.#params.values, ...this.#target.members(true), ...when });
       this.#target.reset_confirmation();
@@ -249,7 +249,7 @@ function item(entry) {
 
 /** Return the findings of the last check-up, with hints. */
 function checkup_lines(told) {
-  if (!told) return ["No check-up yet: mission doctor"];
+  if (!told) return ["No check-up yet. Try: mission doctor"];
   const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;
   if (!told.ailing.length) return [`No problems found (${of}).`];
   const lines = told.ailing.map(({ part, about, message, verdict, fix }) =>

@@ -13,7 +13,7 @@ const SECOND_PRESS_TIME = 4000; // milliseconds for the second press, without a 
 
 const TEXT_INPUTS = new Set(["text", "search", "number", "email", "url", "tel", "password"]);
 
-/** Return whether a node takes text: the space bar types a space there, and Escape stops. */
+/** Return whether the space bar types a space in a node; there, Escape stops. */
 function is_text_field(node) {
   return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TEXT_INPUTS.has(node.type));
 }
@@ -33,13 +33,13 @@ export class Stop extends HTMLElement {
   #unreached = ""; // reason why a stop may not reach something
   #press = "";
   #timer = 0;
-  #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
+  #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar (in a text field: Esc)"));
   #message = el("p", { class: "said", role: "alert" });
   #release = button("Hold to release", null, { class: "release", hidden: true });
 
   connectedCallback() {
     this.append(this.#button, el("div", { class: "latched" }, this.#message, this.#release));
-    // The press itself, not the click that follows it; a click without a pointer comes from a screen reader or key.
+    // The press, not its click; a click without a pointer comes from a screen reader or key.
     this.#button.addEventListener("pointerdown", () => this.stop());
     this.#button.addEventListener("click", (event) => event.detail === 0 && this.stop());
     addEventListener("keydown", (event) => this.#key(event), { capture: true });
@@ -151,10 +151,10 @@ export class Stop extends HTMLElement {
   #show(text = "") {
     const lost = !this.#links.some((link) => link.open);
     let said = text;
-    if (this.#pending) said = lost ? "NOT STOPPED: no connection to the robot. Use its own switch." : "Stopping…";
-    else if (this.#doubt) said = `${this.#doubt}\nUse the robot's own switch.`;
+    if (this.#pending) said = lost ? "NOT STOPPED: no connection. Press the emergency stop on the robot or switch it off." : "Stopping…";
+    else if (this.#doubt) said = `${this.#doubt}\nPress the emergency stop on the robot or switch it off.`;
     else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#stopped_by(each.by)))].join("; ")}`;
-    else if (lost) said = "No connection: STOP does not reach the robot. Use its own switch.";
+    else if (lost) said = "No connection: STOP has no effect. Press the emergency stop on the robot or switch it off.";
     else if (!text && this.#unreached) said = `STOP may not reach every run: ${this.#unreached}`;
     put(this.#message, said);
     this.classList.toggle("is-latched", this.latched);

@@ -37,7 +37,7 @@ export class Tasks {
     if (!this.#link.open) return;
     try {
       const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#with_ended });
-      put(this.#server_message, served ? "" : "No task server is running: mission task serve");
+      put(this.#server_message, served ? "" : "No task server is running. Try: mission task serve");
       const text = JSON.stringify(tasks);
       if (text === this.#drawn_text) return; // unchanged: keep the focus
       this.#drawn_text = text;
@@ -65,13 +65,13 @@ export class Tasks {
     const move = (by, sign, label) => button(sign, () => {
       this.#do("move_task", task.id, { priority: Math.max(-100, Math.min(100, task.priority + by)) });
     }, { "aria-label": `${label} priority of task ${task.id}` });
-    const cancel = confirm_button("Cancel", "Press again to cancel", () => this.#do("cancel_task", task.id), { class: "danger" });
+    const cancel = confirm_button("Cancel", "Press again to cancel the task", () => this.#do("cancel_task", task.id), { class: "danger" });
     const unapproved = waits && task.needs_approval && task.approved === null;
     const approve = unapproved && confirm_button("Approve", "Press again to approve", () => this.#do("approve_task", task.id), { class: "main" });
     return el("li", { class: `task ${task.state}` },
       el("div", null, el("b", null, `${task.id}  ${name}`), el("span", { class: "outcome" }, unapproved ? "needs approval" : plain(task.state)),
         el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), task.reason && el("span", { class: "reason" }, task.reason)),
-      may && (waits || task.state === "running") && el("div", { class: "actions" }, approve, waits && [move(1, "↑", "Raise"), move(-1, "↓", "Lower")], cancel));
+      may && (waits || task.state === "running") && el("div", { class: "actions" }, approve, waits && [move(1, "Priority ↑", "Raise"), move(-1, "Priority ↓", "Lower")], cancel));
   }
 
   async #do(word, task, members) {
