@@ -65,7 +65,7 @@ def test_who_makes_new_links_stays_in_and_sees_them_and_stop_has_its_connection_
         page.tab.evaluate(SLOW_ENTRY)
         page.press("Access links")
         page.press("New links")
-        page.press("Sign out everyone else?")
+        page.press("Press again to sign out everyone else")
         wait_until(lambda: page.tab.evaluate("window.refusals > 0"))
         page.tab.evaluate("window.enter()")
         page.wait_for("For operators:", "For viewers, who watch and stop:")
