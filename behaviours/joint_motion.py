@@ -73,7 +73,7 @@ def _error(samples: Sequence[JointSample]) -> JointError:
 
 
 MIN_SPEED = 0.1
-"""Minimum speed in rad/s: a small servo under load does not move evenly below it."""
+"""Minimum speed of a joint in rad/s: a small servo under load does not move evenly below it."""
 
 
 def has_range(limits: JointLimits) -> bool:
@@ -127,7 +127,7 @@ def _known_positions(arm: Joints) -> dict[str, float]:
 
 
 GOAL_LEAD_TIME = 0.05
-"""Seconds by which goals are ahead of the path's time: one tick and the bus."""
+"""Seconds by which the goals sent to joints are ahead of the path's time: one tick and the delay of the bus."""
 
 MAX_STEP_TIME = 0.1
 """Maximum seconds that one tick counts, so that joints do not jump after a late tick, a pause or a disconnect."""

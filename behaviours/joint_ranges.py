@@ -51,7 +51,7 @@ class Argument:
 
     @property
     def required(self) -> bool:
-        """True if a mission must give it."""
+        """True if a mission must give the argument."""
         return self.default is REQUIRED
 
 

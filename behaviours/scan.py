@@ -112,7 +112,7 @@ class Scan(Leaf):
         return self._arrived_at is not None and now - self._arrived_at >= self.dwell
 
     def _serpentine(self) -> tuple[HeadPose, ...]:
-        """Return the targets of one round; only the ends of the rows for a smooth scan."""
+        """Return the poses of the head in one round of the scan; only the ends of the rows for a smooth scan."""
         limits = self.robot.head.limits
         pan = max(self.pan[0], limits.pan[0]), min(self.pan[1], limits.pan[1])
         highest, lowest = max(self.tilt[0], limits.tilt[0]), min(self.tilt[1], limits.tilt[1])

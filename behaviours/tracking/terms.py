@@ -155,12 +155,12 @@ class OutputVariable(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the output."""
+        """Name of the controller's output."""
         ...
 
     @property
     def terms(self) -> Mapping[str, object]:
-        """Possible conclusions by name."""
+        """Possible conclusions of the controller's rules, by name."""
         ...
 
     def combine(self, strengths: Iterable[tuple[str, float]]) -> float:

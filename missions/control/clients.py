@@ -175,7 +175,7 @@ class ControlClient(ClientQueue):
 
 
 MIN_STATE_INTERVAL = 0.04
-"""Minimum seconds between two states."""
+"""Minimum seconds between two state messages to clients."""
 
 IDLE_STATE_INTERVAL, MOVING_STATE_INTERVAL = 0.5, 0.05
 """Maximum seconds between two states: at rest, and while the pose changes or a person drives.

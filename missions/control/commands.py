@@ -172,7 +172,7 @@ class ListTuningCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneCommand(RunCommand):
-    """Change one of these values until the run ends, within the robot file; joints apply it from their next goal on."""
+    """Change a value of `tuning` until the run ends, within the robot file; joints apply it from their next goal on."""
 
     word: ClassVar[str] = "tune"
     name: Annotated[str, "Name of the value, as in `tuning`: `head.pan.trim`.", Bound(high=200)]

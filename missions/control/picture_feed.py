@@ -9,10 +9,10 @@ from typing import Any
 from perception.api import Frame, Gaze, Percept, View
 
 JPEG_QUALITY = 75
-"""JPEG quality; a picture of 640 by 480 has about 40 kB."""
+"""JPEG quality of the pictures for clients; a picture of 640 by 480 has about 40 kB."""
 
 MAX_PICTURE_WIDTH = 800
-"""Maximum width of a picture in pixels."""
+"""Maximum width in pixels of the pictures for clients."""
 
 PERCEPT_KINDS = {"Face": "face", "Thing": "thing", "Marker": "marker"}
 

@@ -98,7 +98,7 @@ class FoundProcess:
         return os.geteuid() if self.holder is None or self.holder.uid is None else self.holder.uid
 
     def is_alive(self, peer: ProcessIdentity | None) -> bool:
-        """Return whether its process still exists. Raises OSError if this is unknown.
+        """Return whether the process still exists. Raises OSError if this is unknown.
 
         ``peer`` is the process that listens at its socket, for a process without note and abstract name.
         """

@@ -131,13 +131,13 @@ class Roster:
 
 
 Reply = Callable[[FleetAnswer], None]
-"""Sends the answer to a request, once, from any thread."""
+"""Sends the answer to a fleet request, once, from any thread."""
 
 OnRequest = Callable[[FleetRequest, Reply], None]
 """Handles a request, on a Zenoh thread."""
 
 OnAnswer = Callable[[Address | None, FleetAnswer | None], None]
-"""Gets each answer with the address of its robot, on a Zenoh thread; finally (None, None)."""
+"""Handles an answer to a request, with the address of the answering robot, on a Zenoh thread; finally (None, None)."""
 
 
 class ZenohTransport:

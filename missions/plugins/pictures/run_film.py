@@ -31,7 +31,7 @@ FRAME_RATE = 12.5
 class RunFilm:
     """Films ``twins`` to a file; if its suffix is not that of a film, to a folder of numbered pictures.
 
-    It has a camera of its own, so filming does not change the run. Raises click.UsageError if the film cannot be
+    The film has a camera of its own, so filming does not change the run. Raises click.UsageError if the film cannot be
     written.
     """
 

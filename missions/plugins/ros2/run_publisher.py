@@ -43,7 +43,7 @@ CONNECT_TIMEOUT = 1.0
 """Seconds for which the first event waits for the router."""
 
 MAX_QUEUED_EVENTS = 10_000
-"""Maximum number of queued events."""
+"""Maximum number of events of the run that wait to be published."""
 
 
 class RunPublisher:

@@ -11,7 +11,7 @@ from drivers.clock import Clock, SystemClock, time_of_day
 from missions.control.commands import COMMAND_KEY
 
 MAX_LOG_BYTES = 4_000_000
-"""Maximum size of the log in bytes; then a new file begins, and the previous file is kept."""
+"""Maximum size of the audit log in bytes; then a new file begins, and the previous file is kept."""
 
 UNLOGGED_COMMANDS = frozenset(
     {

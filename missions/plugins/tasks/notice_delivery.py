@@ -32,7 +32,8 @@ MAX_NOTICE_AGE, MIN_TRIES = 7 * 24 * 3600.0, 20
 class _ChannelState:
     """Delivery state of a channel: ``failures`` in a row, and ``retry_at``, the time of the next try.
 
-    ``postponed`` has the end times of notices that others may pass; ``is_probing`` while such another one is tried.
+    ``postponed`` has, by notice ID, the time until which other notices may pass that notice; ``is_probing`` is True
+    while one of the others is tried.
     """
 
     failures: int = 0

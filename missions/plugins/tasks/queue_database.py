@@ -167,7 +167,7 @@ CREATE TRIGGER kept_once BEFORE UPDATE OF state ON kept
 """SQL of the tables: the queue, and the fleet tasks that the robot executes and keeps."""
 
 VERSION = 5
-"""Version of the tables, stored in ``user_version``; other versions are refused."""
+"""Version of the queue's tables, stored in ``user_version``; databases of other versions are refused."""
 
 
 def queue_file(folder: Path) -> Path:

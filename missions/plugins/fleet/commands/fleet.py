@@ -16,7 +16,7 @@ from missions.plugins.fleet.operator import Operator
 from missions.plugins.fleet.zenoh_transport import RosterEntry
 
 WATCH_INTERVAL = 0.2
-"""Seconds between two checks of the roster."""
+"""Seconds between two checks of the fleet's roster for changes."""
 
 
 @click.group("fleet", cls=LazyGroup, epilog="Example: mission fleet list")

@@ -157,7 +157,7 @@ def command(
 
 
 def _run(sweep: SweepPlan, seeds: range, jobs: int, keep: Callable[[SweepRow], None]) -> list[SweepRow]:
-    """Run all seeds, until Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row. Return the rows by seed."""
+    """Run all seeds of a sweep, until Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row. Return the rows by seed."""
     found: list[SweepRow] = []
     with closing(run_here(sweep, seeds, jobs)) as work, _progress(len(seeds)) as progress:
         try:
@@ -194,7 +194,7 @@ def _progress(runs: int) -> Iterator[Callable[[Sequence[SweepRow]], None]]:
 def _report(
     sweep: SweepPlan, folder: SweepFolder, mission: str, rows: Sequence[SweepRow], summary: Summary, took: str
 ) -> None:
-    """Write the files, then print the table and draw the picture. Files first: the terminal may be closed."""
+    """Write a sweep's files, then print the table and draw the picture. Files first: the terminal may be closed."""
 
     def again(row: SweepRow) -> tuple[str, str]:
         world = folder.world_file(row.seed)

@@ -23,7 +23,7 @@ MAX_CAUSES = 6
 
 
 def draw_sweep(path: Path, title: str, summary: Summary, rows: Sequence[SweepRow]) -> None:
-    """Draw the sweep as a PNG. Raises OSError if it cannot be written."""
+    """Draw the results of a sweep as a PNG. Raises OSError if the file cannot be written."""
     panels = len(summary.bins) + 1 + bool(summary.causes)
     height = ceil(panels / MAX_COLUMNS)
     figure = Figure(figsize=(4.6 * min(MAX_COLUMNS, panels), 0.9 + 3.3 * height), layout="constrained")
