@@ -161,7 +161,7 @@ def test_a_success_does_not_count_failures(browser: Browser, served: Served, mon
         page = Page(browser, served, view="#records/went_on.mcap")
         page.wait_for("✓ success", "3 nodes failed, and the mission went on")
         assert not page.says(" failure")
-        page.press("Next failed step")
+        page.press("Next failed node")
         page.wait_for("No node failed after this moment.")
     finally:
         path.unlink()
