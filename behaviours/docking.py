@@ -1,4 +1,4 @@
-"""Leaf that drives the base onto its dock."""
+"""Leaf that drives the base onto its dock, with the state machine of docking."""
 
 import math
 from dataclasses import dataclass, replace
@@ -64,7 +64,7 @@ NO_BEAMS = DockBeam(0)
 
 
 class HomingStage(StrEnum):
-    """Stage of the way to the dock; the values are texts for people."""
+    """Stage of docking, a state of ``TRANSITIONS``; the values are texts for people."""
 
     LEAVE = "turning past the dock, to measure where it is"
     SEARCH = "looking for the dock"
@@ -261,8 +261,8 @@ class DockLeaf(DelegatedMotion):
     Running until the base stands on the contacts, then succeeds; at once if it is docked already. If a ROS 2 robot
     offers an action `dock`, as a Create 3 does, the leaf uses that action and ends with its result. All other bases
     must receive the dock's beams: about two metres away, with nothing in between. Fails if no beam is received in a
-    full turn, after three misses of the contacts, at an obstacle or cliff, when a wheel drops, and while the base is
-    latched. While a person steers the base, the leaf waits, then searches for the dock again.
+    full turn, and after three misses of the contacts. It also fails at an obstacle or cliff, when a wheel drops, and
+    while the base is latched. While a person steers the base, the leaf waits, then searches for the dock again.
     """
 
     tag = "dock"

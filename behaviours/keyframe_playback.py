@@ -207,8 +207,8 @@ class GestureLeaf(PlaybackLeaf):
     """Play a gesture with the arm.
 
     Running until the last keyframe is reached, then succeeds. A gesture that is too fast for the joints is slowed down.
-    Fails before anything moves if the arm lacks a joint or a keyframe exceeds its limits, and in the end if a joint has
-    not arrived.
+    Fails before anything moves if the arm lacks a joint or a keyframe exceeds its limits. Fails in the end if a joint
+    has not arrived.
     """
 
     tag = "gesture"
@@ -232,7 +232,7 @@ class Play(PlaybackLeaf):
 
     Running on the slow way to the first pose and until the last pose is reached, then succeeds. A movement that is too
     fast for the joints is slowed down. Fails before anything moves if the arm lacks a joint or a pose exceeds its
-    limits, and in the end if a joint has not arrived.
+    limits. Fails in the end if a joint has not arrived.
     """
 
     tag = "play"

@@ -209,8 +209,8 @@ class Stand(LegActLeaf):
     """Stand: move the legs slowly to the pose in which a walk begins.
 
     Running until the robot stands, then succeeds; the legs stay stiff. It works from upright, from a sit, or in
-    between. Fails if the legs are elsewhere (the robot lies, or sits on a chair), after a fall, for a base without
-    legs, and while the base is latched. A halt keeps the legs where they are.
+    between. Fails if the legs are elsewhere (the robot lies, or sits on a chair). It also fails after a fall, for a
+    base without legs, and while the base is latched. A halt keeps the legs where they are.
     """
 
     tag = "stand"
@@ -279,8 +279,9 @@ class GetUp(PlaybackLeaf):
     """Get up after a fall: play `front` if the robot lies on its face, `back` if it lies on its back.
 
     Running until the movement is over and the robot is upright, then succeeds, and the base accepts commands again.
-    Fails if the robot has not fallen, if it lies on its side, if the movement for its position is not given, if it is
-    not upright in the end, and while the base is latched for another reason. A halt holds the joints where they are.
+    Fails if the robot has not fallen, if it lies on its side, or if the movement for its position is not given. It also
+    fails if it is not upright in the end, and while the base is latched for another reason. A halt holds the joints
+    where they are.
     """
 
     tag = "get_up"

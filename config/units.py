@@ -1,4 +1,4 @@
-"""Quantities: numbers with units in SI, and arithmetic of their dimensions.
+"""Quantities: unit conversion to SI, and arithmetic of dimensions.
 
 Lengths cannot be added to angles. A dimension is called by its name ("length", "turn rate"), or by its unit if it has
 none ("m^2", "rad m"). An angle is a dimension of its own: an arc divided by its radius is a number, and ``* 1 rad``

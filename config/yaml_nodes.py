@@ -1,4 +1,4 @@
-"""YAML with positions: a small tree of nodes that know their line and column.
+"""YAML parser with positions: a small tree of nodes that know their line number and column.
 
 The tree is built from the parser's events with a stack of our own, which bounds depth, aliases and duplicate keys. Only
 ``true``, ``false``, ``null`` and numbers are anything but text (the core of YAML 1.2; in 1.1, ``on`` and ``yes`` are

@@ -21,7 +21,7 @@ from perception.identity import FaceMatch
 from perception.model_files import ModelFileError
 
 MAX_SAME_DISTANCE = 0.5
-"""Largest distance between the features of two faces of one person.
+"""Largest distance between the features (embeddings) of two faces of one person.
 
 The network's author uses 0.6. With ten known people and grey pictures, that accepts half of the looks at strangers.
 """

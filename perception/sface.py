@@ -19,7 +19,7 @@ from perception.model_files import ModelFileError, check_model_size
 from perception.yunet import YuNetFaceDetector
 
 MIN_SAME_COSINE = 0.363
-"""Smallest cosine between the features of two faces of one person, as the network's authors specify."""
+"""Smallest cosine between the features (embeddings) of two faces of one person, as the network's authors specify."""
 
 MARGIN_PER_COSINE = 10.0
 """Margin per unit of cosine: looks at strangers vary by about a tenth (not measured here)."""

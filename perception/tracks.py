@@ -245,11 +245,11 @@ class _Track(Generic[P]):
 
 
 class Tracker(Generic[P]):
-    """Tracks objects of one sort: nearest neighbour within a gate, with filtered angles; ids are never reused.
+    """Tracks objects of one sort: data association by nearest neighbour within a gate, with filtered angles.
 
-    Ids count from 1. A track starts with a detection and is returned from the second one on, even if there is no other:
-    that costs one frame, but a searching robot does not greet the wallpaper. It ends ``TRACK_TIMEOUT`` seconds after
-    the last sighting. For one thread at a time.
+    Ids count from 1 and are never reused. A track starts with a detection and is returned from the second one on, even
+    if there is no other: that costs one frame, but a searching robot does not greet the wallpaper. It ends
+    ``TRACK_TIMEOUT`` seconds after the last sighting. For one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -273,7 +273,10 @@ class Tracker(Generic[P]):
         return self._percepts()
 
     def _match(self, measured: list[_Measurement[P]], stamp: float) -> list[_Measurement[P]]:
-        """Assign each track its nearest measurement; return the unassigned ones."""
+        """Associate each track with its nearest measurement; return the unassigned ones.
+
+        Greedy, not the Hungarian method: the pairs are taken in the order of their deviation.
+        """
         pairs = sorted(
             (
                 (track.deviation(one, stamp), i, j)

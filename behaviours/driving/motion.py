@@ -415,8 +415,8 @@ class DriveLeaf(BaseMotion):
     """Drive straight ahead, or straight back for a negative distance.
 
     Running until odometry has measured the distance and the base stands still, then succeeds. Fails after a bump, at a
-    cliff, when a wheel drops, after 5 s at an obstacle that the range guard sees, and while the base is latched. While
-    a person steers the base, it waits, then continues along its line.
+    cliff, when a wheel drops, and while the base is latched. It also fails after 5 s at an obstacle that the range
+    guard sees. While a person steers the base, it waits, then continues along its line.
     """
 
     tag = "drive"

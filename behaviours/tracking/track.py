@@ -209,8 +209,8 @@ class FollowPerson(TrackFace):
     """Follow a person: head and base turn to the face, and the base drives after the person up to `distance`.
 
     Running while there is a face to follow; it never succeeds. It never drives backwards. With a range finder it slows
-    down and stops at obstacles. Fails if no face was seen for `patience`, after a bump, at a cliff, when a wheel drops,
-    after 5 s at an obstacle, and while the base is latched.
+    down and stops at obstacles. Fails if no face was seen for `patience`, after a bump, at a cliff, and when a wheel
+    drops. It also fails after 5 s at an obstacle, and while the base is latched.
     """
 
     tag = "follow_person"

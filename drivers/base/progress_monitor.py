@@ -1,9 +1,9 @@
-"""Progress monitor of a base: compares commanded with measured motion. Times are passed in.
+"""Progress monitor of a base: detects a stall by comparing commanded with measured motion. Times are passed in.
 
 Amount and sign are compared over about one second, for driving and turning separately. The tolerance covers dead time
-and ramp of a base, late and rare odometry, slip of 20 %, slopes and carpet. A pose by dead reckoning is computed from
-the commands, so it is compared with range finder and IMU instead (``drivers.base.witnesses``). Without these only the
-time limit of each motion is left.
+and ramp of a base, late and rare odometry, wheel slip of 20 %, slopes and carpet. A pose by dead reckoning is computed
+from the commands, so it is compared with range finder and IMU instead (``drivers.base.witnesses``). Without these only
+the time limit of each motion is left.
 """
 
 from collections import deque

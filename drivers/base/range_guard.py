@@ -1,9 +1,9 @@
-"""Range guard of a base: reduces velocities, so that the base stops before obstacles that its range finder sees.
+"""Range guard of a base: a safety zone that slows or stops the base before obstacles that its range finder sees.
 
-The guard checks the area that the body sweeps on the commanded arc until it stands: during the reaction time, and while
-it brakes. The velocity is scaled as a whole, so that the arc stays. An obstacle that is nearer than the gap forbids
-only motion towards it, so that the base can turn or back off. A moving obstacle may meanwhile reach any place within
-its speed. Times are passed in; not thread-safe.
+The lidar or other range finder delivers scans. The guard checks the area that the body sweeps on the commanded arc
+until it stands: during the reaction time, and over the stop distance. The velocity is scaled as a whole, so that the
+arc stays. An obstacle that is nearer than the gap forbids only motion towards it, so that the base can turn or back
+off. A moving obstacle may meanwhile reach any place within its speed. Times are passed in; not thread-safe.
 """
 
 from collections.abc import Callable

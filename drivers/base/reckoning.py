@@ -72,7 +72,7 @@ class GyroOdometry:
 
 
 class TwoWheels:
-    """Two wheels, or two pairs of wheels, ``track`` metres apart, which turn at ``fastest`` m/s at most.
+    """Kinematics of two wheels, or two pairs, ``track`` metres apart, which turn at ``fastest`` m/s at most.
 
     Raises ValueError for values that are not positive.
     """

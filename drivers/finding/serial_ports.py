@@ -1,4 +1,7 @@
-"""Serial ports of a machine: their adapters, names, holders, and the reasons why they cannot be opened."""
+"""Serial ports of a machine: USB vendor and product ids, names, holders, and the reasons why they cannot be opened.
+
+The list is read from /sys, without pyserial's ``list_ports.comports``.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,8 @@
-"""Frames of the Kobuki protocol, the same in both directions: ``AA 55 LEN payload CHK``.
+"""Frames and checksum of the Kobuki protocol, the same in both directions: ``AA 55 LEN payload CHK``.
 
-A payload is a sequence of parts (sub-payloads) ``ID SIZE data``. LEN counts the bytes of the payload, CHK is the XOR of
-LEN and the payload, and all numbers are little-endian. The parts are in ``commands.py`` and ``feedback.py``.
+The header is 0xAA 0x55. A payload is a sequence of parts (sub-payloads) ``ID SIZE data``. LEN counts the bytes of the
+payload, CHK is the XOR of LEN and the payload, and all numbers are little-endian. The parts are in ``commands.py`` and
+``feedback.py``.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -1,8 +1,8 @@
-"""Walking pattern generator: path of feet and centre of mass for a velocity command, without joints.
+"""Walking pattern generator (gait generator): path of feet and centre of mass for a velocity command, without joints.
 
-A step begins in double support, while the pressure moves to the next supporting foot; then the other foot swings. The
-landing of a foot is fixed when its step begins. The capture point is planned backwards over the next steps, and steered
-along that plan by the pressure, which stays within the soles.
+A step begins in double support, while the pressure moves to the next supporting foot; then comes the swing phase of the
+other foot. The landing of a foot is fixed when its step begins. The capture point is planned backwards over the next
+steps, and steered along that plan by the pressure, which stays within the soles.
 """
 
 from collections.abc import Mapping, Sequence
@@ -142,7 +142,10 @@ class FloorPose:
 
 @dataclass(frozen=True, slots=True)
 class WalkParameters:
-    """Parameters of a walk: StrideKeys with values derived from the body. Metres; ``step_time`` in seconds."""
+    """Parameters of a walk: StrideKeys with values derived from the body. Metres; ``step_time`` in seconds.
+
+    ``rise`` is the step height.
+    """
 
     step_time: float
     double_support: float

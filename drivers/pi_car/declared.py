@@ -109,7 +109,7 @@ def check_channels(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[K
 PI_CAR = Driver(
     "pi_car",
     "base",
-    "A car on a Raspberry Pi: two motors on its pins or on a PCA9685, nothing measured.",
+    "A car on a Raspberry Pi: two motors on pins or on a PCA9685, nothing measured.",
     PiCarKeys,
     make="drivers.pi_car.make:base",
     twin="drivers.pi_car.base_twin:make",

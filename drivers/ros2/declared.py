@@ -100,7 +100,7 @@ class Ros2BaseKeys(BaseKeys):
 BASE = Driver(
     "ros2",
     "base",
-    "A base that is driven by ROS 2: a TurtleBot 4, a TurtleBot 3, any with Twist and Odometry.",
+    "A base driven by ROS 2: a TurtleBot 4, a TurtleBot 3, any with Twist and Odometry.",
     Ros2BaseKeys,
     make="drivers.ros2.make:base",
     twin="drivers.ros2.twin:base",

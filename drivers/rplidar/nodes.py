@@ -1,7 +1,8 @@
-"""Nodes of a plain scan, five bytes for each measurement, decoded in bulk as arrays.
+"""Nodes of a plain RPLIDAR scan, five bytes for each measurement, decoded in bulk as arrays.
 
-Byte 0: bit 0 S (first node of a turn), bit 1 its inverse, bits 2 to 7 the quality. Bytes 1 and 2: bit 0 is always 1,
-the rest is the angle in 1/64 degree, clockwise from above. Bytes 3 and 4: the distance in 1/4 mm, 0 without an echo.
+Byte 0: bit 0 S (start flag, first node of a turn), bit 1 its inverse, bits 2 to 7 the quality. Bytes 1 and 2: bit 0 is
+always 1, the rest is the angle in 1/64 degree, clockwise from above. Bytes 3 and 4: the distance in 1/4 mm, 0 without
+an echo.
 """
 
 from dataclasses import dataclass

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from drivers.head.joints_head import JointAxis
 
 REPLY_TIMEOUT = 0.005
-"""Seconds that a servo's reply may be late, beyond its time on the wire."""
+"""Response timeout: seconds that a servo's reply may be late, beyond its time on the wire."""
 
 VIRTUAL_REPLY_TIMEOUT = 0.1
 """Reply timeout for virtual servos, which share one interpreter with perception and the renderer."""

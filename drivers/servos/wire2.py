@@ -106,7 +106,10 @@ _TABLE: Final = tuple(_row(index) for index in range(256))
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16 of ``data``: polynomial 8005, initial value 0, highest bit first, not reflected or inverted."""
+    """Return the CRC-16 (CRC16) of ``data``.
+
+    Polynomial 8005, initial value 0, highest bit first, not reflected or inverted.
+    """
     value = 0
     for byte in data:
         value = (value << 8 & 0xFF00) ^ _TABLE[value >> 8 ^ byte]
@@ -114,12 +117,12 @@ def crc(data: bytes) -> int:
 
 
 def stuff(body: bytes) -> bytes:
-    """Return ``body`` (INST to the last parameter) with stuffing."""
+    """Return ``body`` (INST to the last parameter) with byte stuffing."""
     return body.replace(_FORBIDDEN, _STUFFED)
 
 
 def unstuff(body: bytes) -> bytes:
-    """Return ``body`` without stuffing."""
+    """Return ``body`` without byte stuffing."""
     return body.replace(_STUFFED, _FORBIDDEN)
 
 

@@ -1,4 +1,4 @@
-"""Simulated range finder: many rays at once, as ``SimulatedWorld.distance`` computes one."""
+"""Simulated range finder (lidar): ray casting of many rays at once, as ``SimulatedWorld.distance`` computes one."""
 
 from collections.abc import Callable
 from math import cos, inf, sin

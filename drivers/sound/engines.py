@@ -1,4 +1,4 @@
-"""Speech engines: espeak-ng in a worker process, or the user's Piper."""
+"""Text-to-speech engines: espeak-ng in a worker process, or the user's Piper."""
 
 import json
 from pathlib import Path

@@ -33,7 +33,7 @@ Encode = Callable[[Mapping[str, object]], bytes]
 class ClientQueue:
     """Outgoing messages of one client, with states merged, until ``next_line`` takes them. Not thread-safe.
 
-    ``flush`` is called after each addition. ``is_disconnected`` becomes True if too many answers are queued.
+    Backpressure: for a slow client, the oldest events are dropped, and states are merged.
     """
 
     def __init__(self, run: str, encode: Encode) -> None:

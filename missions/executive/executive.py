@@ -344,7 +344,8 @@ class Executive:
     def _wait(self, due: float) -> float:
         """Wait for the next tick, a wake or a stop; return the time of the next scheduled tick.
 
-        The schedule is absolute: an early tick does not shift it, and missed ticks are counted, not made up for.
+        The tick rate is kept by an absolute schedule: an early tick does not shift it, and ticks missed by an overrun
+        are counted, not made up for.
         """
         now = self.run.now()
         if now >= due:

@@ -186,7 +186,10 @@ class UntilModifier(ConditionModifier):
 
 
 class RetryModifier(Modifier):
-    """Restarts the node at the next tick after a failure; the setting is the number of attempts, None for no limit."""
+    """Restarts the node at the next tick after a failure, without a backoff.
+
+    The setting is the number of attempts, None for no limit.
+    """
 
     run_state = ("setting", "_attempts")
     _attempts = 0

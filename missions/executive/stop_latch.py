@@ -1,4 +1,4 @@
-"""Stop by a person: all actuators are stopped at once, and latched until released."""
+"""Emergency stop by a person: all actuators are stopped at once, and latched until released."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Sub-missions: own variables, params from the caller, results returned to the caller."""
+"""Sub-missions: a scope with variables of its own, params from the caller, results returned to the caller."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self

@@ -1,7 +1,8 @@
-"""Expressions: comparisons, arithmetic and logic over params, variables and the robot's state.
+"""Expression parser and evaluator: comparisons, arithmetic and logic over params, variables and the robot's state.
 
-Python's parser reads them, and an evaluator with a strict allow-list computes them. An expression cannot import, call
-other functions than those listed, or access attributes that start with an underscore.
+There is no lexer or tokenizer of our own: Python's parser (``ast``) reads expressions, and an evaluator with a strict
+allow-list computes them. An expression cannot import, call other functions than those listed, or access attributes that
+start with an underscore.
 """
 
 import ast

@@ -1,4 +1,7 @@
-"""Params of a mission: their types, defaults, and the values of the caller. A list has members of one type."""
+"""Params of a mission: their types, defaults, and the overrides of the caller, such as ``--param``.
+
+A list has members of one type.
+"""
 
 import math
 from collections import defaultdict

@@ -143,10 +143,11 @@ MIN_BACKGROUND_LEVEL = 20.0
 
 @dataclass(frozen=True, slots=True)
 class SpeechGate:
-    """Criteria of speech in a sound. Levels in dB, times in seconds.
+    """Criteria of voice activity detection (VAD) in a sound. Levels in dB, times in seconds.
 
-    A frame is speech if it is ``rise`` over the background, and at most ``drop`` below the loudest frame of the
-    utterance. An utterance ends after a ``pause``, or when it is ``longest``. Less speech than ``shortest`` is a click.
+    A frame is speech if its energy is ``rise`` over the background, and at most ``drop`` below the loudest frame of the
+    utterance. An utterance ends after a ``pause`` (hangover), or when it is ``longest``. Less speech than ``shortest``
+    is a click.
     """
 
     rise: float = 6.0

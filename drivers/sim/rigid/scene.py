@@ -1,4 +1,4 @@
-"""Robot in MuJoCo: servos that move to goals, and a trunk that moves by their forces on the floor."""
+"""Robot in MuJoCo, which computes contact forces: servos that move to goals, and a trunk that moves by their forces."""
 
 from collections.abc import Mapping
 from math import asin, atan2, cos, sin, sqrt

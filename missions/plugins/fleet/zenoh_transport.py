@@ -77,7 +77,7 @@ class Roster:
         return self._clock.now() < self._duplicate_until.get(address, 0.0)
 
     def on_token(self, key: str, *, alive: bool) -> None:
-        """Handle a liveliness token that appeared or disappeared."""
+        """Mark a robot online or offline, for a liveliness token that appeared or disappeared."""
         try:
             address = address_of_key(key)
         except CodecError:

@@ -1,7 +1,8 @@
 """Authentication of each HTTP request and websocket of the studio, in front of all routing; denies by default.
 
-It checks the Host header (against DNS rebinding), Origin (any page may open a websocket to anywhere), Sec-Fetch-Site
-(any page may request pictures), and a token, or a cookie with a proof.
+It checks the Host header (against DNS rebinding), Origin (against cross-site requests, CSRF: any page may open a
+websocket to anywhere), Sec-Fetch-Site (any page may request pictures), and an access token, or a cookie with a proof.
+No CORS header permits other origins.
 """
 
 import ipaddress

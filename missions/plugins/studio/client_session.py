@@ -30,7 +30,7 @@ from missions.plugins.studio.studio import Studio
 from missions.plugins.studio.studio_commands import COMMANDS, Hello, RecordQuery
 
 MAX_COMMAND_RATE = 100.0
-"""Maximum rate of a client's commands per second, with a small burst. A `stop` is never refused."""
+"""Rate limit: maximum commands of a client per second, with a small burst. A `stop` is never refused."""
 
 MAX_PENDING_COMMANDS = 64
 """Maximum number of queued commands of a client."""

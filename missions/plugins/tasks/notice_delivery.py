@@ -19,7 +19,7 @@ from missions.plugins.tasks.queue_database import describe_retry, open_db
 # Order of notices: each channel sends its own in order; a failing channel waits, longer each time.
 
 FIRST_RETRY_DELAY, MAX_RETRY_DELAY = 1.0, 600.0
-"""Seconds before the first retry, and the maximum; each delay is twice the previous one."""
+"""Exponential backoff: seconds before the first retry, and the maximum; each delay is twice the previous one."""
 
 MAX_BLOCKING_TRIES = 5
 """Failed tries after which another notice is tried too, since the notice may be at fault and not the channel."""

@@ -1,4 +1,4 @@
-"""Driving by hand, with keys or a game pad, alone or during a mission, which waits meanwhile."""
+"""Teleoperation with keys or a game pad, alone or as takeover of a mission, which waits meanwhile."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping

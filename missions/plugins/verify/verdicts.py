@@ -1,4 +1,4 @@
-"""Verdicts of an exploration, rule by rule: proved, refuted or undecided."""
+"""Verdicts of an exploration, rule by rule: proved, refuted by a counterexample, or undecided."""
 
 from collections.abc import Callable, Iterable
 from math import inf

@@ -1,4 +1,4 @@
-"""State of the record player: current time, speed, and the action of each key."""
+"""State of a replay: current time, replay speed, and the action of each key."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
