@@ -162,8 +162,8 @@ class TrackFace(TrackLeaf):
     """Follow a face with the head, and turn the base when the head nears its limit.
 
     Running while there is a face to follow; it never succeeds. Fails if no face was seen for `patience`. It stays with
-    one person, whoever else comes into view, until the face is lost. Then it does not switch to a face that is known to
-    belong to another person.
+    one person until the face is lost, even if other people come into view. Then it does not switch to a face that is
+    known to belong to another person.
     """
 
     tag = "track_face"
