@@ -189,7 +189,7 @@ def test_a_pad_whose_buttons_the_browser_does_not_know_stops_by_each_of_them_and
     page, base = driver(browser, served), scene[1]
     page.tab.evaluate(PADS)
     page.tab.evaluate("window.pads = window.pads.slice(0, 1); window.pads[0].mapping = ''")
-    page.wait_for("this browser does not know its buttons")
+    page.wait_for("Every button is STOP")
     page.tab.evaluate("window.pads[0].axes[1] = -1; window.pads[0].buttons[4].pressed = true")
     page.wait_for("Stopped from this page")
     assert page.tab.evaluate("window.stops.size") == 1

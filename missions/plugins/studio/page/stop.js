@@ -154,7 +154,7 @@ export class Stop extends HTMLElement {
     if (this.#pending) said = lost ? "NOT STOPPED: no connection. Press the emergency stop on the robot or switch it off." : "Stopping…";
     else if (this.#doubt) said = `${this.#doubt}\nPress the emergency stop on the robot or switch it off.`;
     else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#stopped_by(each.by)))].join("; ")}`;
-    else if (lost) said = "No connection: STOP has no effect. Press the emergency stop on the robot or switch it off.";
+    else if (lost) said = "No connection: STOP does not reach the robot. Press the emergency stop on the robot or switch it off.";
     else if (!text && this.#unreached) said = `STOP may not reach every run: ${this.#unreached}`;
     put(this.#message, said);
     this.classList.toggle("is-latched", this.latched);
