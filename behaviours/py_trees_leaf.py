@@ -59,7 +59,7 @@ class PyTreesLeaf(Leaf):
     def update(self) -> Status:
         """Tick the behaviour once, and copy its status and feedback."""
         if self.inner is None:
-            return self.fail("it was not started")
+            return self.fail("the behaviour was ticked before it was started")
         self._failed_path = ()
         try:
             self.inner.tick_once()

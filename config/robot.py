@@ -186,7 +186,7 @@ def _named_parts(fields: Fields) -> dict[str, PartKind]:
             continue
         if re.fullmatch(PART_NAME, name.text) is None:
             hint = "write small letters, digits and '_', beginning with a letter"
-            fields.add_error(name.mark, f"invalid name of a part: '{name.text}'", hint, sure=True)
+            fields.add_error(name.mark, f"invalid part name '{name.text}'", hint, sure=True)
         named = kind.text if isinstance(kind, Scalar) else ""
         if named not in several:
             message = f"'kind' cannot be {quoted_value(value_of(kind))}: it is one of {', '.join(several)}"

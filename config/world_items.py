@@ -364,7 +364,9 @@ class FloorPlan:
                 f"'height' must be at most {highest}", (*at, "height"), about=(("room",), (*at, "height"))
             )
         elif length < WALL_THICKNESS:
-            yield KeyDiagnostic(f"the wall is only {quantity_text(length, 'length')} long", at, about=(at,))
+            least = quantity_text(WALL_THICKNESS, "length")
+            message = f"the wall is only {quantity_text(length, 'length')} long: at least {least} are needed"
+            yield KeyDiagnostic(message, at, about=(at,))
         else:
             outside = list(self._contains(thing, (wall.start, wall.end)))
             (x0, y0), (x1, y1) = wall.start, wall.end

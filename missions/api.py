@@ -252,7 +252,7 @@ def _control_socket(runner: Runner) -> Iterator[None]:
     with ControlSocket(runner) as control:
         control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes")
         if control.trouble:
-            log.warning("%s: `mission stop` cannot reach this run", control.trouble)
+            log.warning("%s: `mission stop` cannot reach this run; stop it with Ctrl-C", control.trouble)
         yield
 
 

@@ -12,7 +12,7 @@ GROUP = "missiontree.plugins"
 """Entry point group of plug-ins: name of the plug-in, and its ``Plugin``."""
 
 COMMAND_GROUPS = RUN, LOOK, TRY, BACK, SET_UP, BY_HAND = (
-    *("Run missions", "Look into them", "Try them in simulated time"),
+    *("Run missions", "Look into them", "Test and simulate"),
     *("Look back", "Set up a robot", "Use it by hand"),
 )
 """Headings of our commands in ``mission --help``. Headings of plug-ins come after these."""

@@ -50,8 +50,8 @@ class RunRequest:
         newcomer=True,
     )
     simulate: Simulate | None = option(
-        "Simulate the robot: in real time, down to the bytes on its wires (wire; the default without --robot), or in "
-        "simulated time, without waiting (fast).",
+        "Simulate the robot. wire: in real time, with virtual devices (the default without --robot). fast: in "
+        "simulated time, as fast as possible.",
         among=get_args(Simulate),
         alone="wire",
         metavar="[LEVEL]",

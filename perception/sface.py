@@ -71,7 +71,7 @@ class SFaceRecogniser:
             rows = [feature for feature in features if feature is not None]
             if not rows:
                 hint = f"mission person remove {name}, then add new pictures"
-                raise ValueError(f"faces: no portrait of {name} shows YuNet a face\n  try: {hint}")
+                raise ValueError(f"faces: YuNet finds no face in the pictures of {name}\n  try: {hint}")
             found[name] = np.stack(rows)
         return found
 

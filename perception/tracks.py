@@ -75,7 +75,7 @@ class AngleFilter:
         ValueError for a negative time.
         """
         if elapsed < 0:
-            raise ValueError(f"motion: a measurement cannot come {-elapsed} s before the last one")
+            raise ValueError(f"motion: time stamps go back by {-elapsed} s: check the clock of the camera")
         self._predict(elapsed)
         surprise = wrap_angle(angle - self.angle)
         camera_turn = self._recent_turn = max(camera_turn, TURN_DECAY * self._recent_turn)

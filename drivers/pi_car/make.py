@@ -109,7 +109,7 @@ class GuardianProcess:
         except BrokenPipeError:
             return  # it has exited: its last error is read first
         if not whole:
-            raise PortLostError("the process that holds the pins does not read", offline_hint())
+            raise PortLostError("the process that controls the GPIO pins does not respond", offline_hint())
 
     def set_dtr(self, *, on: bool) -> None:
         """Do nothing: a pipe has no DTR."""

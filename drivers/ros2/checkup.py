@@ -31,7 +31,7 @@ def checkup(keys: ZenohKeys, site: DriverContext) -> Iterator[Finding]:
         if not (session.info.routers_zid() or session.info.peers_zid()):
             yield failure("router", f"{where}: no Zenoh router answers", NO_ROUTER_HINT)
             return
-        yield Finding("router", f"{where}: answers")
+        yield Finding("router", f"{where} replies")
         yield _check_nodes(node, session, domain)
         node.close()
     finally:

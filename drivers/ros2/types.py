@@ -193,7 +193,7 @@ class TypeRegistry:
         except (SerdeError, ValueError, TypeError, AttributeError, OverflowError) as error:
             raise BadRequest(f"{error}", hint="see its definition: `ros2 interface show`") from error
         except Exception as error:  # struct.error
-            raise BadRequest(f"{name}: a value does not fit: {error}") from error
+            raise BadRequest(f"{name}: a value does not fit the type of its field: {error}") from error
 
     def decode(self, name: str, payload: bytes) -> Any:
         """Return the message as an object with the fields of the type.

@@ -144,7 +144,7 @@ class JointKeys:
         """Yield settings that the servo does not support."""
         last = max_id(self.servo_model)
         if self.id > last:
-            yield KeyDiagnostic(f"'id' must be at most {last}", ("id",))
+            yield KeyDiagnostic(f"'id' must be at most {last}, not {self.id}", ("id",))
         if self.ticks is not None:
             yield from self._ticks_mistakes(self.ticks)
             return

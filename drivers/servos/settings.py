@@ -209,7 +209,7 @@ def _relax(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
     with suppress(NoReply):
         bus.write(at, torque, 0)
     if bus.read(at, torque):
-        raise DeviceFault(f"{bus.name}: servo {at.id}: its torque does not go off, nothing else was written")
+        raise DeviceFault(f"{bus.name}: servo {at.id}: torque could not be switched off; no setting was written")
     return True
 
 

@@ -24,8 +24,10 @@ class Battery:
     """
 
     def __init__(self, percent: float = 100.0, *, drain: float = 0.0, resistance: float = 0.0) -> None:
-        if not (0 <= percent <= 100 and drain >= 0 and resistance >= 0):
-            raise ValueError(f"battery: {percent=}, {drain=}, {resistance=}: out of range")
+        if not 0 <= percent <= 100:
+            raise ValueError(f"battery: percent must be from 0 to 100, not {percent}")
+        if not (drain >= 0 and resistance >= 0):
+            raise ValueError(f"battery: drain and resistance must not be negative, not {drain} and {resistance}")
         self.percent = percent
         self.drain = drain
         self.is_charging = False

@@ -45,7 +45,8 @@ class Light:
         for change in self.changes:
             if change.duration < 0 or not change.at >= before:
                 raise BadRequest(
-                    f"world: light changes at {change.at} s over {change.duration} s: not in order of time"
+                    f"world: light change at {change.at} s over {change.duration} s: "
+                    "changes must be sorted by time, and not have a negative duration"
                 )
             before = change.at
 

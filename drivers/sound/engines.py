@@ -78,7 +78,7 @@ class EspeakEngine(WorkerClient):
         ):
             return None if token.is_cancelled else self._parse_answer()
         self._worker.kill()
-        raise NoReply(f"{self._worker.name}: espeak-ng hangs with {text[:40]!r}", hint=self._hint)
+        raise NoReply(f"{self._worker.name}: espeak-ng did not finish the text {text[:40]!r} in time", hint=self._hint)
 
     def _parse_answer(self) -> Speech | None:
         """Return the answer as speech; called without the lock, so that cancelling is not delayed."""

@@ -127,7 +127,7 @@ class SharingCommand(FullHelpCommand):
         if shared:
             names = ", ".join(each.opts[0] for each in shared)
             formatter.write_paragraph()
-            formatter.write_text(f"Shared options of these commands: {names} (--help-all)")
+            formatter.write_text(f"More options: {names} (explained by --help-all)")
 
 
 class LazyGroup(click.Group):

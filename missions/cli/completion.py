@@ -80,7 +80,10 @@ def show(shell: str) -> None:
 @command.command(epilog="Example: mission completion install --shell bash")
 @click.option("--shell", type=click.Choice(SHELLS), help="Shell; the default is that of $SHELL.")
 def install(shell: str | None) -> int:
-    """Install completion for your shell: a script, and for bash and zsh a line that loads it."""
+    """Install completion for your shell.
+
+    Writes a script, and for bash and zsh a line that loads it.
+    """
     shell = shell or Path(os.environ.get("SHELL", "")).name
     if shell not in SHELLS:
         raise click.UsageError(

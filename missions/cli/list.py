@@ -30,14 +30,14 @@ LISTED_KINDS = (
 
 
 @click.command(epilog="Example: mission list gestures")
-@click.argument("kind", required=False, type=click.Choice(LISTED_KINDS))
+@click.argument("kind", required=False, type=click.Choice(LISTED_KINDS), metavar="[KIND]")
 @click.option("--json", "as_json", is_flag=True, help="Print behaviours as JSON, with all arguments.")
 @behaviours_option
 def command(kind: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """List the files of MissionTree and your own, one line each, and all drivers.
 
-    Motions are the exercises of the TurtleBot course, by number: `mission run 1`. After a gesture stand the robots that
-    can do it, with the name of a further arm. `mission show NAME` shows more.
+    Motions are the exercises of the TurtleBot course, by number: `mission run 1`. Each gesture is followed by
+    the robots that can perform it, and by the arm if a robot has several. `mission show NAME` shows more.
     """
     if kind != "behaviours" and (as_json or files):
         raise click.UsageError("--json and --behaviours are for behaviours: mission list behaviours")

@@ -14,6 +14,10 @@ _REAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 class WholeNumber(click.IntRange):
     """A whole number within a range."""
 
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
+        """Return N for an option."""
+        return "N" if isinstance(param, click.Option) else super().get_metavar(param, ctx)
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Return the number. Raises click.BadParameter."""
         if isinstance(value, str) and _WHOLE.fullmatch(value.strip()) is None:
@@ -27,6 +31,10 @@ class WholeNumber(click.IntRange):
 
 class RealNumber(click.FloatRange):
     """A number within a range."""
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
+        """Return NUMBER for an option."""
+        return "NUMBER" if isinstance(param, click.Option) else super().get_metavar(param, ctx)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number. Raises click.BadParameter."""

@@ -134,7 +134,7 @@ class DeclaredCommand(FullHelpCommand, MissionCommand):
                 width += 1
         groups["Options"] = groups.pop("", []) + groups["Options"]
         if width:
-            groups["Options"].append(("--help-all", f"Show {width} more options."))
+            groups["Options"].append(("--help-all", f"Show {width} more option{'s' * (width > 1)}."))
         for title, rows in groups.items():
             if rows:
                 with formatter.section(title):

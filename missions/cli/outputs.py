@@ -92,7 +92,7 @@ def save(path: Path, text: str) -> bool:
             continue
         click.echo(f"the result was saved in {name} instead", err=True)
         return False
-    click.echo("the result follows; copy it from here", err=True)
+    click.echo(f"{path} could not be written; the result follows on stdout", err=True)
     click.echo(text)
     return False
 

@@ -92,7 +92,9 @@ PLUGIN_OPTIONS = tuple(_options_of_plugins())
 @click.argument("mission", type=MISSION, metavar="MISSION")
 @add_options(RunRequest, OutputOptions, *(options for _, options in PLUGIN_OPTIONS))
 def command(mission: str, **values: object) -> int:
-    """Run a mission: a name, a file, or the number of a motion of the course. Ctrl-C stops it safely.
+    """Run a mission, given by name or file. Ctrl-C stops it safely.
+
+    `mission run 1` to `8` run the exercises of the TurtleBot course.
 
     Exit codes: 0 success, 1 failure, 2 error in the command or a file, 3 device error, 130 interrupted (Ctrl-C,
     SIGTERM, closed output).

@@ -156,7 +156,7 @@ def warn_unreachable(control: "ControlSocket") -> None:
     """Warn that no stop can reach a run. Raises NoStop if it would move a robot and the user did not allow that."""
     control.require_stop("mission run --without-stop")
     if control.trouble:
-        click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run", err=True)
+        click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run; stop it with Ctrl-C", err=True)
 
 
 def _end_overdue(runner: Runner, time: float) -> None:

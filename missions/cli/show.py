@@ -112,8 +112,8 @@ def command(
 ) -> None:
     """Show a mission, a record, a behaviour, a world or a gait, by name or file, as text or as a picture.
 
-    If a name is of two kinds, the mission is shown. KIND (mission, record, behaviour, world, gait) selects another
-    kind: `mission show behaviour dock`.
+    If a mission and something else have the same name, the mission is shown. KIND (mission, record, behaviour, world,
+    gait) selects another kind: `mission show behaviour dock`.
     """
     kind, name = _resolve_target(words, files)
     for option in ctx.command.params:

@@ -25,8 +25,7 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
     The stop latches: base, head, arm and voice stay stopped, and the mission paused. To go on: `mission stop --release
     --resume`. This works over SSH, with or without the studio. A run that does not reply is ended by a signal.
 
-    Commands that move a robot by hand (teleop, head, servo record) have no latch: they are ended, with all parts at
-    rest.
+    Commands that move a robot by hand (teleop, head, servo record) are ended, with all parts at rest.
     """
     if end and (release or resume):
         raise click.UsageError("--end cannot be combined with --release or --resume")

@@ -108,7 +108,7 @@ class FoundProcess:
             return self.holder.is_alive()
         identity = peer if self.abstract_name is None else self.abstract_name.identity
         if identity is None:
-            raise OSError("the process is unknown")
+            raise OSError("its process ID is unknown")
         return identity.is_alive()
 
     def terminate(self, peer: ProcessIdentity | None) -> None:
@@ -122,7 +122,7 @@ class FoundProcess:
         elif self.abstract_name is not None and self.abstract_name.has_its_process():
             self.abstract_name.identity.terminate(None if os.geteuid() else self.abstract_name.uid)
         else:
-            raise OSError("the process is unknown")
+            raise OSError("its process ID is unknown")
 
     def as_holder(self) -> RobotHolder:
         """Return the holder of a command, also if it has no note. Raises OSError if the process is unknown."""
@@ -130,7 +130,7 @@ class FoundProcess:
             return self.holder
         name = self.abstract_name
         if name is None or (name.local_identity is None and not name.has_its_process()):
-            raise OSError("the process is unknown")
+            raise OSError("its process ID is unknown")
         identity, simulated = (
             name.local_identity or name.identity,
             SIMULATED_SUFFIX[1:] * name.kind.endswith(SIMULATED_SUFFIX),

@@ -276,7 +276,7 @@ def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label:
 
 def _by_joint(convert: Convert, value: object) -> dict[str, object]:
     if not isinstance(value, dict):
-        raise ValueError(f"needs joints, each with its value, got {quoted_value(value)}")
+        raise ValueError(f"needs joints with values, such as {{elbow: 30 deg}}; got {quoted_value(value)}")
     return {joint: convert(each) for joint, each in value.items()}
 
 

@@ -62,7 +62,7 @@ class DriverTable:
         if ours is not None:
             found = resolve_name(ours)
             if not isinstance(found, Driver):
-                raise BrokenDriver(f"{ours} is not a Driver")
+                raise BrokenDriver(f"{ours} is not an instance of drivers.api.Driver")
             return found
         return _load_driver(self._entry_points[f"{kind}.{name}"])
 
@@ -96,7 +96,7 @@ def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
     description = describe_entry_point(point)
     if others:
         raise BrokenDriver(
-            f"{' and '.join(map(describe_entry_point, points))} have the same name: uninstall one of them"
+            f"{' and '.join(map(describe_entry_point, points))} declare drivers of the same name: uninstall one"
         )
     try:
         found = load_entry_point(point)

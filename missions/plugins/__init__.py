@@ -20,13 +20,15 @@ PLUGINS = (
                 BACK, "missions.plugins.records.commands.replay:replay", "Play a record in the terminal, or film it."
             ),
             "record rerun": CommandEntry(
-                BACK, "missions.plugins.records.commands.replay:rerun", "Decide a record again with today's files."
+                BACK,
+                "missions.plugins.records.commands.replay:rerun",
+                "Repeat the decisions of a record with today's files.",
             ),
             "record report": CommandEntry(
-                BACK, "missions.plugins.records.commands.report:report", "Write a page with the whole run, and plots."
+                BACK, "missions.plugins.records.commands.report:report", "Write a report page of a run, with plots."
             ),
             "record stats": CommandEntry(
-                BACK, "missions.plugins.records.commands.stats:stats", "Print statistics of one or more records."
+                BACK, "missions.plugins.records.commands.stats:stats", "Show statistics of one or more records."
             ),
         },
         run_options="missions.plugins.records.options:RecordOptions",
@@ -85,7 +87,7 @@ PLUGINS = (
                 SET_UP, "missions.plugins.ros2.command:command", "Look at the nodes and topics of ROS 2, without ROS."
             ),
             "ros2 place": CommandEntry(
-                SET_UP, "missions.plugins.ros2.place:place", "Name places of a robot's map, for `navigate`."
+                SET_UP, "missions.plugins.ros2.place:place", "Name places on a robot's map, for `navigate`."
             ),
         },
         run_options="missions.plugins.ros2.options:Ros2Options",
@@ -108,7 +110,9 @@ PLUGINS = (
                 TRY, "missions.plugins.testing.commands.tune:tune", "Find better numbers for a controller."
             ),
             "simulate": CommandEntry(
-                TRY, "missions.plugins.testing.commands.simulate:command", "Run a robot's virtual devices alone."
+                TRY,
+                "missions.plugins.testing.commands.simulate:command",
+                "Run a robot's virtual devices for other programs.",
             ),
             "simulate fault": CommandEntry(
                 TRY, "missions.plugins.testing.commands.fault:fault", "Inject a fault into a run in simulated time."
@@ -121,7 +125,7 @@ PLUGINS = (
         "verify",
         commands={
             "verify": CommandEntry(
-                TRY, "missions.plugins.verify.command:command", "Prove that missions end and keep their promises."
+                TRY, "missions.plugins.verify.command:command", "Prove that missions end and keep their properties."
             ),
         },
     ),

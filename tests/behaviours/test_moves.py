@@ -165,7 +165,7 @@ def test_when_nothing_has_moved_there_is_no_file(tmp_path: Path, caplog: pytest.
     tick(bench, leaf, 1.0)
     assert bench.halt(leaf)
     assert list(tmp_path.iterdir()) == []
-    assert "nothing moved while it was recorded" in caplog.text
+    assert "no joint moved during the recording" in caplog.text
 
 
 def test_joints_that_fall_silent_end_it_without_a_file(tmp_path: Path) -> None:

@@ -170,7 +170,7 @@ def test_all_that_is_wrong_with_groups_is_said_at_its_word() -> None:
 def test_id_253_is_no_servo_of_protocol_2_and_not_beside_one() -> None:
     assert arm_of("    a: {id: 253}\n").joints["a"].id == 253
     (fault,) = mistakes("    a: {id: 253, model: XL430-W250}\n")
-    assert fault.message == "'id' must be at most 252"
+    assert fault.message == "'id' must be at most 252, not 253"
     (fault,) = mistakes("    a: {id: 253}\n    b: {id: 1, model: XL430-W250}\n")
     assert (fault.mark.line, fault.message) == (6, "joint 'a' cannot have id 253 beside servos of protocol 2.0")
 

@@ -204,7 +204,9 @@ def test_a_synthesiser_that_hangs_is_told_of_and_the_next_words_are_spoken(
         hurried.setattr(engines, "SYNTHESIS_TIMEOUT", 0.2)
         wait_until(room.voice.say("one two three").done)
     assert room.printed == ["one two three"]
-    assert "voice: espeak-ng hangs with 'one two three'" in [notice.message for notice in room.notices]
+    assert "voice: espeak-ng did not finish the text 'one two three' in time" in [
+        notice.message for notice in room.notices
+    ]
     wait_until(room.voice.say("back again").done)
     assert room.printed == ["one two three"]
 

@@ -236,7 +236,7 @@ def test_a_base_that_measures_nothing_is_judged_by_the_person_alone() -> None:
     _, found = tried(rig)
     rig.close()
     assert found["motors"][0] == "wrong"
-    assert found["odometry"] == ("ok", "no odometry: its pose is dead reckoning")
+    assert found["odometry"] == ("ok", "no odometry: its pose is estimated from the commanded speeds")
 
 
 def test_healthy_bases_raise_no_false_alarm() -> None:

@@ -101,7 +101,7 @@ def test_a_computer_without_a_robot_is_looked_at_alone(mission: Mission, desk: R
     told = mission("--root", str(desk.root))
     assert told.code == 0
     assert told.out.startswith("computer\n  ok      program: MissionTree ")
-    assert "robot: this computer has no robot of its own\n            try: mission robot use NAME\n" in told.out
+    assert "robot: no default robot is set on this computer\n            try: mission robot use NAME\n" in told.out
     assert re.search(r"^0 wrong, \d+ warnings, \d+ ok$", told.out.splitlines()[-1])
 
 
@@ -368,7 +368,7 @@ def test_the_cure_of_a_second_arm_names_it(
 
 def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mission, desk: RecordedMachine) -> None:
     at = ("--root", str(desk.root))
-    assert "robot: this computer has no robot of its own" in mission(*at).out
+    assert "robot: no default robot is set on this computer" in mission(*at).out
     file = config_folder() / "defaults.yaml"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("robot: nobody\n")

@@ -122,3 +122,10 @@ def test_an_old_name_of_a_command_is_refused_with_the_new_one(old: str, capsys: 
     if new.startswith("mission "):
         named = [word for word in new.split()[1:] if word.islower() and not word.startswith("-")]
         assert any(" ".join(named[:size]) in map(" ".join, ALL) for size in (1, 2)), new
+
+
+def test_no_summary_of_a_command_is_cut_off() -> None:
+    groups = [path for path, each in ALL.items() if isinstance(each, click.Group)]
+    assert not [
+        line for path in groups for line in help_of(path).splitlines() if line.endswith("...") and "Usage:" not in line
+    ]

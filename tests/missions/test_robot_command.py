@@ -58,7 +58,7 @@ def test_a_file_of_ones_own_is_used_by_its_whole_path(
 
 
 def test_a_computer_can_have_no_robot_again(mission: Mission) -> None:
-    assert mission("robot", "use", "--none").out == "this computer has no robot of its own\n"
+    assert mission("robot", "use", "--none").out == "no default robot is set on this computer\n"
     mission("robot", "use", "humanoid")
     told = mission("robot", "use", "--none")
     assert (told.code, told.out) == (
@@ -66,7 +66,7 @@ def test_a_computer_can_have_no_robot_again(mission: Mission) -> None:
         f"humanoid is no longer this computer's robot: {config_folder()}/defaults.yaml\n",
     )
     assert load_defaults().robot == ""
-    assert "this computer has no robot of its own" in mission("robot", "show").err
+    assert "no default robot is set on this computer" in mission("robot", "show").err
     assert mission("robot", "use", "--none", "humanoid").code == 2
     assert mission("robot", "use").code == 2
 

@@ -87,7 +87,7 @@ def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
             MAST.replace("arduino_second", "arduino").replace("  speed", "  port: /dev/nano\n  speed"),
             "port /dev/nano is used by 'head' already",
         ),
-        (MAST.replace("lidar_mast", "Lidar-Mast"), "invalid name of a part: 'Lidar-Mast'"),
+        (MAST.replace("lidar_mast", "Lidar-Mast"), "invalid part name 'Lidar-Mast'"),
         (MAST.replace("  kind: head\n", ""), "a robot file has no key 'lidar_mast'"),
     ],
 )

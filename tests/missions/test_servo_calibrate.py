@@ -175,7 +175,7 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
     ("arguments", "words"),
     [
         ("arm.yaml -o three.yaml", "three.yaml already exists"),
-        ("arm.yaml -o new.yaml --into three.yaml", "-o and --into exclude each other"),
+        ("arm.yaml -o new.yaml --into three.yaml", "-o and --into cannot be used together"),
         ("arm.yaml --model AX-12B", "did you mean 'AX-12"),
         (f"arm.yaml --into {find_file('robots', 'turtlebot2_arm')}", "ships with MissionTree"),
         ("three.yaml", "three.yaml is a robot: "),

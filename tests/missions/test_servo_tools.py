@@ -254,7 +254,7 @@ def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot
         (
             ("move", "elbow", "30 deg", "--simulate", "--port", "/dev/u2d2"),
             2,
-            "--port and --simulate exclude each other",
+            "--port and --simulate cannot be used together",
         ),
         (("torque", "restart", "elbow"), 3, "protocol 1.0 has no restart"),
     ],

@@ -97,7 +97,9 @@ def test_where_yunet_sees_no_face_nothing_is_said(files: tuple[Path, Path]) -> N
 
 
 def test_portraits_that_show_no_face_and_a_missing_file_say_what_to_do(files: tuple[Path, Path]) -> None:
-    with pytest.raises(ValueError, match="no portrait of Anna shows YuNet a face\n  try: mission person remove Anna"):
+    with pytest.raises(
+        ValueError, match="YuNet finds no face in the pictures of Anna\n  try: mission person remove Anna"
+    ):
         SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(0)]}).match(shown(200), FACE)
     with files[0].open("wb") as file:
         file.truncate(MAX_MODEL_BYTES + 1)  # of holes alone

@@ -83,7 +83,9 @@ class JointRecording:
         table = np.array([[snapshot.positions[joint] for joint in self._resolutions] for snapshot in self.snapshots])
         moved = _moving_range(table, steps)
         if moved is None:
-            raise BadRequest(f"{name}: nothing moved while it was recorded", hint="move the joints by hand meanwhile")
+            raise BadRequest(
+                f"{name}: no joint moved during the recording", hint="record again, and move the joints by hand"
+            )
         snapshots, table = self.snapshots[moved], table[moved]
         times = np.array([snapshot.time - snapshots[0].time for snapshot in snapshots])
         kept_rows = thin_out(times, table, steps)

@@ -34,7 +34,7 @@ def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
     try:
         import zenoh  # noqa: PLC0415 - the extra may be missing
     except ImportError as error:
-        raise TaskError("a fleet needs eclipse-zenoh", hint=INSTALL) from error
+        raise TaskError("a fleet needs the package eclipse-zenoh", hint=INSTALL) from error
     certified = bool(fleet.ca and fleet.certificate and fleet.private_key)
     for endpoint in (*fleet.listen, *fleet.connect):
         if why := refusal_reason(endpoint, certified=certified):

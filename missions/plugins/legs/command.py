@@ -155,7 +155,10 @@ def command() -> None:
 @click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
 @robot_option
 def check(files: tuple[str, ...], robot: str) -> None:
-    """Check gaits: reach, limits, speeds, static torques, collisions, and support within the soles."""
+    """Check whether a robot can walk gaits.
+
+    Checks reach, limits, speeds, static torques, collisions, and support within the soles.
+    """
     walker = _load_robot(robot)
     wrong = [each for path in files for each in walker.gait_errors(_load(walker, path))]
     if wrong:
@@ -190,7 +193,7 @@ def show_gait(file: str, output: Path | None, robot: str | None) -> None:
 @output_option
 @robot_option
 def make(file: str, cycles: int, output: Path, robot: str) -> None:
-    """Convert a gait to a gait file of points, or to a spreadsheet."""
+    """Convert a gait to a gait file of keyframes, or to a spreadsheet."""
     walker = _load_robot(robot)
     _write(walker, _load(walker, file), output, cycles)
 

@@ -54,7 +54,7 @@ class RecordOptions(RunOptions):
         """Raise ValueError for contradictory options."""
         del request
         if self.no_record and self.record is not None:
-            raise ValueError("--record and --no-record exclude each other")
+            raise ValueError("--record and --no-record cannot be used together")
 
 
 def is_recorded_by_default(*, simulated: bool = False) -> bool:

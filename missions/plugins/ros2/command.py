@@ -40,8 +40,8 @@ def command() -> None:
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of robot, router and domain to a command."""
     for option in (
-        shared_option("--domain", type=WholeNumber(0, 232), help="Domain; by default that of the robot file."),
-        shared_option("--router", metavar="ADDRESS", help="Address of the router, instead of the robot's."),
+        shared_option("--domain", type=WholeNumber(0, 232), help="ROS domain ID; by default that of the robot file."),
+        shared_option("--router", metavar="ADDRESS", help="Address of the Zenoh router, instead of the robot's."),
         shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="Robot: a name or a file."),
     ):
         function = option(function)
@@ -84,7 +84,10 @@ def _wait(seconds: float) -> None:
 @options
 @click.option("--all", "every", is_flag=True, help="Include services and actions.")
 def topics(robot: str, router: str | None, domain: int | None, every: bool) -> int:
-    """List the topics with their types, and the numbers of publishers and subscribers."""
+    """List the topics.
+
+    Prints their types, and the numbers of publishers and subscribers.
+    """
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
 
     with open_node(robot, router, domain) as node:
@@ -164,9 +167,10 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
 @options
 @click.option("--seconds", type=QuantityInUnit("s", 0.1), default=5.0, show_default=True, help="Duration.")
 def capture(file: Path, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
-    """Capture the tokens and messages of a robot to a file, without pictures and session names.
+    """Capture the messages of a ROS 2 robot to a file.
 
-    Each line is a JSON object. Send the file to us, and it becomes a test of your robot.
+    Each line is a JSON object; pictures and session names are left out. Attach the file to an issue of MissionTree, and
+    it becomes a test of your robot.
     """
     from drivers.ros2 import wire  # noqa: PLC0415 - an extra
     from drivers.ros2.types import types  # noqa: PLC0415
@@ -202,7 +206,9 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
 @click.option("--simulate", type=click.Choice(["fast", "wire"]), help="Run the missions on a simulated robot.")
 @click.option("--world", type=WORLD, help="World of the simulated robot.")
 def serve(robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None) -> int:
-    """Serve the action /run_mission, by which ROS 2 nodes start missions, until Ctrl-C.
+    """Serve the action /run_mission until Ctrl-C.
+
+    ROS 2 nodes start missions by it.
 
     Its type is missiontree_msgs/action/RunMission; docs/ros2.md explains how to define it in ROS.
     """

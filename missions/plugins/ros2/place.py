@@ -44,7 +44,7 @@ robot_option = shared_option(
 @place.command(epilog="Example: mission ros2 place add kitchen --at '1.2 m, 0.4 m, 90 deg'")
 @click.argument("name")
 @robot_option
-@click.option("--router", metavar="ADDRESS", help="Address of the router, instead of the robot's.")
+@click.option("--router", metavar="ADDRESS", help="Address of the Zenoh router, instead of the robot's.")
 @click.option("--at", metavar="'X, Y, HEADING'", help="Position, instead of the robot's current one.")
 def add(name: str, robot: str, router: str | None, at: str | None) -> int:
     """Name the current position of the robot on its map (from /tf)."""

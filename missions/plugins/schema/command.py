@@ -21,11 +21,11 @@ TREE_KIND = "tree"
 
 
 @click.command(epilog="Example: mission schema -o mission.schema.json")
-@click.argument("kind", type=click.Choice(["missions", *FILE_KINDS, TREE_KIND]), default="missions")
+@click.argument("kind", type=click.Choice(["missions", *FILE_KINDS, TREE_KIND]), default="missions", metavar="[KIND]")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write to this file."
 )
-@click.option("--reference", is_flag=True, help="Of robots: every key of every driver that there is, as Markdown.")
+@click.option("--reference", is_flag=True, help="For robots: write all keys of all drivers, as Markdown.")
 @behaviours_option
 def command(kind: str, output: Path | None, files: tuple[Path, ...], *, reference: bool) -> None:
     """Write the JSON Schema of missions, with which an editor completes, explains and checks them.

@@ -160,7 +160,7 @@ def _parse_length(ctx: click.Context, option: click.Parameter, value: str) -> fl
 )
 @click.option("--square", required=True, metavar='"25 mm"', callback=_parse_length, help="Side length of a square.")
 @click.option("--keep", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE", help="Robot file "
-              "of yours to write the lens to.")  # fmt: skip
+              "to which the calibration is written.")  # fmt: skip
 @click.option(
     "--seconds",
     type=QuantityInUnit("s", 0.1),

@@ -174,7 +174,9 @@ def where(robot: str | None, simulate: bool, port: str | None, head: str, as_jso
 def trim(
     robot: str | None, simulate: bool, port: str | None, head: str, pan: float | None, tilt: float | None, keep: bool
 ) -> int:
-    """Trim the head: with the arrow keys while it looks ahead, or by --pan and --tilt.
+    """Trim the head.
+
+    Use the arrow keys while it looks ahead, or --pan and --tilt.
 
     Enter accepts, q restores the old trims.
     """
@@ -207,7 +209,9 @@ def trim(
     "--seconds", type=QuantityInUnit("s", 2, 60), default=6.0, show_default=True, help="Duration of the swing."
 )
 def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: float) -> int:
-    """Measure the delay of the camera's time stamps, from the background while the head looks back and forth.
+    """Measure the delay of the camera's time stamps.
+
+    The head looks back and forth, and the shift of the background is measured.
 
     Runs learn this delay themselves while the head turns, and store it. This command measures it before the first run.
     """
@@ -228,8 +232,11 @@ def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: floa
     if delay.jitter > MAX_STEADY_JITTER:
         click.echo(f"their stamps jitter by {1000 * delay.jitter:.0f} ms (one sigma)")
     if not delay.is_known:
-        click.echo("the result is too uncertain to be stored", err=True)
-        click.echo("  try: --seconds 20, with fewer other programs on this computer", err=True)
+        click.echo("the delay is too uncertain, or implausible, and is not stored", err=True)
+        click.echo(
+            "  try: more light, a view with edges in it, --seconds 20, with fewer other programs on this computer",
+            err=True,
+        )
     if lag.learnt:
         click.echo(f"the base starts {1000 * lag.seconds:.0f} ms after a command to turn, as learnt in earlier runs")
     return SUCCESS

@@ -35,7 +35,7 @@ root_option = click.option(
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     default=Path("/"),
     metavar="DIR",
-    help="Root folder of a recorded computer, instead of this one's.",
+    help="Folder with a copy of another computer's /dev, /proc and /sys to examine.",
 )
 """Adds ``--root``, the folder whose /sys, /proc and /dev are read."""
 
@@ -57,7 +57,7 @@ def command(
 
     Probing is safe: a Kobuki is only listened to, servos are pinged; nothing moves, and nothing is written. A port that
     another program has open is skipped. For a robot of ROS 2 you see whether its nodes use rmw_zenoh or a DDS bridge.
-    Exit code 1: something is in the way.
+    Exit code 1: a problem with a port or device was found.
     """
     machine = HostMachine(root)
     ros2 = _find_ros2_section(robot, own=root == Path("/"))

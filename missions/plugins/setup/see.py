@@ -215,10 +215,10 @@ def command(
     seconds: float | None,
     view: bool | None,
 ) -> int:
-    """Find faces and other percepts in pictures, videos, folders, or through a camera.
+    """Find faces, objects and markers in pictures, videos, folders, or through a camera.
 
     A camera is a number, a device or an address (0, /dev/video2, http://...); with --robot alone, it is the robot's.
-    Prints one picture a second, with --json each, and the link of a live page for browsers of this computer. While a
+    Prints the detections once per second (with --json, of every picture), and the link of a live page. While a
     mission runs, its camera is in use: the page of `mission studio` shows it.
     """
     config = None if robot is None else load_robot(find_file("robots", robot))

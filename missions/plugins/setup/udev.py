@@ -12,6 +12,6 @@ then plug the devices in again: `ls -l /dev/kobuki /dev/rplidar` shows the names
 
 @click.command(epilog="Example: mission robot udev")
 def udev() -> None:
-    """Print udev rules with names, rights and speed of a TurtleBot's serial ports, and how to install them."""
+    """Print udev rules with names, permissions and speed of a TurtleBot's serial ports, and how to install them."""
     click.echo((files("drivers") / "99-missiontree.rules").read_text(encoding="utf-8"), nl=False)
     click.echo(INSTALL_HINT, err=True)

@@ -89,8 +89,8 @@ def command(
 ) -> int:
     """Serve a page to see, start, drive and stop robots, for browsers on this computer or on the network.
 
-    Whoever opens the first printed link is signed in as an operator, with the second as a viewer, who may look and
-    stop. Runs go on when the studio ends. Runs started in other terminals are shown too.
+    It prints two links: the first signs in an operator, the second a viewer, who may only watch and stop. Runs
+    go on when the studio ends. Runs started in other terminals are shown too.
     """
     try:
         from missions.plugins.studio import access as tokens  # noqa: PLC0415
@@ -100,7 +100,7 @@ def command(
     except ImportError as error:
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
     if key is not None and certificate is None:
-        raise click.UsageError("--key goes with --certificate FILE")
+        raise click.UsageError("--key needs --certificate FILE")
     _check_descriptors()
     access = StudioAccess(*tokens.load_tokens(), save=tokens.save_tokens) if keep_tokens else StudioAccess()
     listener = _listen(host, port)

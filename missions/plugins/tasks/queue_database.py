@@ -191,7 +191,7 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
             if not path.is_file():
                 raise TaskError(f"{path}: not a regular file", hint=f"mv {path} {path}.other  (a new queue begins)")
             if (size := path.stat().st_size) < MIN_DATABASE_BYTES:  # SQLite would create a new database
-                raise _damaged_error(path, f"it was truncated: {size} bytes are left")
+                raise _damaged_error(path, f"the file is truncated to {size} bytes")
             connection = sqlite3.connect(
                 path, timeout=LOCK_TIMEOUT, isolation_level=None, check_same_thread=not any_thread
             )

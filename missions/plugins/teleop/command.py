@@ -175,7 +175,7 @@ def command(
 ) -> int:
     """Drive a robot by hand: hold a key to drive, release it to stop. Works over SSH.
 
-    Keys do not drive over a line with a round trip of more than 0.5 s. Without --robot the robot is simulated, as with
+    Keys do not drive if the round trip of the connection exceeds 0.5 s. Without --robot the robot is simulated, as with
     `mission run`. The limits and reflexes of the robot file apply. The robot is left at rest however the command ends,
     even if the line breaks.
     """

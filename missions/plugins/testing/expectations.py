@@ -128,7 +128,11 @@ def _read_reflexes(fields: Fields, node: Node, _: CaseNames) -> Iterator[Expecte
     for item in _scalars(node):
         name = item.text.split()[0]
         if name not in REFLEXES:
-            fields.add_error(item.mark, f"'reflexes' cannot be {quoted_value(name)}", suggest_from(name, REFLEXES))
+            fields.add_error(
+                item.mark,
+                f"unknown reflex {quoted_value(name)}: it is one of {', '.join(REFLEXES)}",
+                suggest_from(name, REFLEXES),
+            )
         yield ExpectedItem(item.mark, item.text)
 
 

@@ -38,7 +38,7 @@ from missions.plugins.verify.verdicts import MAX_STATES, TIME_LIMIT, verify
     default=quantity_text(TIME_LIMIT, "duration"),
     show_default=True,
     metavar="TIME",
-    help="Time limit for each mission; certain results are reported.",
+    help="Time limit for each mission; what is proved by then is reported.",
 )
 @robot_option
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")

@@ -123,5 +123,5 @@ def test_reflexes_that_did_not_fire_are_missed(tmp_path: Path) -> None:
 
 
 def test_a_reflex_that_there_is_not_is_a_mistake(tmp_path: Path) -> None:
-    with pytest.raises(InvalidFileError, match=r"(?s)'reflexes' cannot be 'bumped'.*did you mean 'bumper'\?"):
+    with pytest.raises(InvalidFileError, match=r"(?s)unknown reflex 'bumped'.*did you mean 'bumper'\?"):
         cases(tmp_path, DRIVES, "expect: {reflexes: bumped left}")

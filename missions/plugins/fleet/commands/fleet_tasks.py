@@ -81,7 +81,9 @@ def run(
     retry: int,
     number: str | None,
 ) -> int:
-    """Give a mission of the library to one robot of a fleet, as soon as one is free, or to each robot.
+    """Give a mission to one robot of a fleet, or to each.
+
+    The mission is one of the library; one robot runs it as soon as one is free.
 
     One of the robots keeps the task and decides which robot does it. The mission is read on the robot that does it.
     """
@@ -104,7 +106,7 @@ def run(
                 f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.reason}", err=not answer.ok
             )
         if not names:
-            click.echo("no robots in this fleet\n  try: mission fleet list", err=True)
+            click.echo("no robots connected to this fleet\n  try, on the robot: mission task serve --fleet", err=True)
             code = FAILURE
     return code
 
@@ -166,7 +168,9 @@ def _row(task: FleetTaskInfo) -> list[str]:
 @click.argument("what", type=click.Choice(["hand-on", "give-up"]))
 @FLEET
 def decide(number: str, what: Literal["hand-on", "give-up"], name: str | None) -> int:
-    """Decide about a task whose robot is lost: another robot does it, or none. The end of its ID is enough.
+    """Give a task of a lost robot to another one, or give it up.
+
+    The last characters of the task ID are enough.
 
     After `hand-on` the task is done twice if the lost robot continues with it, so look first.
     """

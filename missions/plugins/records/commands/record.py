@@ -52,7 +52,9 @@ def _report_errors() -> Iterator[None]:
 @command.command(name="list", epilog="Example: mission record list")
 @click.argument("folder", required=False, type=click.Path(exists=True, file_okay=False, path_type=Path))
 def list_command(folder: Path | None) -> None:
-    """List the records in FOLDER, newest first; without FOLDER, those recorded by default.
+    """List the records in a folder, newest first.
+
+    Without FOLDER, those recorded by default.
 
     Runs on a robot are recorded by default, and kept for 30 days, at most 2 GB. `mission run --no-record` records
     nothing. `record: false` in defaults.yaml, or MISSION_RECORD=no in the environment, turns default records off.
@@ -97,7 +99,10 @@ def _row(entry_facts: Mapping[str, Any]) -> tuple[str, ...]:
 @command.command(epilog="Example: mission record info monday.mcap")
 @RECORD
 def info(path: Path) -> None:
-    """Show mission, result, topics, files and losses of a record, and the next commands."""
+    """Show what a record contains.
+
+    Prints mission, result, topics, files, losses, and the next commands.
+    """
     with _report_errors():
         for line in record_lines(open_record(path)):
             click.echo(line)
@@ -171,7 +176,7 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
 @click.option("--json", "as_what", flag_value="json", help="Print JSON: degrees, seconds, joules.")
 @click.option("--csv", "as_what", flag_value="csv", help="Print CSV for a spreadsheet.")
 def joints(path: Path, as_what: str | None) -> None:
-    """Show the error of each joint, the work of its motor, and the temperature of its servo.
+    """Show error, motor work and servo temperature of each joint.
 
     `mission record export FILE --csv FOLDER` writes all samples to state_arm.csv; `mission record report` plots them.
     """
@@ -198,7 +203,7 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
     """Compare two runs of one mission on one robot.
 
     Shows the first different decision, both results, the running time of each leaf, the errors of the joints, and the
-    paths of the base. A leaf that takes longer is no different decision; a leaf with another result is one.
+    paths of the base. A leaf with another result is a different decision; a longer one is not.
     """
     from missions.plugins.records.comparison import output as words  # noqa: PLC0415 - as for joints
     from missions.plugins.records.comparison.runs import IncomparableError, compare_runs  # noqa: PLC0415
@@ -229,7 +234,9 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
 )
 @FORCE
 def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None:
-    """Copy a time range of a record to a new file, such as from 10s to 20s, with the state at its beginning.
+    """Copy a time range of a record to a new file.
+
+    The range is for example from 10s to 20s; the state at its beginning is included.
 
     A copy without the beginning cannot be used by `mission record rerun`, since decisions depend on the past.
     """

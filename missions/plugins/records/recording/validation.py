@@ -25,7 +25,7 @@ def reject_malformed(path: Path) -> Iterator[None]:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError, OverflowError) as error:
         cause = f"{type(error).__name__}: {error}"
-        raise InvalidRecordError(f"{path}: malformed record: {cause:.200}") from error
+        raise InvalidRecordError(f"{path}: damaged record: {cause:.200}") from error
 
 
 def parse_message(data: bytes) -> Any:

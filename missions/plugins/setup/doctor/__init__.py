@@ -46,7 +46,7 @@ VERDICT_STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
               help="Also write a report for support questions, without names and serial numbers.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON.")
 @click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
-              help="Root folder of a recorded computer, instead of this one's.")  # fmt: skip
+              help="Folder with a copy of another computer's /dev, /proc and /sys to examine.")  # fmt: skip
 def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | None, as_json: bool, root: Path) -> int:
     """Check this computer, its connected devices, and each part of the robot, at rest.
 
@@ -113,7 +113,7 @@ def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
     try:
         mine = load_defaults().robot
         if not mine:
-            return None, Finding("robot", "this computer has no robot of its own", fix="mission robot use NAME")
+            return None, Finding("robot", "no default robot is set on this computer", fix="mission robot use NAME")
         config = load_robot(find_file("robots", OWN_ROBOT))
     except (UnknownNameError, InvalidFileError) as error:
         message = f"this computer's own robot, set in {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"

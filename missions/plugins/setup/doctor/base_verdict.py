@@ -299,7 +299,7 @@ def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterato
         yield drift(trial.rest.gyro, trial.rest.seconds)
     yield from _motor_findings(trial, turn, ahead)
     if not trial.measured:
-        yield Finding("odometry", "no odometry: its pose is dead reckoning")
+        yield Finding("odometry", "no odometry: its pose is estimated from the commanded speeds")
         return
     truth = _ONE_WHEEL.get((turn, ahead), (_WHEELS[turn], _WHEELS[ahead]))
     counted = _wheel_signs(trial.turn, TURN_ANGLE * WHEEL_TRACK / 2), _wheel_signs(trial.ahead, DRIVE_DISTANCE)
@@ -388,7 +388,7 @@ def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: boo
     both = f"gyro {degrees(gyro):+.1f} deg, {'encoders' if counted else 'odometry'} {degrees(wheels):+.1f} deg"
     ratio = gyro / wheels if wheels else 0.0
     if 1 / MAX_TURN_RATIO <= ratio <= MAX_TURN_RATIO:
-        return Finding("gyro", f"agrees with the wheels: {both}")
+        return Finding("gyro", f"gyro and wheels agree: {both}")
     expected = copysign(commanded, gyro)
     culprit = "the gyro" if abs(gyro - expected) > abs(wheels - expected) else "the wheels (they slip, or the track)"
     what = f"{both}, for {degrees(expected):+.0f} deg commanded: likely wrong is {culprit}"

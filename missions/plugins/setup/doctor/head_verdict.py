@@ -96,7 +96,7 @@ def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: 
         return _undecided(name, measured)
     if way < 0:
         return failure(name, f"turns the wrong way: {measured}", REVERSE_AXIS)
-    return Finding(name, f"turns the right way: {measured}")
+    return Finding(name, f"turns in the expected direction: {measured}")
 
 
 def measure_shift(one: Image, other: Image) -> Shift:

@@ -111,7 +111,9 @@ def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
 @robot_option
 @report_people_errors
 def list_people(as_json: bool, robot: str | None) -> int:
-    """List the people that a robot knows, and how reliably their faces are told apart.
+    """List the people that a robot knows.
+
+    Shows how reliably their faces are told apart.
 
     Reliability is measured for the method `patches` only.
     """

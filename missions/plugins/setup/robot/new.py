@@ -91,7 +91,7 @@ def _forget_robot() -> int:
     """Remove the setting of this computer's own robot."""
     before = load_defaults().robot
     if not before:
-        click.echo("this computer has no robot of its own")
+        click.echo("no default robot is set on this computer")
         return SUCCESS
     try:
         with report_write_errors(config_folder() / DEFAULTS_FILE, "--none"):
@@ -274,7 +274,7 @@ def _write_files(
     if rules:
         beside = path.with_suffix(".rules")
         save_file(beside, rules)
-        talk.print(f"wrote {beside}: names, rights and speed of its ports; to install it:")
+        talk.print(f"wrote {beside}: names, permissions and speed of its ports; to install it:")
         talk.print(f"  sudo cp {beside} /etc/udev/rules.d/99-{name}.rules && sudo udevadm control --reload")
     called = name if path.parent == config_folder() / "robots" else str(path)
     if is_default:

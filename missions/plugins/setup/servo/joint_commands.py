@@ -47,7 +47,9 @@ BOOT_TIME = 1.0
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP|ID]...")
 @hold_option
 def torque(target: ServoTarget, state: str, joints: tuple[str, ...], yes: bool) -> int:
-    """Switch the torque of joints on or off, `restart` one servo, or `recover` those that have shut down.
+    """Switch the torque of joints on or off, or recover servos.
+
+    `restart` restarts one servo; `recover` recovers those that have shut down.
 
     All joints, if you name none; `on` holds them where they are, with the torque limit of the robot file. The torque
     stays so. An arm without torque falls: `off` waits until you hold it and press Enter; without a terminal it needs

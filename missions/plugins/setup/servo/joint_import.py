@@ -304,7 +304,9 @@ def _joint_text(joint: JointKeys) -> str:
 
 @click.command("import", cls=SharingCommand, epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--model", help="Servo model, which no file has; by default AX-12A, or STS3215 for a calibration.")
+@click.option(
+    "--model", help="Servo model (these files do not contain it); by default AX-12A, or STS3215 for a calibration."
+)
 @click.option(
     "--port", metavar="PATH", help="Port of the servos; by default /dev/u2d2, or /dev/ttyACM0 for a calibration."
 )
@@ -314,7 +316,7 @@ def _joint_text(joint: JointKeys) -> str:
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="New "
               "robot file; by default the text goes to stdout.")  # fmt: skip
 @click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Robot "
-              "file of yours whose arm gets the joints.")  # fmt: skip
+              "file to which the joints are written.")  # fmt: skip
 @arm_option
 def import_joints(
     file: Path, model: str | None, port: str | None, baud: int, output: Path | None, into: Path | None, arm: str
@@ -322,12 +324,12 @@ def import_joints(
     """Import joints from a file of ROS or LeRobot into a robot file.
 
     Reads a YAML file of dynamixel_controllers, ArbotiX, Interbotix or dynamixel_workbench, or a calibration of LeRobot.
-    Servo steps stay steps. Changed and omitted keys are listed on stderr.
+    Positions in servo steps are not converted to angles. Changed and omitted keys are listed on stderr.
     """
     if model is not None and model not in (known := [*MODELS, *ALIASES]):
         raise click.UsageError(f"--model: '{model}' is not a known servo model; {suggest_from(model, known)}")
     if output is not None and into is not None:
-        raise click.UsageError("-o and --into exclude each other")
+        raise click.UsageError("-o and --into cannot be used together")
     found = _read_joints(file, model)
     if into is not None and found.calibration:
         raise click.UsageError(f"{file} is a calibration: write `calibration: {found.calibration}` in {into}")

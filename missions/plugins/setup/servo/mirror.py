@@ -37,7 +37,7 @@ DISPLAY_INTERVAL = 0.1
 @click.option("--leader-arm", default=DEFAULT_ARM, metavar="NAME", help="Name of the leader's arm, if it has several.")
 @click.option("--leader-port", metavar="PATH", help="Port of the leader, instead of the one in its file.")
 @click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
-              help="A joint that follows the share of its leader's range, not its angle.")  # fmt: skip
+              help="Joint that follows its leader by percentage of the range, instead of by angle.")  # fmt: skip
 @click.option("--seconds", type=QuantityInUnit("s", 0.1), metavar="N", help="Duration; by default until Enter.")
 @hold_option
 def mirror(

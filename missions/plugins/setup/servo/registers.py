@@ -291,7 +291,7 @@ def _enable_replies(bench: OpenBus, selector: str, *, yes: bool) -> None:
         except NoReply as error:
             hint = "switch its power off and on, then try again: its EEPROM is locked while it has torque"
             raise NoReply(f"servo {at.id} still does not reply to reads", hint=hint) from error
-        click.echo(f"servo {at.id}: replies to reads again")
+        click.echo(f"servo {at.id} replies again")
 
 
 def _require_one_ping(bench: OpenBus, at: ServoAddress) -> None:

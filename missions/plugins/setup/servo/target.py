@@ -68,7 +68,7 @@ class ServoTarget:
     def check(self) -> None:
         """Raise click.UsageError for contradictory options."""
         if self.simulate and self.port is not None:
-            raise click.UsageError("--port and --simulate exclude each other")
+            raise click.UsageError("--port and --simulate cannot be used together")
 
     def require_joints(self) -> None:
         """Raise click.UsageError if only a port is named: joints come from a robot file or a simulation."""
@@ -113,7 +113,7 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
         arm_option,
         shared_option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
         shared_option("--robot", type=ROBOT, help="Robot (a name or a file) whose servos move. Without it and "
-                     "--port: simulated."),
+                     "--port, the servos are simulated."),
     )  # fmt: skip
     with_options: Callable[..., Any] = rate(wrapped) if baud else wrapped
     for option in options:

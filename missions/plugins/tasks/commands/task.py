@@ -183,7 +183,10 @@ def add(
     world: str | None,
     eyes: Literal["pixels", "truth"],
 ) -> int:
-    """Add a task: a mission (name or file), which is checked now and run by `mission task serve`."""
+    """Add a task to the queue.
+
+    Its mission (a name or a file) is checked now, and run by `mission task serve`.
+    """
     order = RunRequest(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
     plan = _check(order)
     time = wall_clock()
@@ -203,7 +206,7 @@ def add(
     with _queue() as (queue, _):
         number = queue.add(new, time)
     when = f"at {clock_text(due)}" if due > time else "as soon as its turn comes"
-    click.echo(f"task {number}: {new.name} {when}" + (f", then every {repetition}" if repetition else ""))
+    click.echo(f"task {number}: {new.name} runs {when}" + (f", then every {repetition}" if repetition else ""))
     if needs_approval:
         click.echo(f"it waits for approval: mission task approve {number}")
     if _is_served() is False:
@@ -302,7 +305,10 @@ def list_command(everything: bool, as_json: bool) -> None:
     help="Name of the person who approves it; the default is the user of this computer.",
 )
 def approve(number: int, by: str) -> None:
-    """Approve a task that was added with --needs-approval; each repetition needs its own approval."""
+    """Approve a task that was added with --needs-approval.
+
+    Each repetition needs its own approval.
+    """
     with _queue() as (queue, _):
         queue.approve(number, wall_clock(), by)
     click.echo(f"task {number} is approved")
@@ -325,7 +331,10 @@ def remove(number: int) -> None:
 @NUMBER
 @click.option("--priority", type=WholeNumber(*PRIORITIES), required=True, metavar="NUMBER", help="-100 to 100.")
 def move(number: int, priority: int) -> None:
-    """Change the priority of a waiting task; due tasks with the highest priority run first."""
+    """Change the priority of a waiting task.
+
+    Due tasks with the highest priority run first.
+    """
     with _queue() as (queue, _):
         queue.move(number, priority)
     click.echo(f"task {number} has priority {priority}")
@@ -335,7 +344,10 @@ def move(number: int, priority: int) -> None:
 @NUMBER
 @AS_JSON
 def log(number: int, as_json: bool) -> None:
-    """Print the history of a task: every attempt, and every notice with its delivery."""
+    """Print the history of a task.
+
+    Prints every attempt, and every notice with its delivery.
+    """
     with _queue() as (queue, outbox):
         task, attempts, letters = queue.task(number), queue.attempts(number), outbox.notices_of(number)
     if as_json:

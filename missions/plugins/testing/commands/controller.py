@@ -46,14 +46,20 @@ picture_option = click.option(
     epilog="Example: mission controller show face",
 )
 def command() -> None:
-    """Show, compare and tune the controllers with which behaviours track; `mission list controllers` lists them."""
+    """Show, compare and tune the controllers that keep a face or person in view.
+
+    `mission list controllers` lists them.
+    """
 
 
 @command.command(epilog="Example: mission controller show face -o face.png")
 @click.argument("name", type=CONTROLLER, metavar="CONTROLLER")
 @picture_option
 def show(name: str, output: Path | None) -> None:
-    """Show the parts of a controller (a name or a file), and draw its terms and the surfaces of its rules."""
+    """Show and draw a controller, given by name or file.
+
+    Draws its membership functions and control surfaces.
+    """
     config, _ = read_controller(name)
     for line in describe_controller(config):
         click.echo(line)
@@ -80,7 +86,9 @@ def show(name: str, output: Path | None) -> None:
 def bench_(
     names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, stamps: bool, seeds: int
 ) -> None:
-    """Compare controllers (names or files; course, pd, mamdani and face by default) in tracking a face.
+    """Compare controllers in tracking a face.
+
+    Names or files; by default course, pd, mamdani and face.
 
     The trials run in simulated time, with the speeds, the inertia and the whole degrees of the servos of a TurtleBot
     with a Rodney head: the head alone, the base alone with the camera on it, and both. --delays and --stamps take

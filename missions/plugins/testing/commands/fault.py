@@ -10,14 +10,14 @@ from missions.control.sockets import open_connection
 
 
 @click.command(epilog="Example: mission simulate fault camera frozen 2 s")
-@click.argument("words", nargs=-1, required=True, metavar="PART STATE [TIME]...")
+@click.argument("words", nargs=-1, required=True, metavar="FAULT...")
 @click.option("--run", "which", metavar="RUN", help="Run: its process id or its mission.")
 def fault(words: tuple[str, ...], which: str | None) -> int:
     """Inject a fault into a run in simulated time, in the words of test files (docs/testing.md).
 
-    Faults are for example `head unplugged 3 s`, `base bumped left 1 s`, `voice hanging`, or `run stalled 500 ms`. A run
-    on real or virtual devices refuses them: pull the plug there, or start the run with `mission run NAME --simulate
-    fast --speed 1`.
+    FAULT is PART STATE [SIDE] [TIME], such as `head unplugged 3 s`, `base bumped left 1 s`, `voice hanging`, or
+    `run stalled 500 ms`. A run on real or virtual devices refuses them: pull the plug there, or start the run with
+    `mission run NAME --simulate fast --speed 1`.
     """
     found = search_runs()
     request = {"do": "fault", "what": " ".join(words), "by": "mission simulate fault"}

@@ -60,7 +60,8 @@ def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter
 @params_option
 @behaviours_option
 @add_options(
-    *run_options("robot", "world", "physics"),
+    *(replace(each, help="Robot to simulate: a name or a file; no hardware is used.") for each in run_options("robot")),
+    *run_options("world", "physics"),
     *(replace(each, default="truth") for each in run_options("eyes")),
     *(replace(each, help="Seed of the first run; each further run adds one.") for each in run_options("seed")),
 )
@@ -79,7 +80,7 @@ def _quantity_reader(dimension: str) -> Callable[[click.Context, click.Parameter
     "--target",
     metavar="SHARE",
     callback=_quantity_reader("share"),
-    help='Exit with 1 if the lower end of the interval of the success rate is below this, such as "95 %".',
+    help='Exit with 1 if the lower bound of the success rate\'s confidence interval is below this, such as "95 %".',
 )
 @click.option(
     "-o",

@@ -56,8 +56,8 @@ RULES = ("pan", "turn")
 def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
     """Tune the numbers of a controller (a name or a file; face by default), and write them to a new file.
 
-    Differential evolution: variants are tried on the simulated robot in the step and the walk of `mission controller
-    bench`, and the best ones are combined. The same command finds the same numbers. The rest of the file stays
+    Uses differential evolution: tries variants on the simulated robot in two scenarios of `mission controller bench`,
+    step and walk, and combines the best ones. The same command finds the same numbers. The rest of the file stays
     unchanged. If the search is interrupted, the new file has the best numbers so far.
     """
     try:

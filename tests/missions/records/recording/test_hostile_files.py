@@ -79,7 +79,7 @@ def write(
 )
 def test_a_head_that_nobody_can_reckon_with_is_refused(tmp_path: Path, said: Mapping[str, object]) -> None:
     path = write(tmp_path / "a.mcap", [about(**said)])
-    with pytest.raises(InvalidRecordError, match="malformed record"):
+    with pytest.raises(InvalidRecordError, match="damaged record"):
         open_record(path)
 
 

@@ -186,7 +186,7 @@ def test_numbers_that_no_joint_has_are_left_out(tmp_path: Path, word: str, value
 @each("value", ["far", [], {}, 10**400, None])
 def test_what_is_no_number_is_told(tmp_path: Path, value: object) -> None:
     record = foreign(tmp_path, [("elbow", {"position": value})])
-    with pytest.raises(InvalidRecordError, match="malformed record"):
+    with pytest.raises(InvalidRecordError, match="damaged record"):
         joint_samples(record)
 
 
