@@ -97,7 +97,7 @@ WRONG = [
     ("people: [{name: Anna, look: ana, at: [2 m, 0 m]}]", "ana,", "did you mean 'anna'?"),
     ("people: [{name: Anna, at: [2 m, 0 m], facing: camra}]", "camra", "'facing' needs an angle"),
     ("walls: [{from: [2 m, -9 m], to: [2 m, 1 m]}]", "{from", "the wall is outside the room at [2 m, -9 m]"),
-    ("walls: [{from: [2 m, 1 m], to: [2 m, 1 m]}]", "{from", "the wall is only 0 m long: at least 10 cm are needed"),
+    ("walls: [{from: [2 m, 1 m], to: [2 m, 1 m]}]", "{from", "the wall is only 0 m long: at least 0.1 m are needed"),
     ("walls: [{from: [0.1 m, -1 m], to: [0.1 m, 1 m]}]", "{from", "the wall is where the robot starts"),
     ("walls: [{from: [2 m, 1 m], to: [2 m, 2 m], height: 9 m}]", "9 m", "'height' must be at most 2.6 m"),
     (f"furniture: [{{name: bed, at: [4.8 m, 0 m], {FLOOR}}}]", "bed", "'bed' is outside the room at [5.3 m"),
