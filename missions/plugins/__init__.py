@@ -25,7 +25,7 @@ PLUGINS = (
                 "Repeat the decisions of a record with today's files.",
             ),
             "record report": CommandEntry(
-                BACK, "missions.plugins.records.commands.report:report", "Write a report page of a run, with plots."
+                BACK, "missions.plugins.records.commands.report:report", "Write a report of a record as one HTML page."
             ),
             "record stats": CommandEntry(
                 BACK, "missions.plugins.records.commands.stats:stats", "Show statistics of one or more records."

@@ -106,7 +106,9 @@ def run(
                 f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.reason}", err=not answer.ok
             )
         if not names:
-            click.echo("no robots connected to this fleet\n  try, on the robot: mission task serve --fleet", err=True)
+            click.echo(
+                "no robots connected to this fleet\n  try, on the robot: mission task serve --fleet NAME", err=True
+            )
             code = FAILURE
     return code
 
