@@ -99,7 +99,7 @@ def _row(entry_facts: Mapping[str, Any]) -> tuple[str, ...]:
 @command.command(epilog="Example: mission record info monday.mcap")
 @RECORD
 def info(path: Path) -> None:
-    """Show what a record contains.
+    """Show the contents of a record.
 
     Prints mission, result, topics, files, losses, and the next commands.
     """
