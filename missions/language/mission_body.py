@@ -15,7 +15,7 @@ from missions.language.expressions import Value
 from missions.language.modifiers import read_expression
 from missions.language.param_types import Param, find_setters, read_params, single_kind_leaves
 from missions.language.plan import MissionProperty, PlaceholderLeaf, Step
-from missions.language.synonyms import SYNONYMS
+from missions.language.synonyms import SYNONYMS, explained_hint
 
 PROPERTIES = {
     "never": (
@@ -174,7 +174,8 @@ def read_body(
     context.has_unreadable_line = context.has_unreadable_line or root.torn
     for key, _ in root.entries:
         if key.text not in MISSION_KEYS:
-            context.fault(key.mark, f"a mission has no key '{key.text}'", suggest_key(key.text, MISSION_KEYS, SYNONYMS))
+            hint = explained_hint(key.text) or suggest_key(key.text, MISSION_KEYS, SYNONYMS)
+            context.fault(key.mark, f"a mission has no key '{key.text}'", hint)
     mission, summary = _header(context, root, "mission", required=True), _header(context, root, "summary")
     assign_params(context, read_params(context, root.get("params")), mission)
     node = root.get("tree")

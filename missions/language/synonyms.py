@@ -23,9 +23,9 @@ SYNONYMS: Mapping[str, str] = {
     "turn_anticlockwise turn_counterclockwise",
     "turn: 180 deg": "turn_around turn_back",
     "turn: -90 deg": "turn_right rotate_right turn_clockwise",
-    "go_to": "goto navigate_to move_to drive_to nav_to navigate_to_pose goto_pose go_to_pose move_base",
+    "go_to": "goto move_to drive_to goto_pose go_to_pose",
     "velocity": "cmd_vel twist set_velocity set_speed",
-    "stop": "halt brake freeze stop_base stop_robot stop_moving",
+    "stop": "brake freeze stop_base stop_robot stop_moving",
     "look": "move_head turn_head set_head point_head look_forward",
     "look: 30 deg": "look_left head_left",
     "look: -30 deg": "look_right head_right",
@@ -97,7 +97,7 @@ A word that exists, perhaps from a package, is never a synonym. Only words for a
 
 PHRASE_SYNONYMS: Mapping[str, str] = {
     "{succeed: , while: CONDITION}": "condition check check_condition script_condition check_blackboard_variable_value "
-    "check_blackboard_variable_exists "
+    "check_blackboard_variable_exists check_blackboard "
     "assert require verify",
     "{sequence: [{succeed: , while: CONDITION}, BEHAVIOUR]}": "precondition",
     "{succeed: , while: CONDITION, retry: forever}": "wait_until wait_for_condition wait_for_blackboard_variable "
@@ -111,6 +111,16 @@ PHRASE_SYNONYMS: Mapping[str, str] = {
     "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",
 }
 """Forms of several words, each with the words of other systems; capitals are placeholders."""
+
+EXPLAINED_SYNONYMS: Mapping[str, str] = {
+    "write 'navigate' (a ROS 2 robot with Nav2) or 'go_to' (straight, by odometry)": "navigate_to navigate_to_pose "
+    "nav_to move_base",
+    "write 'stop', which stops only the base; to end a node early, put 'while', 'until' or 'timeout' beside it": "halt",
+    "write 'ros2_action' (a ROS 2 robot), or 'navigate' for Nav2": "action_client ros_action simple_action_client",
+    "write 'set: {NAME: VALUE}' as a step; variables need no declaration": "blackboard",
+    "write 'wait: TIME' as a step, or 'delay: TIME' beside a behaviour": "delay",
+}
+"""Hints that need an explanation, each with the words of other systems."""
 
 UNMATCHED_WORDS = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
@@ -142,6 +152,8 @@ def unknown_word_hint(
     ``beside`` are the words beside a behaviour; they are not suggested for a word that stands ``alone``.
     """
     known = [*leaves, *composites, *([] if alone else beside)]
+    if hint := explained_hint(word):
+        return hint
     if to_snake_case(word) in known:
         return f"did you mean '{to_snake_case(word)}'?"
     if to_snake_case(word) in beside:
@@ -158,6 +170,12 @@ def unknown_word_hint(
         return f"write {alternatives_text(ours)}" + (", beside a behaviour" if key_of(ours[-1]) in beside else "")
     near = _words_near(word.lower(), [*known, *beside])
     return did_you_mean(word, [each for each in known if _may_propose(word.lower(), each, leaves, known, near)])
+
+
+def explained_hint(word: str) -> str:
+    """Return the hint of ``EXPLAINED_SYNONYMS`` for a word; empty if there is none."""
+    hints = (hint for hint, theirs in EXPLAINED_SYNONYMS.items() if to_snake_case(word) in theirs.split())
+    return next(hints, "")
 
 
 def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:

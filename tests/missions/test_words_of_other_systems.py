@@ -476,7 +476,7 @@ def test_a_time_limit_fails_a_node_that_still_runs(word: str) -> None:
 
 
 def test_a_delay_waits_before_each_start() -> None:
-    lines = played(follow("Delay", [leaf("a", "S")], "150 ms"), ticks=5)
+    lines = played(follow("start_after", [leaf("a", "S")], "150 ms"), ticks=5)
     assert lines == [("RUNNING", []), ("RUNNING", []), ("SUCCESS", ["a S"]), ("RUNNING", []), ("RUNNING", [])]
 
 
