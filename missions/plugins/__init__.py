@@ -1,6 +1,7 @@
-"""Declarations of our own plug-ins, whose code is imported when it is used.
+"""Declarations of our own plug-ins; the code of a plug-in is imported when a command needs it.
 
-The options of plug-ins change the request, and their contexts are entered, in this order.
+The order of PLUGINS is the order in which a run applies them: first each plug-in's options change the run request, then
+each plug-in's context is entered.
 """
 
 from missions.plugin import BACK, BY_HAND, LOOK, RUN, SET_UP, TRY, CommandEntry, FileKind, Plugin

@@ -38,5 +38,9 @@ class FleetRobot(Protocol):
         ...
 
     def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
-        """End the latched stop; with ``resume`` missions continue, otherwise they stay paused."""
+        """Release the latched stop of a robot.
+
+        With ``resume``, its missions continue, otherwise they stay paused. Return whether all actuators are released,
+        and a text for people.
+        """
         ...

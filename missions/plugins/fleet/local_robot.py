@@ -120,7 +120,7 @@ class LocalRobot:
                 log.exception("the runs could not be checked")
 
     def _update(self) -> None:
-        """Stop runs that began while a stop is latched, and read the states that runs have sent."""
+        """Stop runs that began while a stop is latched, and read the states that all runs have sent."""
         result = search_runs(thorough=False)
         found = result.processes
         self._log_doubts(result.warnings)
@@ -143,7 +143,7 @@ class LocalRobot:
             self._runs = bool(self._links) or unreached or bool(result.warnings)
 
     def _log_doubts(self, doubts: list[StopWarning]) -> None:
-        """Log the reasons why a run may have been missed, once after each change."""
+        """Log the reasons why the search may have missed a run, once after each change of the reasons."""
         if doubts != self._doubts:
             self._doubts = doubts
             for each in doubts:

@@ -46,14 +46,16 @@ HEARTBEAT_INTERVAL = 5.0
 """Maximum seconds between two published states."""
 
 STOP_QUIET_RANGE = 0.1, 0.5
-"""Range of the random delay (s) of the state after a stop: published all at once, states would delay the confirmations.
+"""Range (s) of the random pause before a robot publishes its state after a stop.
+
+If all robots published at once, their states would delay the confirmations of the stop.
 """
 
 MIN_MOVE, MIN_TURN = 0.1, 0.2
 """Movement in metres, and rotation in radians, from which a new state is published."""
 
 MAX_PENDING_REQUESTS = 1000
-"""Maximum number of pending requests; a stop never waits."""
+"""Maximum number of requests that wait for the member's thread; a stop is handled at once, without waiting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +68,17 @@ class RobotActivity:
 
 
 class FleetService(Protocol):
-    """A service of a member, such as executing or allocating tasks. Runs on the member's thread."""
+    """A service of a fleet member, such as executing or allocating tasks; its methods run on the member's thread."""
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
         """Return the answer to a request, or None if another service handles it."""
         ...
 
     def step(self, now: float) -> bool:
-        """Do all due work; return whether more is in progress."""
+        """Do all work that is due at time ``now`` (s); return True if work is in progress.
+
+        The next call is then due soon.
+        """
         ...
 
 
@@ -146,12 +151,15 @@ class FleetMember:
         self.transport.close()
 
     def wake(self) -> None:
-        """Run the next round soon. Thread-safe."""
+        """Let the member's thread run ``run_once`` at once instead of at its next interval. Thread-safe."""
         self._wake.set()
 
     @property
     def is_duplicate(self) -> bool:
-        """Whether another robot has this address (a copied SD card); then this robot runs and allocates no tasks."""
+        """Whether a second robot announces the same address, as after an SD card was copied.
+
+        While this is True, the robot neither runs nor allocates tasks.
+        """
         return self.clock.now() < self._duplicate_until
 
     # --- threads of the wire ----------------------------------------------------------------------------------------
@@ -200,7 +208,10 @@ class FleetMember:
             busy = self.run_once()
 
     def run_once(self) -> bool:
-        """Answer requests, run the services, and publish a changed state; return whether a service is busy."""
+        """Answer pending requests, run the services, and publish the robot's state if it has changed.
+
+        Return True if a service has work in progress, so that the next call is due soon.
+        """
         while self._requests:
             ask, reply = self._requests.popleft()
             answer = self._run_safely(partial(self._answer, ask)) or FleetAnswer(
@@ -291,12 +302,12 @@ class FleetMember:
 
 
 def _printable(text: str) -> str:
-    """Return a text without unprintable characters, cut to the maximum length."""
+    """Return a text without unprintable characters, cut to ``MAX_TEXT_LENGTH``."""
     return "".join(each for each in text[:MAX_TEXT_LENGTH] if each.isprintable())
 
 
 def _valid_number(value: object) -> float | None:
-    """Return a value if a message may contain it as a number, else None."""
+    """Return ``value`` if it is a number that a fleet message may contain, else None."""
     sound = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_INTEGER
     return value if sound else None  # type: ignore[return-value]
 

@@ -42,10 +42,11 @@ def add_task_services(
     timeouts: FleetTimeouts | None = None,
     has_mission: Callable[[str], bool] = lambda _: True,
 ) -> None:
-    """Let a member execute and allocate tasks; call it before the member is entered.
+    """Add the services for fleet tasks to a member that is not yet entered.
 
-    Tasks run like `mission run` on ``robot`` with ``options``. ``has_mission`` checks a mission's name. The member's
-    thread uses ``queue`` and ``store``.
+    One service executes tasks, the other allocates them. The member's thread stores accepted tasks in ``queue``, and
+    tasks that it allocates in ``store``. Tasks run like `mission run` on ``robot`` with ``options``. ``has_mission``
+    returns whether the robot's library has a mission of this name.
     """
     timeouts, own = timeouts or FleetTimeouts(), member.info.address
     ready, now = _make_sender(member, timeouts), member.clock.now
@@ -61,7 +62,7 @@ def add_task_services(
 
 
 def _make_sender(member: FleetMember, timeouts: FleetTimeouts) -> SendRequest:
-    """Return a function that sends a request to one robot and wakes the member when the answer arrives."""
+    """Return a function that sends a request to one robot, and wakes the member's thread when the answer arrives."""
 
     def ready(ask: FleetRequest, address: Address, on_answer: Callable[[FleetAnswer | None], None]) -> None:
         answers: list[FleetAnswer] = []
@@ -85,7 +86,7 @@ NUMBER_FILE = "fleet_number"
 
 @dataclass(frozen=True, slots=True)
 class MembershipConfig:
-    """Fleet, robot name and run request for the tasks of a server in a fleet."""
+    """Settings with which a task server joins a fleet: fleet name, robot name, and the run request for its tasks."""
 
     fleet: str
     name: str
@@ -108,7 +109,10 @@ class MembershipConfig:
 
 
 def read_membership(options: FleetOptions) -> MembershipConfig | None:
-    """Return the membership given by the options; None without `--fleet`. Raises click.UsageError, TaskError."""
+    """Return the settings with which a task server joins a fleet; None without `--fleet`.
+
+    Raises click.UsageError, TaskError.
+    """
     if options.fleet is None:
         if options != FleetOptions():
             raise click.UsageError("--as, --robot, --simulate and --world need --fleet NAME")
@@ -121,7 +125,10 @@ def read_membership(options: FleetOptions) -> MembershipConfig | None:
 
 
 def membership(options: FleetOptions) -> Callable[[Path, FleetLatch], AbstractContextManager[FleetMember]] | None:
-    """Return the context of a server that is a fleet member; None without `--fleet`. Raises as ``read_membership``."""
+    """Return a function that opens the fleet membership of a task server as a context; None without `--fleet`.
+
+    Raises as ``read_membership`` does.
+    """
     config = read_membership(options)
     return None if config is None else partial(join_fleet, config)
 

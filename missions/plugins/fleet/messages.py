@@ -14,11 +14,13 @@ from missions.plugins.tasks.task import Interrupted
 
 @dataclass(frozen=True, slots=True)
 class FleetTimeouts:
-    """Times of the task protocol, in seconds.
+    """Times of the protocol for fleet tasks, in seconds.
 
-    A robot reports on a task each ``heartbeat``, and after ``retry_interval`` without an answer. It releases a
-    repeatable task after ``lease`` without an answer of the allocator. After ``reassign_after``, longer by the time
-    that a run may take to stop, the allocator gives the task to another robot.
+    A robot that has a task reports on it every ``heartbeat``, and repeats a report without an answer after
+    ``retry_interval``. If no answer arrives for ``lease``, the robot cancels the task, provided that it may be repeated
+    or has not begun. The allocator counts a robot as lost if no report arrives for ``reassign_after``, plus the time
+    that a run may take to stop. Then it gives a repeatable task to another robot. A robot that refused a task is not
+    offered it again for ``refusal_pause``.
     """
 
     heartbeat: float = 2.0
@@ -39,7 +41,7 @@ MAX_TEXT_LENGTH = 1000
 RULES = Rules(
     max_text=MAX_TEXT_LENGTH, max_members=4096, max_number=MAX_INTEGER, is_text=str.isprintable, text="a printable text"
 )
-"""Rules for encoding and decoding fleet messages; one that deviates from its declaration is refused as a whole."""
+"""Rules for encoding and decoding fleet messages; a message with one invalid field is refused as a whole."""
 
 VERSION = 1
 """Version of keys and messages; robots with different versions do not see each other."""
@@ -57,7 +59,7 @@ TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", 
 """Task state as in VDA 5050; the last two are final."""
 
 AttemptEnd = Literal["", "success", "failure", "interrupted", "refused"]
-"""End of an attempt; `refused` did not begin."""
+"""Result of an attempt to run a fleet task: empty while it runs; `refused` means that the robot did not begin it."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -80,7 +82,10 @@ class Address:
 
 
 def zenoh_key(fleet: str, kind: str, where: str = "*/*") -> str:
-    """Return the Zenoh key of a kind of message (here, state, stop, ask) for one robot, or for all."""
+    """Return the Zenoh key for messages of one ``kind``: here, state, stop or ask.
+
+    ``where`` is the address of a robot, or ``*/*`` for all robots.
+    """
     return f"missiontree/{VERSION}/{fleet}/{kind}/{where}"
 
 
@@ -91,10 +96,11 @@ def address_of_key(text: str) -> Address:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotState:
-    """State that a robot publishes on changes. Lengths in m, angles in rad; None is unknown.
+    """State that a robot publishes when it changes. Lengths in m, angles in rad; None is unknown.
 
-    ``session`` is drawn at each start, and ``number`` counts its states. ``battery`` (0..1) and the pose are those of
-    the last run, ``age`` seconds ago. ``stops`` counts stops; ``stopped`` names the client that latched the last one.
+    ``session`` is a random text, drawn when the robot's server starts, and ``number`` counts the states since then.
+    ``battery`` (0..1) and the pose are those of the last run, ``age`` seconds ago. ``stops`` counts the stops;
+    ``stopped`` names the client that latched the last one.
     """
 
     session: str
@@ -143,14 +149,17 @@ class FleetRelease(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListPeers(FleetRequest):
-    """Request the robots that a robot has met since its start, with their connections."""
+    """Request for the list of robots that the receiver has seen since its start, with their connections."""
 
     word: ClassVar[str] = "met"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepTask(FleetRequest):
-    """Manage a task, and assign it to the robot ``on`` (or `any`) that meets ``where``; idempotent by the task's ID."""
+    """Request to become the allocator of a task, for the robot ``on`` (or `any`) that meets the condition ``where``.
+
+    The receiver assigns the task to a robot. A repeated request with the same task ID has no effect.
+    """
 
     word: ClassVar[str] = "keep"
     task: str
@@ -176,7 +185,10 @@ class AcceptTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskReport(FleetRequest):
-    """Report of ``robot`` on an attempt; a negative answer means that the robot no longer has the task."""
+    """Report of ``robot`` to the allocator on its attempt to run a task.
+
+    A negative answer means that the robot no longer has the task, and must stop it.
+    """
 
     word: ClassVar[str] = "report"
     task: str
@@ -189,7 +201,7 @@ class TaskReport(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecideTask(FleetRequest):
-    """A person's decision about a task whose robot is lost: hand it on, or give it up."""
+    """A person's decision about a task whose robot no longer answers: give the task to another robot, or give it up."""
 
     word: ClassVar[str] = "decide"
     task: str
@@ -198,9 +210,10 @@ class DecideTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListFleetTasks(FleetRequest):
-    """Request tasks that a robot keeps, newest first: open ones, or ended ones.
+    """Request for the tasks that the receiver allocates, newest first: the open ones or the ``ended`` ones.
 
-    ``before`` is the ID of the last task of the previous page, since an answer has a maximum size.
+    An answer has a maximum size. ``before`` is the ID of the last task of the previous answer, to request the next
+    page.
     """
 
     word: ClassVar[str] = "tasks"
@@ -249,7 +262,7 @@ REQUESTS: Mapping[str, type[FleetRequest]] = {
     kind.word: kind
     for kind in (FleetStop, FleetRelease, ListPeers, KeepTask, AcceptTask, TaskReport, DecideTask, ListFleetTasks)
 }
-"""Request classes by their word."""
+"""Request classes by the word that names them in a message, such as "stop" or "tasks"."""
 
 
 def read_request(data: bytes) -> FleetRequest:

@@ -34,7 +34,7 @@ from missions.plugins.tasks.task import TaskError
 T = TypeVar("T")
 
 QUIET_TIME = 0.25
-"""Seconds without a new robot after which discovery is complete."""
+"""Seconds without a new robot after which the discovery of a fleet's robots is complete."""
 
 MAX_WAIT = 5.0
 """Maximum seconds of a discovery, since new robots may appear without end."""
@@ -51,7 +51,10 @@ MAX_TRIES, SUBMIT_TIMEOUT = 3, 2.0
 """Number of tries to submit a task, and seconds to wait for each answer."""
 
 MAX_WITNESSES = 3
-"""Maximum number of robots to request peers from; a single one may have just started."""
+"""Maximum number of robots that an operator asks for the robots they have seen.
+
+One robot would not be enough: it may have just started, and have seen no other.
+"""
 
 
 MAX_OPEN_PAGES, MAX_ENDED_PAGES = 1000, 10
@@ -60,7 +63,10 @@ MAX_OPEN_PAGES, MAX_ENDED_PAGES = 1000, 10
 
 @dataclass(frozen=True, slots=True)
 class FleetTaskList:
-    """Tasks of a fleet, unordered; ``more``: robots with older tasks, ``silent``: robots that did not answer."""
+    """Tasks of a fleet, unordered.
+
+    ``more`` names the robots that have further, older tasks; ``silent`` names the robots that did not answer.
+    """
 
     tasks: list[FleetTaskInfo]
     more: frozenset[str] = frozenset()
@@ -69,7 +75,7 @@ class FleetTaskList:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """An operator's connection to a fleet; ``by`` names the operator in requests."""
+    """Connection of an operator to a fleet; ``by`` is the operator's name, which requests contain."""
 
     fleet: FleetKeys
     transport: ZenohTransport
@@ -91,15 +97,16 @@ class Operator:
                     self.roster.on_peer_report(Address.read(met.robot), met.connection)
 
     def missing_robots(self) -> list[str]:
-        """Return the robots named in the fleet's file that no robot has met."""
+        """Return the robots that the fleet's file names, but that neither this operator nor any robot has seen."""
         met = {address.name for address in self.members()}
         return [name for name in self.fleet.robots if name not in met]
 
     def stop(self, by: str = "") -> tuple[Mapping[Address, FleetAnswer], list[str]]:
         """Stop all robots; return the confirmations, and the names of robots that did not answer.
 
-        The request goes to all at once, to new robots as soon as they appear, and again to silent ones. Robots that
-        only peers have met are named too. The call ends even if new robots keep appearing.
+        The request goes to all robots at once, to new robots as soon as they appear, and again to robots that have not
+        answered. Robots that only other robots have seen are among the names returned. The call ends even if new robots
+        keep appearing.
         """
         answers: dict[Address, FleetAnswer] = {}
         asked_at: dict[Address, list[float]] = {}
@@ -207,7 +214,10 @@ class Operator:
         return FleetTaskList(list(found.values()), frozenset(map(str, before)), frozenset(silent))
 
     def decide(self, number: str, what: Literal["hand-on", "give-up"]) -> FleetAnswer:
-        """Decide about a task whose robot is lost. Raises TaskError if the robot that keeps it does not answer."""
+        """Send a person's decision about a task whose robot no longer answers; return the allocator's answer.
+
+        ``number`` is the task's ID. Raises TaskError if the allocator of the task does not answer.
+        """
         keeper = Address.read(number.rpartition("/")[0])
         answers = self._request_each([keeper], lambda _: DecideTask(by=self.by, task=number, decision=what), 3.0)
         if keeper not in answers:
@@ -235,7 +245,7 @@ class Operator:
 
 
 def _decode_data(kind: type[T], answer: FleetAnswer) -> Iterator[T]:
-    """Yield the valid entries of an answer as objects of class ``kind``; others are skipped."""
+    """Yield the JSON objects in an answer as objects of class ``kind``; invalid ones are skipped."""
     for entry in answer.data:
         with suppress(CodecError):
             yield decode(kind, entry, RULES)

@@ -46,9 +46,10 @@ DOUBT_REASON = "its progress is unknown, and it must not run twice"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetTask:
-    """A task of a fleet, for the robot ``on`` (`any` for all) that meets the condition ``where``.
+    """A fleet task as its allocator stores it: for the robot ``on`` (`any` for all) that meets the condition ``where``.
 
-    ``robot`` has it in its ``attempt``; once ``confirmed``, the robot may have begun it.
+    ``robot`` is the address of the robot that has the task, ``attempt`` the number of its attempt. Once ``confirmed``
+    is True, the robot may have begun the task.
     """
 
     id: str
@@ -75,7 +76,7 @@ class FleetTask:
         return self.state in ("FINISHED", "FAILED")
 
     def is_due(self, now: float) -> bool:
-        """Return whether the pause before the next attempt is over."""
+        """Return whether the waiting time before the next attempt is over at ``now``."""
         return is_due(self.not_before, now, RETRY_INTERVAL)
 
 
@@ -117,7 +118,7 @@ class TaskStore:
         return None if row is None else from_row(FleetTask, row)
 
     def open_tasks(self) -> list[FleetTask]:
-        """Return the open tasks, oldest first."""
+        """Return the tasks that are neither finished nor failed, oldest first."""
         sql = "SELECT * FROM kept WHERE state NOT IN ('FINISHED', 'FAILED') ORDER BY rowid"
         return [from_row(FleetTask, row) for row in self._connection.execute(sql)]
 
@@ -235,7 +236,7 @@ class TaskAllocator:
         return FleetAnswer()
 
     def _change(self, task: FleetTask, changes: Mapping[str, object]) -> None:
-        """Change a task, keeping notes about robots that also did it in the reason."""
+        """Store changes of a task; a new reason keeps the old notes about robots that finished the task late."""
         if "reason" in changes:
             reason = str(changes["reason"])
             also = [each for each in task.reason.split("; ") if each.startswith(LATE_PREFIX) and each not in reason]
@@ -243,7 +244,10 @@ class TaskAllocator:
         self._store.change(task.id, changes)
 
     def _record_late_finish(self, task: FleetTask, ask: TaskReport) -> FleetAnswer | None:
-        """Record that a previous robot has finished a task after it was reassigned; None for any other report."""
+        """Record that a robot has finished a task although it was meanwhile given to another robot.
+
+        Return the answer to the report, or None if it reports anything else.
+        """
         if ask.state != "FINISHED":
             return None
         note = f"{LATE_PREFIX} {ask.robot}"
@@ -310,7 +314,10 @@ class TaskAllocator:
     def _choose_robot(
         self, task: FleetTask, members: Mapping[Address, RosterEntry], taken: set[str], now: float
     ) -> Address | None:
-        """Return a free robot that meets the task's condition, or None; the order differs for each task."""
+        """Return a free robot that meets the task's condition, or None.
+
+        Robots are tried in an order that is different for each task, so that allocators seldom choose the same robot.
+        """
         found = [
             address
             for address, each in members.items()
@@ -331,7 +338,7 @@ class TaskAllocator:
         self._send_request(accept, robot, lambda answer: self._answers.append((task.id, attempt, str(robot), answer)))
 
     def _on_offer_answer(self, number: str, attempt: int, robot: str, answer: FleetAnswer | None, now: float) -> None:
-        """Process a robot's answer to an offer."""
+        """Process a robot's answer to an offered task; after a refusal, the task waits for another robot."""
         task = self._store.get(number)
         if answer is None or answer.ok or task is None or task.confirmed or task.has_ended:
             return

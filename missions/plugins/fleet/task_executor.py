@@ -34,7 +34,10 @@ APPROVED_BY = "its keeper"
 
 @dataclass(frozen=True, slots=True)
 class TaskAssignment:
-    """An accepted fleet task with its attempt and its task in the robot's own queue."""
+    """A fleet task that this robot has accepted: its ID, the number of the attempt, and the task in its own queue.
+
+    ``again`` is True if the task may run a second time on another robot.
+    """
 
     id: str
     attempt: int
@@ -87,7 +90,7 @@ class AssignmentQueue(TaskQueue):
 
 @dataclass(slots=True)
 class _ReportState:
-    """Newest report on an assignment: its content, times, and the start of the present lease."""
+    """State of the reports on one accepted task: the last report, its times, and the time of the last confirmation."""
 
     reported: tuple[TaskState, AttemptEnd] | None = None
     sent_at: float = float("-inf")
@@ -146,7 +149,10 @@ class TaskExecutor:
         return FleetAnswer()
 
     def step(self, now: float) -> bool:
-        """Send due reports, and process the answers of allocators; see FleetService."""
+        """Process the answers of allocators, cancel expired tasks, and send reports that are due.
+
+        Return True while a task is open; see FleetService.
+        """
         while self._answers:
             self._on_report_answer(*self._answers.popleft())
         errands = self._queue.unconfirmed()

@@ -1,4 +1,4 @@
-"""Zenoh session of a robot or operator: over TLS with certificates, or within this computer."""
+"""Zenoh session of a robot or operator: over TLS with certificates, or without them among programs of this computer."""
 
 import json
 import socket
@@ -86,7 +86,10 @@ def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
 
 
 def _is_free(port: int) -> bool:
-    """Return whether a local port is free; the first process listens at the default port, where the others connect."""
+    """Return whether a port of this computer is free.
+
+    The first program listens at the default port, and all others connect to it.
+    """
     with socket.socket() as tried:
         tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

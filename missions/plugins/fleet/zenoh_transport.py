@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 # Members of a fleet as one member sees them: from liveliness tokens and from published states.
 
 MAX_ROBOTS = 4096
-"""Maximum number of robots in a roster; offline ones make space for new ones, and further ones are ignored."""
+"""Maximum number of robots in a roster; a new robot replaces an offline one, or is ignored if all are online."""
 
 
 DUPLICATE_MEMORY = 15.0
-"""Seconds for which two robots with one address are remembered as duplicates."""
+"""Seconds for which a roster reports an address as duplicate, after two robots have sent states under it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Roster:
         self.version = 0
 
     def members(self) -> Mapping[Address, RosterEntry]:
-        """Return all entries by address."""
+        """Return the known robots by address."""
         with self._lock:
             return dict(self._members)
 
@@ -131,13 +131,16 @@ class Roster:
 
 
 Reply = Callable[[FleetAnswer], None]
-"""Sends the answer to a fleet request, once, from any thread."""
+"""Callback that sends the answer to one fleet request; call it once, from any thread."""
 
 OnRequest = Callable[[FleetRequest, Reply], None]
-"""Handles a request, on a Zenoh thread."""
+"""Callback that handles a fleet request, called on a Zenoh thread; it answers by calling ``Reply``."""
 
 OnAnswer = Callable[[Address | None, FleetAnswer | None], None]
-"""Handles an answer to a request, with the address of the answering robot, on a Zenoh thread; finally (None, None)."""
+"""Callback for an answer to a fleet request, with the address of the answering robot; called on a Zenoh thread.
+
+After the last answer it is called once with (None, None).
+"""
 
 
 class ZenohTransport:

@@ -44,7 +44,10 @@ TIME_COLUMN = "time"
 
 
 class LeggedRobot:
-    """A robot with legs, which checks and loads gaits. Raises BadRequest for a robot without legs."""
+    """A robot with legs, which checks and loads gaits.
+
+    The constructor raises BadRequest for a robot without legs.
+    """
 
     def __init__(self, robot: RobotConfig) -> None:
         keys, arm = robot.keys(LegsKeys), robot.arm
@@ -68,7 +71,7 @@ class LeggedRobot:
         return gait_from_keys(load_gait(path), self.body, self.stride)
 
     def _load_sheet(self, path: Path) -> Gait:
-        """Load a spreadsheet as one cycle, whose last row repeats the first one."""
+        """Return a gait from a spreadsheet of joint angles that holds one cycle; its last row repeats the first one."""
         move = load_move(path)
         known = set(self.arm.limits)
         if strange := sorted({joint for frame in move.keyframes for joint in frame.positions} - known):
@@ -95,7 +98,7 @@ class LeggedRobot:
         return spline_gait(path.stem, period, (times[:-1] - times[0]) / period, feet, headings, on)
 
     def table(self, times: Floats, angles: Floats) -> str:
-        """Return a spreadsheet of the legs (.csv): a column of times (s), and one for each joint (rad)."""
+        """Return a table of the leg joints as CSV text: a column of times (s), and one of angles (rad) per joint."""
         out = StringIO()
         lines = csv.writer(out, lineterminator="\n")
         lines.writerow([TIME_COLUMN, *self.body.leg_joints])
@@ -105,7 +108,7 @@ class LeggedRobot:
 
 
 def format_gait(gait: Gait, name: str) -> str:
-    """Return the text of a gait file of points."""
+    """Return the text of a gait file with the pose of both soles at each point of the cycle."""
     lines = [f"gait: {json.dumps(name)}", f"period: {gait.period:.6g} s", "points:"]
     for place in range(len(gait.feet)):
         left, right = (_vector(gait.feet[place, number].tolist()) for number in (0, 1))
@@ -241,7 +244,7 @@ def scale(file: str, length: float, rise: float, time: float, output: Path, robo
 @output_option
 @robot_option
 def sequence_(files: tuple[str, ...], cycles: int, output: Path, robot: str) -> None:
-    """Join gaits into one spreadsheet; each is checked by itself."""
+    """Join gaits into one spreadsheet, after checking each gait by itself."""
     if output.suffix != SHEET_SUFFIX:
         raise click.BadParameter(f"{output}: a sequence is a spreadsheet: end its name in .csv", param_hint="-o")
     walker = _load_robot(robot)

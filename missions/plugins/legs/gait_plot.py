@@ -47,7 +47,10 @@ def gait_pictures(gait: Gait, body: LeggedBody) -> Iterator[Image]:
 
 
 def _travelled(gait: Gait) -> Floats:
-    """Return the distance of the body at each time of a cycle, and at its end, from the feet on the floor."""
+    """Return the distance (m) that the body has travelled at each time of a cycle, and at its end.
+
+    It is computed from the feet on the floor, which move backwards relative to the body.
+    """
     back = gait.feet[:, :, 0] - np.roll(gait.feet[:, :, 0], -1, axis=0)
     held = gait.on_floor & np.roll(gait.on_floor, -1, axis=0)
     steps = np.where(held, back, 0.0).sum(axis=1) / np.maximum(held.sum(axis=1), 1)
@@ -103,7 +106,7 @@ def draw_gait(path: Path, gait: Gait, body: LeggedBody, limits: Mapping[str, Joi
 
 
 def _plot_joint(axes: Axes, times: Floats, angles: Floats, colour: str, limits: JointLimits) -> None:
-    """Plot a joint, and its limits if it comes near them."""
+    """Plot the angle of a joint in degrees, and those of its limits that are within 10 degrees of the angles."""
     axes.plot(times, np.degrees(angles), color=colour)
     low, high = float(np.degrees(angles.min())) - 10.0, float(np.degrees(angles.max())) + 10.0
     for end in np.degrees([limits.lower, limits.upper]):

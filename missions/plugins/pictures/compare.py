@@ -1,6 +1,6 @@
 """Comparison of two missions: the corresponding nodes and their differences.
 
-Lines of the files, statuses and keys do not count: a node that only moved down in its file is unchanged.
+Line numbers, node keys and statuses are not compared: a node that only moved down in its file is unchanged.
 """
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -68,7 +68,10 @@ def _pair(left: TreeBox, right: TreeBox) -> NodePair:
 
 
 def _match_children(left: Sequence[TreeBox], right: Sequence[TreeBox]) -> Iterator[NodePair]:
-    """Yield pairs of children: first equal ones, then those of the same kind and name, then those of the same kind."""
+    """Yield pairs of corresponding children of two nodes; a child without a counterpart is added or removed.
+
+    Equal subtrees are matched first, then nodes of the same kind and name, then nodes of the same kind.
+    """
     for old, new in _align(left, right, [_subtree_facts, lambda box: (box.kind, box.name), lambda box: box.kind]):
         if old is not None and new is not None:
             yield _pair(old, new)
@@ -89,7 +92,11 @@ Match = tuple[TreeBox | None, TreeBox | None]
 
 
 def _align(left: Sequence[TreeBox], right: Sequence[TreeBox], likenesses: Sequence[Likeness]) -> Iterator[Match]:
-    """Yield matching boxes in order: first those alike by the first likeness, between them those by the next one."""
+    """Yield pairs of matching boxes in order; a box without a match is paired with None.
+
+    Boxes match for which the first function of ``likenesses`` returns the same value. Between those matches, the next
+    function is tried.
+    """
     if not likenesses or not left or not right:
         yield from ((old, None) for old in left)
         yield from ((None, new) for new in right)
@@ -136,7 +143,7 @@ def _longest_common(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iter
 
 
 def _subtree_facts(box: TreeBox) -> Hashable:
-    """Return all compared facts of a node and its subtree."""
+    """Return the kind, facts and children of a node and its subtree; two subtrees are equal if these are."""
     return box.kind, tuple(_node_facts(box).items()), tuple(_subtree_facts(child) for child in box.children)
 
 
@@ -176,13 +183,14 @@ MIN_SIDE_COLUMNS = 16
 """Minimum text columns for each of two missions side by side, even on a narrow terminal."""
 
 Signs = Mapping[Status, str]
-"""Texts for the statuses of nodes in a column; empty if the column shows no moment of a run."""
+"""Sign of each node status, for one column of the text; empty if the column does not show statuses."""
 
 
 def side_by_side(comparison: TreeComparison, width: int, *, ascii_only: bool = False) -> str:
-    """Return a line for each pair of nodes, ``width`` columns wide; below it, the differences of the nodes themselves.
+    """Return two missions as text, ``width`` columns wide, with a line for each pair of corresponding nodes.
 
-    A column that shows a moment of a run includes the status of each node.
+    Below a pair stand the differences of its two nodes. The side of a mission that shows a moment of a run includes the
+    status of each node.
     """
     side = max((width - 3) // 2, MIN_SIDE_COLUMNS)
     both = (comparison.left, comparison.right)
@@ -210,7 +218,7 @@ def _rows(pair: NodePair, depth: int, side: int, left: Signs, right: Signs) -> I
 
 
 def _node_text(box: TreeBox, signs: Signs) -> str:
-    """Return a node as one line: status, case, title, reason, arguments, modifiers, and result."""
+    """Return a node as one line: status, case of a switch, title, reason, arguments, variable of ``as``, and modifiers."""
     words = [signs[box.status]] if signs else []
     words += [f"{box.case}:"] if box.case else []
     words.append(box.title)

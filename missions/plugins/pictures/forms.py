@@ -1,4 +1,4 @@
-"""File formats of a mission's tree, or of two trees side by side, as pictures and pages."""
+"""Functions that write one mission's tree, or two trees side by side, in a file format: text, JSON, SVG, PNG or HTML."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ FORMAT = "missiontree-diff/1"
 
 
 def comparison_to_json(comparison: TreeComparison) -> dict[str, object]:
-    """Return both trees as JSON data, and ``pairs``: the tree of corresponding node keys."""
+    """Return two compared missions as JSON data: both trees, and under ``pairs`` the keys of corresponding nodes."""
     return {
         "format": FORMAT,
         "summary": comparison.summary,
@@ -66,7 +66,10 @@ PAIR_FORMS: Mapping[str, Callable[[TreeComparison], Dump]] = {
 
 
 def dump_pair(left: TreeDrawing, right: TreeDrawing, form: str, width: int | None) -> Dump:
-    """Return two trees side by side; text has ``width`` columns, if given. Raises ValueError for an unknown format."""
+    """Return two trees side by side in the format ``form``, compared node by node.
+
+    If ``width`` is given, a text is that many columns wide. Raises ValueError for an unknown format.
+    """
     if form not in PAIR_FORMS:
         raise ValueError(f"--diff has no format '{form}'; formats: {', '.join(PAIR_FORMS)}")
     comparison = compare(left, right)

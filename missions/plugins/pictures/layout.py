@@ -35,7 +35,7 @@ _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
 """Widths of characters outside the table: small letters of other scripts; signs and capitals; East Asian characters."""
 _BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹωϖϣͳЉЊЖШЩЮжмфшщыюљњ‰‱№")
 _BROADER = 1.4
-"""Wide letters and signs, and their width as a multiple of that of others of their kind."""
+"""Width of a wide letter or sign as a multiple of the usual width of its kind, such as of small letters."""
 _HORN = 0.15
 """Additional width of a letter with a horn, or with a caron written as an apostrophe, as in ơ and ľ."""
 
@@ -78,7 +78,10 @@ def wrap_items(items: Iterable[str], separator: str, size: float, max_width: flo
 def _unbreakable_words(
     items: Iterable[str], separator: str, size: float, max_width: float
 ) -> Iterator[tuple[str, str]]:
-    """Yield unbreakable texts, each with the separator in front of it on the same line."""
+    """Yield the texts between which a line may break, each as (separator before it on the same line, text).
+
+    An item wider than ``max_width`` is split into its words.
+    """
     for item in items:
         words = [item] if text_width(item, size) <= max_width else item.split()
         yield from zip([separator, *(" " for _ in words)], words, strict=False)
@@ -110,7 +113,7 @@ def _advance(letter: str, bold: bool) -> float:
 Part = Literal["symbol", "kind", "name", "sign", "line", "argument", "badge", "reason", "change", "folded"]
 
 SIZES: Mapping[Part, int] = {"symbol": 14, "kind": 13, "name": 13, "sign": 13, "line": 10}
-"""Font size of the parts of a card; all others have the small font."""
+"""Font sizes in pixels of the larger parts of a card; the parts that are missing have ``SMALL_FONT_SIZE``."""
 
 SMALL_FONT_SIZE = 11
 
@@ -123,7 +126,10 @@ TITLE_HEIGHT, SMALL_LINE_HEIGHT, BADGE_HEIGHT, BADGE_PADDING = 20, 16, 23, 7
 
 @dataclass(frozen=True, slots=True)
 class CardText:
-    """A text on a card, its baseline at ``x``, ``y`` from the card's upper left corner. A badge has a status too."""
+    """A text on a card, with its baseline at ``x``, ``y`` (pixels) from the card's upper left corner.
+
+    ``part`` is the part of the card that it belongs to. ``status`` is the status of a modifier, if the text is one.
+    """
 
     part: Part
     text: str
@@ -135,7 +141,7 @@ class CardText:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A box with its texts; ``width`` and ``height`` contain all of them."""
+    """Card of a node, with its texts, and its size in pixels."""
 
     box: TreeBox
     width: int
@@ -144,7 +150,11 @@ class Card:
 
 
 def make_card(box: TreeBox, *, live: bool = False, change: str = "") -> Card:
-    """Return the card of ``box``: with status signs if ``live``; ``change`` is its kind of difference."""
+    """Return the card of the node ``box``.
+
+    With ``live`` it has the sign of the node's status. ``change`` are the node's differences from another mission, a
+    line each.
+    """
     writer = _CardWriter()
     writer.title(box, live)
     writer.small("argument", _wrap_small(_arguments(box), ", ", 3))
@@ -199,7 +209,7 @@ class _CardWriter:
         self._y += BADGE_HEIGHT
 
     def card(self, box: TreeBox) -> Card:
-        """Return the card; the end of the title's row is aligned to the right edge."""
+        """Return the finished card; status sign and line number are moved to its right edge."""
         ends = (line.x + line.width + (BADGE_PADDING if line.part == "badge" else 0) for line in self._lines)
         wide = max(ends) + CARD_PADDING
         title = max(line.x + line.width for line in self._lines if line.part == "line")
@@ -230,7 +240,7 @@ def _arguments(box: TreeBox) -> Iterator[str]:
 
 
 def _reasons(box: TreeBox) -> Iterator[str]:
-    """Yield the reason and the age of a node's status, and the messages of its modifiers."""
+    """Yield the reason of a node's status, the time since which it has the status, and the reasons of its modifiers."""
     if box.reason:
         yield box.reason
     if box.since is not None:
@@ -287,7 +297,10 @@ class MissionPanel:
 
 @dataclass(frozen=True, slots=True)
 class TreeLayout:
-    """Layout of a whole tree, in whole pixels from its upper left corner; outer panels come first."""
+    """Positions of all cards, links and panels of a tree, in pixels from the upper left corner of the drawing.
+
+    The panel of a sub-mission comes before the panels of the sub-missions inside it.
+    """
 
     cards: tuple[PlacedCard, ...]
     links: tuple[CardLink, ...]
@@ -317,9 +330,9 @@ def is_live(drawing: TreeDrawing) -> bool:
 
 @dataclass(slots=True)
 class _Row:
-    """A node of the layout: its card in each of the side-by-side pictures, or None.
+    """A node of the layout: its card in each of the pictures side by side; None in a picture without this node.
 
-    ``spans`` are the widths of its subtree if it had unlimited room to its right.
+    ``spans`` are the widths (pixels) that its subtree needs in each picture if children stand to the right.
     """
 
     cards: tuple[Card | None, ...]
@@ -338,7 +351,11 @@ class _Row:
         self.spans = tuple(self._width(picture) + blank + inner[picture] + after for picture in self._pictures)
 
     def place(self, xs: tuple[int, ...], top: int, page: int) -> None:
-        """Set the positions of the node and its subtree: ``xs`` in each picture, ``top`` in all of them."""
+        """Set the positions of the node and its subtree.
+
+        ``xs`` are the left edges in each picture, ``top`` is the upper edge in all pictures, ``page`` the page width.
+        All in pixels.
+        """
         self.xs, self.y = xs, top
         self.bottom = top + max(each.height for each in self.cards if each is not None)
         if not self.children:
@@ -407,7 +424,7 @@ class _LayoutCollector:
         return TreeLayout(tuple(self._placed), tuple(self._links), panels, self._right, max(bottoms))
 
     def _collect(self, row: _Row, parent: PlacedCard | None, below: bool) -> int:
-        """Collect a row and its subtree; return its right end."""
+        """Collect the card, links and panels of a node and its subtree; return the x coordinate of their right end."""
         found = row.cards[self._picture]
         if found is None:  # then it has no subtree either
             return 0

@@ -40,9 +40,10 @@ def draw_move(
     *,
     measured: Mapping[str, tuple[Sequence[float], Sequence[float]]] | None = None,
 ) -> None:
-    """Draw a panel for each joint with its goals, limits, and ``measured`` values; each as (times, angles).
+    """Draw a picture to ``path`` with a panel for each joint: its goals, limits, and ``measured`` angles if given.
 
-    Times in seconds, angles in radians. Raises ValueError for an unsupported format, OSError if it cannot be written.
+    ``goals`` and ``measured`` hold for each joint its times (s) and its angles (rad). Raises ValueError for an
+    unsupported format, OSError if the file cannot be written.
     """
     if path.suffix not in FORMATS:
         raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")

@@ -167,7 +167,7 @@ class _PlanDrawing:
         self._text("robot", (start.x, start.y - BASE_RADIUS - 0.12))
 
     def _measures(self) -> None:
-        """Draw the dimensions along two walls, the corners' names, and a scale."""
+        """Draw the lengths of two walls, the coordinates of two corners, and a scale of one metre."""
         (x_low, x_high), (y_low, y_high) = self._world.room.extent()
         low, left = y_low - 0.22, x_low - 0.22
         self._line((x_low, low), (x_high, low), "line both")

@@ -47,7 +47,7 @@ class RunFilm:
 
     @property
     def error(self) -> str:
-        """Error text with the time of the first picture that could not be written; empty without an error."""
+        """Message with the time of the first picture that could not be written; empty without an error."""
         return self._movie.error
 
     @property

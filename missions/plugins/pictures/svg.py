@@ -174,7 +174,7 @@ CORNER_RADIUS, LINK_OFFSET = 8, 20
 
 Kind = Literal["composite", "condition", "action", "mission"]
 KINDS: Mapping[Kind, str] = {"composite": "", "condition": CONDITION_SYMBOL, "action": ACTION_SYMBOL, "mission": "▣"}
-"""The four kinds of node and their signs; each composite has its own."""
+"""Kinds of nodes with their signs; empty for composites, since each composite, such as `sequence`, has its own sign."""
 
 _LINK_ORDER: Mapping[Status, int] = {
     "idle": 0,
@@ -259,7 +259,7 @@ def _legend(canvas: SvgCanvas, y: int, samples: Sequence[tuple[str, str, str]]) 
 
 
 class _TreeDrawing:
-    """Drawing of one tree; ``changes`` has by key the differences from the tree beside it."""
+    """Drawing of one tree; ``changes`` has the kind of difference from the tree beside it by node key."""
 
     def __init__(self, canvas: SvgCanvas, live: bool, changes: Mapping[str, Change]) -> None:
         self._canvas = canvas
@@ -313,7 +313,7 @@ class _TreeDrawing:
 
 
 def _write_text(node: SvgCanvas, line: CardText, x: int, y: int, status: Status) -> None:
-    """Write one text of a card; a modifier stands on a pill, a symbol is centred."""
+    """Write one text of a card: a modifier with a rounded background, a symbol centred, and all others from ``x`` on."""
     if line.part == "badge":
         node.rect(f"pill {line.status}", x - BADGE_PADDING, y - 13, line.width + 2 * BADGE_PADDING, 18, radius=9)
     middle = x + line.width // 2 if line.part == "symbol" else x

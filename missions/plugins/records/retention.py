@@ -29,7 +29,7 @@ def records_folder() -> Path:
 
 
 STUDIO_RECORDS_VARIABLE = "MISSION_STUDIO_RECORDS"
-"""Environment variable with another folder whose records the studio shows."""
+"""Environment variable with the folder whose records the studio shows, instead of the default folder."""
 
 
 def studio_records_folder() -> Path:
@@ -75,10 +75,10 @@ def remove_old_records(folder: Path, now: float) -> list[str]:
 
 
 def _sort_by_age(folder: Path, records: Sequence[Path]) -> list[Path]:
-    """Return records in creation order, newest first, whatever the clock showed.
+    """Return records in creation order, newest first, even if the computer's clock was wrong.
 
     A computer without a real-time clock may create the newest record in 1970. So a file keeps the order in which
-    records were first seen; new ones are sorted by modification time.
+    records were first seen. New records are sorted by modification time.
     """
     there = {path.name: path for path in reversed(records)}
     with suppress(OSError):
@@ -93,8 +93,8 @@ def _sort_by_age(folder: Path, records: Sequence[Path]) -> list[Path]:
 def _expired_records(records: Iterable[Path], now: float) -> set[Path]:
     """Return the records older than ``MAX_AGE_DAYS``, as far as the clock can be trusted.
 
-    A clock that is years ahead would expire all records. So an age is not trusted across a gap of ``MAX_AGE_DAYS``
-    without a record, nor are times in the future. Records before such a gap are kept.
+    If the clock were years ahead, all records would seem too old. So if there is a gap of ``MAX_AGE_DAYS`` without a
+    record, all records before the gap are kept. Records with times in the future are kept too.
     """
     stamps = dict[Path, float]()
     for path in records:

@@ -36,9 +36,10 @@ class RecordSettings:
 
 
 def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettings | None:
-    """Return the settings from the options; by default a record in the user's folder, of a run on a robot.
+    """Return the settings of the record that the options request; None if the run is not recorded.
 
-    Raises click.UsageError for options without effect.
+    Without options, a run on a robot is recorded in the user's folder of records. Raises click.UsageError for options
+    that have no effect.
     """
     record, requested = options.record, options.record is not None
     if record is None and not options.no_record and is_recorded_by_default(simulated=request.simulation is not None):
@@ -56,7 +57,7 @@ def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettin
 
 
 def _default_folder() -> Path | None:
-    """Return the folder of records made by default, with room for one more; None if it cannot be created."""
+    """Return the folder of records made by default, after removing old records; None if it cannot be created."""
     folder = retention.records_folder()
     try:
         removed = retention.remove_old_records(folder, time_of_day().timestamp())
@@ -77,8 +78,8 @@ def _new_path(folder: Path, name: str) -> Path:
 class RunRecording:
     """Context manager that records the run of a ``session``.
 
-    Prints losses to stderr at the end. ``__enter__`` starts the record before anything moves, and raises
-    click.BadParameter if it cannot.
+    ``__enter__`` starts the record before anything moves. It raises click.BadParameter if a requested record cannot be
+    started. Messages missing from the record are printed to stderr at the end.
     """
 
     def __init__(self, settings: RecordSettings, session: RunSession) -> None:
@@ -137,7 +138,11 @@ class RunRecording:
 
     @property
     def path(self) -> Path:
-        """Path of the record; not the requested one if it is incomplete and an earlier record keeps that name."""
+        """Path of the record.
+
+        It is another one than requested if the new record is incomplete, so that an earlier record keeps the requested
+        path.
+        """
         return self._recorder.path
 
     def _report(self, notice: DeviceStatus) -> None:
@@ -146,6 +151,9 @@ class RunRecording:
 
 
 def record_run(options: RecordOptions, session: RunSession) -> AbstractContextManager[object]:
-    """Return a context that records the run of ``session`` according to ``options``. Raises click.UsageError."""
+    """Return a context that records the run of ``session``; it does nothing if the ``options`` request no record.
+
+    Raises click.UsageError for options that have no effect.
+    """
     wish = record_settings(options, session.request)
     return nullcontext() if wish is None else RunRecording(wish, session)

@@ -68,7 +68,7 @@ def _show(operator: Operator, *, as_json: bool) -> None:
 
 
 def _row(member: RosterEntry, *, twice: bool) -> Iterator[str]:
-    """Yield the cells of a robot; with ``twice``, the name includes the number, since it is not unique."""
+    """Yield the table cells of a robot; with ``twice``, two robots share its name, so its number is added."""
     state = member.state
     yield str(member.address) if twice else member.address.name
     yield member.connection

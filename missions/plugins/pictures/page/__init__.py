@@ -1,1 +1,1 @@
-"""Trees as self-contained HTML pages with search and folding."""
+"""HTML pages with the tree of a mission, in one file each; a page has a search, and nodes can be folded."""

@@ -1,4 +1,4 @@
-"""Pages of one mission, and of two missions as one tree of pairs, side by side."""
+"""HTML pages of a mission's tree: of one mission, or of two missions side by side, with corresponding nodes in one row."""
 
 from missions.plugins.pictures.compare import CHANGES, NodePair, TreeComparison
 from missions.plugins.pictures.page.document import Markup, document, join, tag
@@ -18,12 +18,12 @@ def page(drawing: TreeDrawing) -> str:
 
 
 def time_suffix(drawing: TreeDrawing) -> str:
-    """Return " at 5.00 s" for a drawing of a moment of a run; otherwise an empty text."""
+    """Return " at 5.00 s" if the drawing shows a run at that time; an empty text if it shows no run."""
     return "" if drawing.time is None else f" at {drawing.time:.2f} s"
 
 
 def header(title: str, summary: str, facts: list[str]) -> Markup:
-    """Return the head of a page: title, summary, and a line of facts."""
+    """Return the head of a page: title, summary, and a line with ``facts``, separated by dots."""
     paragraph = tag("p", summary) if summary else ""
     return tag("header", tag("h1", title), paragraph, tag("p", " · ".join(facts), class_="facts"))
 
@@ -48,9 +48,10 @@ def pair_page(comparison: TreeComparison) -> str:
 
 
 def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], level: int = 0) -> Markup:
-    """Return the list item of a pair, with the ``times`` of its two sides.
+    """Return the list item of two corresponding nodes, with their children.
 
-    Its key is its path in this tree, since the two nodes have different keys.
+    ``times`` are the times (s) in the runs that the two sides show, or None. ``key`` is the item's path in this list,
+    since the two nodes have different keys.
     """
     children = [
         _item(child, f"{key}.{number}", times, level + 1) for number, child in enumerate(pair.children, start=1)
@@ -76,7 +77,11 @@ def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], le
 
 
 def _pair_side(box: TreeBox | None, time: float | None, *, hidden: bool = False) -> Markup:
-    """Return one side of a pair; hidden from screen readers if ``hidden``, since it repeats the other side."""
+    """Return the card of the node in one mission of a comparison; None means that this mission lacks the node.
+
+    ``time`` is that of the shown run (s), or None. A ``hidden`` card is hidden from screen readers, since the other
+    mission has the same node.
+    """
     return tag(
         "div",
         card(box, time) if box is not None else _screen_reader_text("nothing"),

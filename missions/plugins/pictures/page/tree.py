@@ -1,6 +1,6 @@
-"""A mission's tree as nested lists: an outline that is readable without script, or drawn from left to right.
+"""A mission's tree as nested HTML lists: an outline, or a drawing from left to right; readable without JavaScript.
 
-Style and script use its roles and attributes. A page has one tree, with its ``tools``.
+The page's style sheet and script find the elements by their roles and attributes. A page has only one tree.
 """
 
 import json
@@ -63,7 +63,7 @@ def _title(box: TreeBox, *, live: bool) -> Markup:
 
 
 def _age(status: Status, seconds: float) -> str:
-    """Return a node's running time, or the time since its end, as text; the report's script writes it alike."""
+    """Return the time since a node started, or since it ended, as text; the report's script writes the same text."""
     return f"{seconds:.1f} s" if status in ("running", "suspended") else f"{seconds:.1f} s ago"
 
 
@@ -83,7 +83,7 @@ def _sign(status: Status) -> Markup:
 
 
 def _badge(badge: Badge, *, live: bool) -> Markup:
-    """Return a modifier with its own message; its status is otherwise that of the node."""
+    """Return a modifier as HTML; with ``live``, with its status and reason, which may differ from those of its node."""
     text = f"{badge.kind} {badge.text}".strip()
     if not live:
         return tag("span", text, class_="badge", title=f"line {badge.line}")
@@ -108,7 +108,7 @@ STATUSES: Mapping[Status, str] = {
 
 
 def tools(drawing: TreeDrawing) -> Markup:
-    """Return the toolbar for ``tree(drawing)``, and a legend of its signs."""
+    """Return the toolbar of the tree that ``tree(drawing)`` returns, and a legend of the signs in it."""
     missions = any(box.mission and box.children for box in drawing.root.walk())
     fold = button("Fold sub-missions", data_fold="[data-mission]") if missions else ""
     return join(
@@ -168,9 +168,10 @@ def tree(drawing: TreeDrawing, *, label: str) -> Markup:
 
 
 def window(root: Markup, *, label: str, layout: str, above: str = "") -> Markup:
-    """Return the scrolling window of the tree ``root``, with a fixed line ``above`` it.
+    """Return the tree ``root`` in a scrolling window; ``label`` is its name for screen readers.
 
-    ``layout`` is its style class: "outline", which the script may change to "spread", or "pairs".
+    ``above`` is a fixed line above the tree. ``layout`` is the style class of the tree: "outline", which the script may
+    change to "spread", or "pairs".
     """
     signs = json.dumps(SIGNS, ensure_ascii=False)
     listed = tag("ul", root, role="tree", aria_label=label, class_=layout, data_signs=signs)
@@ -180,7 +181,10 @@ def window(root: Markup, *, label: str, layout: str, above: str = "") -> Markup:
 def item(
     key: str, content: Markup, children: Sequence[Markup], *, first: bool, **attributes: str | bool | None
 ) -> Markup:
-    """Return a tree item, named by its content. The ``first`` item takes the keyboard focus."""
+    """Return a node of the tree as a list item with its card ``content`` and its ``children``.
+
+    ``key`` identifies it for the script. The ``first`` item of the page takes the keyboard focus.
+    """
     fold = tag("span", class_="fold", aria_hidden="true") if children else ""
     return tag(
         "li",

@@ -142,7 +142,11 @@ def _write_film(record: RunRecord, path: Path) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RerunOptions:
-    """Options for the files of a rerun; see ``missions.plugins.records.replay.rerun_files.RerunFiles``."""
+    """Options for choosing the files of a rerun.
+
+    ``code`` are Python files to use instead of recorded ones, ``recorded`` means to use only recorded files, and
+    ``trusted`` to run recorded Python code.
+    """
 
     code: Sequence[Path]
     recorded: bool

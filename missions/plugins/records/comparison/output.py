@@ -1,4 +1,4 @@
-"""Comparison of two runs as terminal text and as JSON."""
+"""Terminal text and JSON of a comparison of two runs."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict

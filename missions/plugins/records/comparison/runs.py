@@ -1,7 +1,7 @@
-"""Compare two runs of one mission: the first different decision, and the figures of both.
+"""Compare two runs of one mission: the first different decision, and statistics of both runs.
 
-Decisions are compared node by node, as the sequence of statuses of each node, whatever their times. So a leaf that
-takes longer is no difference; a leaf with another result is one.
+Decisions are compared node by node: each node must have the same sequence of statuses in both runs, at any times. So a
+leaf that takes longer is no difference; a leaf with another result is one.
 """
 
 from collections import defaultdict
@@ -150,7 +150,10 @@ def _find_first_difference(
             differences.append(FirstDifference(places[key], became))
 
     def rank(split: FirstDifference) -> tuple[float, bool, bool, int]:
-        """Return the sort key of a difference: earlier first, then not only halted, then leaves, then upper nodes."""
+        """Return the sort key of a difference: the earliest first, then those of nodes that were not only halted.
+
+        Of these, leaves come first, then nodes nearer to the root.
+        """
         changes = [change for change in split.changes if change is not None]
         halted = all(change.status == "idle" for change in changes)
         return min(change.t for change in changes), halted, not split.place.is_leaf, order[split.place.key]
@@ -188,7 +191,7 @@ def _compare_leaves(
 
 
 def _nodes_of_second_tree(root: TreeBox, back: Mapping[str, str]) -> Mapping[str, tuple[None, str]]:
-    """Return the nodes that only the second tree has: (None, key) by a label that no key of the first tree has."""
+    """Return the nodes that only the second tree has, as (None, key), by a label that is not a key of the first tree."""
     return {f"b {box.key}": (None, box.key) for box in root.walk() if box.key not in back}
 
 

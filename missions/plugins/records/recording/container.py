@@ -91,7 +91,7 @@ class McapContainer:
         return next((header for _, header in self.read(Opcode.HEADER, Header.read)), None)
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Return the metadata tables by name; the last one of several with one name."""
+        """Return the metadata tables by name; of several tables with the same name, the last one."""
         return {table.name: table.metadata for _, table in self.read(Opcode.METADATA, Metadata.read)}
 
     def attachments(self, on_damage: DamageCallback = ignore_damage) -> Iterator[Attachment]:
@@ -100,9 +100,9 @@ class McapContainer:
             yield attachment
 
     def chunks(self, on_damage: DamageCallback = ignore_damage) -> Iterator[tuple[RecordSpan, Chunk, bytes]]:
-        """Yield each chunk with its decompressed content.
+        """Yield each chunk with its position and its decompressed content.
 
-        Raises InvalidRecordError if the file decompresses to more than any run writes.
+        Raises InvalidRecordError if the chunks together decompress to an implausible size, many times that of the file.
         """
         left = MAX_EXPANSION_RATIO * self.end + EXPANSION_ALLOWANCE
         for span, chunk in self.read(Opcode.CHUNK, Chunk.read, on_damage):
@@ -143,7 +143,7 @@ class McapContainer:
         return [span for span in self.spans if span.opcode == Opcode.CHUNK]
 
     def last_time(self) -> int | None:
-        """Return the latest time (ns since 1970) in the last readable chunk; None without one."""
+        """Return the time (ns since 1970) of the latest message in the last readable chunk; None without a chunk."""
         for span in reversed(self.chunk_spans):
             for _, _, data in replace(self, spans=[span]).chunks():
                 times = [
@@ -156,7 +156,7 @@ class McapContainer:
         return None
 
     def register(self, opcode: int, data: bytes) -> None:
-        """Store a channel or schema definition; other opcodes are ignored."""
+        """Store the channel or schema definition in ``data``; an MCAP record with another opcode is ignored."""
         if opcode == Opcode.CHANNEL:
             channel = parse_record(Channel.read, data)
             self.channels[channel.id] = channel

@@ -1,8 +1,9 @@
 """Copy a time range of a record into a new record.
 
-The new record has the files and the header of the original, and all messages of the range. Before them it has the state
-at its beginning: the last change of every node and variable, and the last state of every part. These keep their own
-``t``, but their log time is the beginning of the range, so that other programs show them from there.
+The new record has the files and the header of the original, and all messages of the range. Before these it has the
+state at the start of the range: the last change of each node and variable, and the last state of each part. Those
+messages keep their original ``t``, but their log time is the start of the range, so that other programs show them from
+there on.
 """
 
 from collections.abc import Iterator
@@ -18,9 +19,10 @@ from missions.plugins.records.recording.tick_codec import TickDecoder, TickEncod
 from missions.plugins.records.recording.validation import parse_message, reject_malformed
 
 STATE_KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
-"""Topics whose last messages are the state at a time, with the fields that tell nodes or variables apart.
+"""Topics whose last messages describe the state of a run at a time, with the message fields that identify its subject.
 
-All topics ``/state/...`` belong to them too.
+For example, ``/nodes`` has a last message for each value of the field ``node``. All topics ``/state/...`` count as
+well.
 """
 
 

@@ -16,7 +16,7 @@ from missions.trees.drawing_builder import with_states
 from missions.trees.states import TIME_TOLERANCE, state_after
 
 LABEL_WIDTH = 10
-"""Width of the label column."""
+"""Width in characters of the left column of `mission record info`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
-"""Items that a run sends to its record, and their transfer to the writer process.
+"""Items that a run sends to its record, and their encoding for the pipe to the writer process.
 
-Items are pickled, which costs the ticking process least. The writer must not import py_trees, cv2 and the runner.
-Therefore only classes of drivers and perception values are unpickled as such. All others, including events, become an
-``OpaqueValue``: the class name and the fields.
+Items are pickled, since this takes the ticking process the least time. The writer process starts fast because it does
+not import py_trees, cv2 or the runner. So it unpickles only classes of drivers and perception. An object of any other
+class, such as an event, becomes an ``OpaqueValue`` with its class name and fields.
 """
 
 import io
@@ -70,10 +70,10 @@ class OpaqueValue:
                 vars(self).update(part)
 
     def append(self, _item: object) -> None:
-        """Ignore an element of an unpickled subclass of list."""
+        """Ignore an element that pickle appends, if the original class was a subclass of list."""
 
     def __setitem__(self, _key: object, _item: object) -> None:
-        """Ignore an entry of an unpickled subclass of dict."""
+        """Ignore a key that pickle sets, if the original class was a subclass of dict."""
 
     def __str__(self) -> str:
         return f"<{type(self).__name__}>"
@@ -97,7 +97,7 @@ EVENT_TOPICS: Mapping[str, str] = {
     "Notified": "/notices",
     "Ended": "/end",
 }
-"""Topic in the record by class name of each recorded event; other items contain the remaining events."""
+"""Topic in the record by class name of the event; events of other classes are part of other items, such as ticks."""
 
 ITEM_TOPICS: Mapping[type, str] = {
     TickRecord: "/moments",
@@ -115,9 +115,9 @@ def topic_of(item: object) -> str:
 
 
 def pack_items(items: Sequence[object]) -> bytes:
-    """Return items as bytes. Raises any exception of a class that cannot be pickled.
+    """Return items as bytes, pickled. Raises any exception of a class that cannot be pickled.
 
-    Pickle's global dispatch table is not used: libraries register reducers there, such as Dask for exceptions.
+    Pickle's global table of reducers is not used, since other libraries, such as Dask, change it.
     """
     file = io.BytesIO()
     pickler = pickle.Pickler(file, pickle.HIGHEST_PROTOCOL)

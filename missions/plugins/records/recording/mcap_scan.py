@@ -89,7 +89,10 @@ def _read_by_index(path: Path, file: BinaryIO, size: int) -> McapContainer | Non
 
 
 def _spans_in_index(found: McapContainer, index: bytes) -> Iterator[RecordSpan]:
-    """Yield the positions of the MCAP records in the index; add channels, schemas and chunk times to ``found``."""
+    """Yield the positions of the MCAP records that the ``index`` of an MCAP file lists.
+
+    Channels, schemas and chunk times in the index are stored in ``found``.
+    """
     for opcode, start, end in split_records(index):
         data = index[start:end]
         match opcode:
@@ -142,7 +145,11 @@ def _walk(file: BinaryIO, size: int, at: int = len(MCAP_MAGIC)) -> Iterator[Reco
 
 
 class _ChunkSearch:
-    """Search for valid chunks after damage, over ``MAX_SEARCHED_BYTES`` in all: each false match may cost 64 MB."""
+    """Search for valid chunks behind damaged ranges of an MCAP file.
+
+    All searches together read at most ``MAX_SEARCHED_BYTES``, since bytes that only look like a chunk may cost 64 MB to
+    check.
+    """
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self._file, self._size = file, size

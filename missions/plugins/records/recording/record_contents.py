@@ -1,4 +1,4 @@
-"""The initial contents of a record: the files and settings of a run."""
+"""Collects the files and settings of a run that are written at the start of its record."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ class RecordedRequest(Protocol):
 
     @property
     def simulation(self) -> str | None:
-        """Kind of simulation; None for hardware."""
+        """Kind of simulation; None for a robot with hardware."""
         ...
 
     @property
@@ -81,8 +81,8 @@ def contents_of(
     """Return the initial contents of a record.
 
     ``files`` are the files read for the run, as ``config.reading.files_read`` collects them. ``started`` is the time of
-    day at time 0 of the run's clock. ``command`` is the command line, ``mocks`` are the leaves that a test replaces,
-    and ``lag`` is the known delay of the base (s).
+    day at time 0 of the run's clock. ``command`` is the command line, and ``mocks`` are the leaves that a test
+    replaces. ``lag`` is the delay of the base (s), as learnt in earlier runs.
     """
     names = dict(_name_files(files, {path.resolve() for path in behaviour_files(request.mission, request.behaviours)}))
     mission = Path(plan.source.name).resolve()

@@ -18,7 +18,7 @@ FILES_METADATA = "files"
 """Name of the metadata with the original path of each attached file."""
 
 LIMIT_METADATA = "limit"
-"""Name of the metadata of a record that reached its size limit; it holds the time at which that happened."""
+"""Name of the metadata with the time at which a record reached its size limit."""
 
 TREE_ATTACHMENT = "tree.json"
 """Name of the attachment with the drawing of the mission's tree."""
@@ -28,13 +28,15 @@ TREE_ATTACHMENT = "tree.json"
 class RecordHeader:
     """Settings of a recorded run.
 
-    ``file`` is the attachment that is the mission, ``params`` are those of the caller, as text, ``values`` all of them
-    as evaluated. ``simulate`` is empty for a real robot; ``eyes`` are ``pixels`` or ``truth``, and empty without a
-    camera. ``rate`` is in ticks per second. ``started`` is the time of day (ISO 8601, UTC) at time 0 of the run's
-    clock. ``parts`` are the parts that the mission uses, ``eye`` is the position of the camera (m). The writer process
-    adds ``versions`` if they are empty. ``behaviours`` are the attachments with user leaves, ``paths`` the original
-    paths of attached files, ``models`` the SHA-256 of files too large to attach. ``command`` is the command line.
-    ``mocks`` are the leaves that a test replaced. ``lag`` is the delay of the base (s), learnt in earlier runs.
+    ``file`` is the name of the attachment with the mission. ``params`` are the params that the caller set, as text, and
+    ``values`` all params as evaluated. ``simulate`` is empty for a real robot; ``eyes`` is ``pixels`` or ``truth``, and
+    empty without a camera. ``rate`` is in ticks per second. ``started`` is the time of day (ISO 8601, UTC) at time 0 of
+    the run's clock.
+
+    ``parts`` are the parts that the mission uses, ``eye`` is the position of the camera (m). The writer process adds
+    ``versions`` if they are empty. ``behaviours`` are the names of the attachments with user leaves, ``paths`` the
+    original paths of attached files, ``models`` the SHA-256 of files too large to attach. ``command`` is the command
+    line. ``mocks`` are the leaves that a test replaced. ``lag`` is the delay of the base (s), learnt in earlier runs.
     """
 
     mission: str

@@ -1,4 +1,4 @@
-"""Record lists: only the beginning and the end of each record are read."""
+"""Facts about the records in a folder, as the studio lists them; only the beginning and end of each record are read."""
 
 import os
 import struct
@@ -53,7 +53,7 @@ class ChunkedRecord:
 
     @property
     def end_time(self) -> float:
-        """End of the record (s)."""
+        """End of the record, in seconds of the run."""
         return max((end for _, end, _ in self.chunks), default=0.0)
 
     def run_end(self) -> Ended | None:
@@ -61,7 +61,10 @@ class ChunkedRecord:
         return self.excerpt(max(0, len(self.chunks) - END_CHUNKS), len(self.chunks)).run_end()
 
     def chunks_before(self, time: float) -> Iterator[tuple[int, int]]:
-        """Yield index ranges of single chunks that begin up to ``time`` (s), last first, for ``MAX_SEARCH_BYTES``."""
+        """Yield the chunks that begin up to ``time`` (s), last one first, each as an index range (first, first + 1).
+
+        It ends once the chunks together have ``MAX_SEARCH_BYTES``.
+        """
         last, size = bisect_left(self.chunks, time + STAMP_TOLERANCE, key=lambda chunk: chunk[0]), 0
         while last > 0 and size < MAX_SEARCH_BYTES:
             span = self.chunks[last - 1][2]
@@ -97,5 +100,5 @@ def run_facts(record: RunRecord) -> Json:
 
 
 def result_facts(end: Ended | None) -> Json:
-    """Return result and reason of a run; empty texts if the result is not known."""
+    """Return result and reason of a run as JSON; empty texts if the record lacks its end."""
     return {"result": "", "reason": ""} if end is None else {"result": end.result, "reason": end.reason}

@@ -1,6 +1,6 @@
-"""Sends the data of a run to its writer process, so that no tick waits for the disk.
+"""Sends the data of a run to the process that writes its record, so that no tick waits for the disk.
 
-Callers only append to a queue. A thread sends the queue in batches; it holds the GIL only briefly. All other work is
+The run only appends to a queue. A thread sends the queue in batches, and holds the GIL only briefly. All other work is
 done in the writer process.
 """
 
@@ -50,8 +50,8 @@ PictureCallback = Callable[[PictureItem], None]
 class PictureEncoder:
     """Encodes the frames that ``budget`` accepts as JPEG, and passes them to ``on_picture``.
 
-    Works on its own thread with a queue of one frame: a newer frame replaces it, and ``on_miss`` is called. With
-    ``lossless``, for simulated time, ``offer`` encodes at once.
+    It works on its own thread with a queue of one frame. A newer frame replaces the queued one, which is then lost, and
+    ``on_miss`` is called. With ``lossless``, for simulated time, ``offer`` encodes the frame at once.
     """
 
     def __init__(
@@ -88,7 +88,10 @@ class PictureEncoder:
             self._thread = None
 
     def offer(self, frame: Frame, gaze: Gaze | None) -> None:
-        """Queue a frame if the budget accepts it; does not block. ``gaze`` is the direction of the camera."""
+        """Queue a frame if the budget accepts it. ``gaze`` is the direction of the camera.
+
+        It does not wait for the encoder, except with ``lossless``.
+        """
         if not self._open or not self._budget.accept(frame.stamp):
             return
         if self._lossless:
@@ -128,7 +131,7 @@ MAX_BATCH_ITEMS = 150
 """Maximum number of items in a batch to the writer process: packing holds the GIL for about a millisecond."""
 
 MAX_QUEUED_ITEMS = 20_000
-"""Maximum number of items queued for the writer process: at least 30 s of a run."""
+"""Maximum number of items queued for the writer process; a run makes as many in 30 s or more."""
 
 MAX_QUEUED_PICTURE_BYTES = 64_000_000
 """Maximum size in bytes of the pictures queued for the writer process."""
@@ -156,11 +159,11 @@ HealthCheck = Callable[[], Mapping[str, Health]]
 
 
 class Recorder:
-    """Records one run at ``path``: a listener for events, tick records, views and frames.
+    """Records one run at ``path``: receives its events, tick records, views and frames.
 
     ``limit`` is the maximum size (bytes), ``frame_rate`` is in pictures per second. With ``lossless``, for simulated
-    time, the run waits between ticks rather than lose a tick record. Failures after ``open`` are reported from within
-    ``on_tick``, and do not end the run.
+    time, the run waits between ticks so that no tick record is lost. If recording fails after ``open``, the run goes
+    on, and the next ``on_tick`` reports the failure.
     """
 
     def __init__(
@@ -193,7 +196,11 @@ class Recorder:
 
     @property
     def path(self) -> Path:
-        """Path of the record; not the requested one if it is incomplete and an earlier record keeps that name."""
+        """Path of the record.
+
+        It is another one than requested if the new record is incomplete, so that an earlier record keeps the requested
+        path.
+        """
         return self._writer.path
 
     # --- from beginning to end ----------------------------------------------------------------------------------------
@@ -243,7 +250,7 @@ class Recorder:
 
     @property
     def loss(self) -> RecordLoss:
-        """Messages known to be missing from the record, and the reason."""
+        """Number of messages that are known to be missing from the record, by topic, and the reasons."""
         outlet = self._writer
         with self._lock:
             missed = dict(self._unreported_losses)
@@ -266,7 +273,7 @@ class Recorder:
     # --- called by the run, from any thread ---------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Record an event, unless the record header, a tick record or a view contains it."""
+        """Record an event, unless it has no topic in ``EVENT_TOPICS``, since other items of the record contain it."""
         if type(event).__name__ in EVENT_TOPICS:
             self._enqueue(event)
             if isinstance(event, NodeChanged):
@@ -334,7 +341,7 @@ class Recorder:
             self._unreported_losses[reason] = self._unreported_losses.get(reason, Counter()) + Counter({topic: 1})
 
     def _report_problems(self) -> None:
-        """Report new problems of the writer process."""
+        """Report new problems of the writer process as faults of the part "record"."""
         while self._writer.problems:
             hint = f"mission record info {shlex.quote(str(self.path))}"
             self._report(DeviceStatus("record", "fault", self._writer.problems.popleft(), hint))
@@ -358,7 +365,7 @@ class Recorder:
             self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.now(), health_check()))
 
     def _send_queue(self) -> None:
-        """Send the queued items and losses to the writer process, then receive its status."""
+        """Send the queued items and the counts of lost ones to the writer process, then read its status lines."""
         outlet = self._writer
         while self._queue and outlet.accepts_items:
             items = [self._queue.popleft() for _ in range(min(len(self._queue), MAX_BATCH_ITEMS))]

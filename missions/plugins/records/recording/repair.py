@@ -47,14 +47,14 @@ from missions.plugins.records.recording.validation import InvalidRecordError
 
 
 class RepairError(InvalidRecordError):
-    """A record cannot be repaired, or not now; the message has the reason."""
+    """A record that cannot be repaired, or is being written now; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class RepairResult:
-    """Result of a repair: bytes cut off the end, number of skipped ranges, and number of remaining chunks.
+    """Result of a repair: bytes cut off the end, number of ranges marked to be skipped, and number of remaining chunks.
 
-    ``already_closed`` is True if nothing was done.
+    ``already_closed`` is True if the record needed no repair.
     """
 
     bytes_cut: int
@@ -91,7 +91,11 @@ def repair_record(path: Path) -> RepairResult:
 
 
 def _mark_damaged(file: BinaryIO, gaps: Sequence[RecordSpan], damaged: Sequence[RecordSpan]) -> None:
-    """Overwrite the opcodes of gaps and damaged records in an MCAP file, so that readers skip them."""
+    """Overwrite damaged parts of an MCAP file with an opcode that readers skip.
+
+    ``gaps`` are ranges between valid records, which get a new record header; ``damaged`` are records, which get only
+    the opcode.
+    """
     for span in gaps:
         file.seek(span.start)
         file.write(RECORD_HEADER.pack(FIRST_PRIVATE_OPCODE, span.end - span.start - RECORD_HEADER.size))
@@ -168,7 +172,7 @@ class _IndexBuilder:
 
 
 MessageOffsets = Mapping[int, list[tuple[int, int]]]
-"""Time and position of each message of a chunk, by channel; positions are within the chunk."""
+"""Messages of a chunk by channel ID: log time (ns) of each, and its position in bytes from the start of the chunk."""
 
 
 def _message_offsets(data: bytes) -> MessageOffsets:
@@ -181,7 +185,10 @@ def _message_offsets(data: bytes) -> MessageOffsets:
 
 
 def _encode_message_indexes(places: MessageOffsets, start: int) -> tuple[dict[int, int], bytes]:
-    """Return the message indexes of a chunk as bytes, and the position of each channel's in the file from ``start``."""
+    """Return the message indexes of a chunk as bytes, and the position in the file of the index of each channel.
+
+    ``start`` is the position in the file at which the bytes will be written.
+    """
     offsets, written = {}, b""
     for channel, place in places.items():
         offsets[channel] = start + len(written)

@@ -263,7 +263,10 @@ class RunRecord:
         return self.read(lambda _, data: (data["t"], base64.b64decode(data["data"])), "/camera")
 
     def series(self, name: str) -> tuple[list[float], list[float]]:
-        """Return the known times and values of one of ``SERIES``. Raises KeyError for another name."""
+        """Return the times (s) and the values of the time series ``name`` of ``SERIES``; unknown values are left out.
+
+        Raises KeyError for another name.
+        """
         topic, field = SERIES[name]
         if topic not in self._series_messages:  # read all series of a topic at once
             fields = [other for other_topic, other in SERIES.values() if other_topic == topic]
@@ -279,7 +282,7 @@ class RunRecord:
 
     @cached_property
     def status_history(self) -> Sequence[tuple[float, NodeChanged]]:
-        """Status changes and new messages of all nodes, with their times, in order."""
+        """Status changes of all nodes, and their new reasons while they run, each with its time (s), in order of time."""
         news: list[NodeChanged | FeedbackItem] = [*self._changes, *self.read(_decode_feedback, "/feedback")]
         found: list[tuple[float, NodeChanged]] = []
         newest: dict[str, NodeChanged] = {}
@@ -328,7 +331,10 @@ class RunRecord:
         return [event for event in self.events if isinstance(event, NodeChanged)]
 
     def decode_event(self, topic: str, data: Any) -> Event | None:
-        """Return the event of a message, None for a tick record that is not a tick; the status of a tick is not set."""
+        """Return the event that a message on ``topic`` holds; None for a tick record without an event.
+
+        The status of a tick event is left empty.
+        """
         if topic == "/moments":
             # A tick event has the end of the tick; in real time a tick has a duration.
             spent = 0.0 if self.header.simulate == "fast" else check_time(data["spent"])
@@ -341,7 +347,10 @@ class RunRecord:
         return from_json(data, _EVENT_CLASSES[topic])
 
     def read(self, decode: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
-        """Yield ``decode(topic, data)`` of each message on ``topics``."""
+        """Yield ``decode(topic, data)`` for each message on ``topics``.
+
+        Raises InvalidRecordError for a malformed message, and if the messages are too many to keep in memory.
+        """
         kept = not {"/camera"}.issuperset(topics)  # pictures are not kept in memory
         messages = size = 0
         for topic, _, data in self.container.messages(frozenset(topics)):

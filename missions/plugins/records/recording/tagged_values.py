@@ -188,4 +188,5 @@ _CONTAINER_DECODERS: Mapping[str, Callable[[Any], Any]] = {
 _ARRAY, _TAGGED = Coder(_encode_array, _decode_array), Coder(tag_value, untag_value)
 
 RULES = Rules(finite=False, other=lambda kind: _ARRAY if kind is Array else _TAGGED)
-"""Coding rules of records: NaN and infinity as text, and values of any type with a tag."""
+"""Rules by which records encode values: NaN and infinity as text, values of undeclared types with a tag for the type.
+"""

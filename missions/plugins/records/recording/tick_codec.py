@@ -17,11 +17,11 @@ TICK_KINDS = frozenset(get_args(TickKind))
 """Kinds of tick records."""
 
 QUESTION_LENGTH = 3
-"""Number of elements of an encoded reply that has not changed: only its query is written."""
+"""Number of elements of the encoded query; an encoded reply that has not changed consists of the query only."""
 
 
 class TickEncoder:
-    """Stateful encoder of tick records."""
+    """Encoder of tick records, which remembers the last reply to each query, and writes it only if it has changed."""
 
     def __init__(self) -> None:
         self._last_answers: dict[bytes, bytes] = {}

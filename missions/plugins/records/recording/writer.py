@@ -273,7 +273,7 @@ TOPIC_SCHEMAS: Mapping[str, str] = {
     "/state/arm": "missiontree.ArmState",
     "/state/devices": "missiontree.DeviceStates",
 }
-"""Name of the JSON Schema of the messages on each topic."""
+"""Name of the JSON Schema of the messages on each topic of a record."""
 
 MAX_KEPT_VIEWS = 16
 """Number of recent views that are kept until their pictures arrive, which takes longer because of JPEG encoding."""
@@ -288,7 +288,10 @@ class RecordMessage(NamedTuple):
 
 
 class MessageBuilder:
-    """Builds the messages of a record from the items that a run sends."""
+    """Builds the messages of a record from the items that a run sends.
+
+    It remembers earlier items, since a message need not repeat an unchanged reply.
+    """
 
     def __init__(self, header: RecordHeader) -> None:
         self.epoch = Epoch(round(datetime.fromisoformat(header.started).timestamp() * 1e6) * 1000)
@@ -298,7 +301,7 @@ class MessageBuilder:
         self._views: dict[float, View] = {}
 
     def reset(self) -> None:
-        """Make the following messages decodable without earlier ones."""
+        """Forget the replies already written, so that the following messages can be decoded without earlier ones."""
         self._tick_encoder.reset()
 
     def header_message(self) -> RecordMessage:
@@ -368,9 +371,9 @@ LOST_TOPIC = "/lost"
 
 @dataclass(frozen=True, slots=True)
 class WriteResult:
-    """Result of writing a record: counts of written and lost messages by topic, and reason of losses.
+    """Result of writing a record: counts of written and lost messages by topic, and the reason of losses.
 
-    ``whole`` tells whether the record was closed. ``ended`` is the time (s) at which it reached its size limit, or
+    ``whole`` is True if the record was closed. ``ended`` is the time (s) at which the record reached its size limit, or
     None.
     """
 
@@ -384,9 +387,9 @@ class WriteResult:
 class RecordWriter:
     """Writes one record of at most ``limit`` bytes. Not thread-safe.
 
-    ``limit_reached_at`` is the time (s) at which the record reached its limit; ``lost`` counts lost messages.
-    ``is_failing`` is True while the disk fails. Only ``begin`` raises for disk errors. A record that lost a chunk has
-    no index and needs a repair.
+    ``limit_reached_at`` is the time (s) at which the record reached its limit, or None; ``lost`` counts lost messages
+    by topic. ``is_failing`` is True if the last write to the disk failed. Only ``begin`` raises disk errors; other
+    methods count the messages as lost. A record that lost a chunk has no index and needs a repair.
     """
 
     def __init__(self, sink: ChunkSink, contents: RecordContents, *, limit: float = float("inf")) -> None:
@@ -447,7 +450,7 @@ class RecordWriter:
                 self.flush()
 
     def reject(self, item: object, reason: str) -> None:
-        """Count an item that cannot be written as lost."""
+        """Count the messages of ``item``, which cannot be written, as lost for this reason."""
         self._count_losses(Counter({topic_of(item): 1}), reason)
 
     def sync(self) -> None:

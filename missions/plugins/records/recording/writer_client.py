@@ -23,7 +23,7 @@ from missions.plugins.records.recording.record_header import RecordContents
 
 @dataclass(frozen=True, slots=True)
 class RecordLoss:
-    """Missing parts of a record: messages by topic, and the reason.
+    """Messages missing from a record: their number by topic, and the reason.
 
     ``limit_reached_at`` is the time (s) at which the record reached its size limit, or None.
     """
@@ -49,16 +49,20 @@ class RecordLoss:
 
 
 class WriterState(Enum):
-    """State of a writer process. ABORTED: it began no record; STOPPED: it accepts no more items; CLOSED: it is done.
+    """State of a writer process, as its client knows it.
 
-    An event without an entry for the state in TRANSITIONS changes nothing.
+    ABORTED: no record was begun. STOPPED: it accepts no more items. CLOSED: the record is closed. An event that
+    TRANSITIONS does not list for the state changes nothing.
     """
 
     NEW, STARTING, RECORDING, ABORTED, STOPPED, CLOSED = range(6)
 
 
 class WriterEvent(Enum):
-    """Event of a writer process. CLOSE: the record is complete; END: writing ended for another reason."""
+    """Event that changes the state of a writer process.
+
+    READY: the record has begun. CLOSE: the record is complete. END: writing ended for another reason.
+    """
 
     START, READY, END, CLOSE = range(4)
 
@@ -116,7 +120,7 @@ class RecordWriterClient:
 
     @property
     def accepts_items(self) -> bool:
-        """Whether the writer process accepts items."""
+        """Whether items can be sent: the writer process is starting or recording."""
         return self.state in (WriterState.STARTING, WriterState.RECORDING)
 
     @property
@@ -218,7 +222,7 @@ class RecordWriterClient:
                     )
 
     def _stop(self, reason: str) -> None:
-        """Store the reason for which the writer process accepts no more items, though the run goes on."""
+        """Store the reason why the writer process accepts no more items, and report it; the run goes on."""
         was_recording, self.reason = self.state is WriterState.RECORDING, reason
         self._advance(WriterEvent.END)
         if was_recording:

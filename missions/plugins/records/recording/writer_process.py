@@ -32,7 +32,10 @@ FLUSH_INTERVAL = 0.6
 """Maximum seconds until a chunk is written and synced to the disk."""
 
 URGENT_FLUSH_INTERVAL = 0.3
-"""``FLUSH_INTERVAL`` of a chunk with an urgent event, which then survives a power cut half a second later."""
+"""Maximum seconds until a chunk with an urgent event is written, instead of ``FLUSH_INTERVAL``.
+
+So the event survives a power cut that happens half a second after it.
+"""
 
 URGENT_EVENTS = frozenset(EVENT_TOPICS) - {"CommandSent"}
 """Class names of rare events that are written to the disk early."""
@@ -64,7 +67,7 @@ class BatchReader:
         self._data = bytearray()
 
     def batches(self, timeout: float) -> Iterator[bytes]:
-        """Wait up to ``timeout`` seconds for data; yield the complete batches."""
+        """Wait up to ``timeout`` seconds for data, read it, and yield each batch that has arrived completely."""
         if self.is_open and select.select([self._number], [], [], timeout)[0]:
             block = os.read(self._number, _READ_BYTES)
             self.is_open = bool(block)
@@ -119,7 +122,10 @@ class WriterProcess:
                 pass
 
     def _write(self, writer: RecordWriter, waiting: deque[bytes]) -> WriteResult:
-        """Write items until the input ends or the size limit is reached."""
+        """Write the batches in ``waiting`` and all later ones, until the input ends or the size limit is reached.
+
+        Return the result after closing the record.
+        """
         flush_at = self._clock.now()
         while (self._reader.is_open or waiting) and writer.limit_reached_at is None:
             urgent = [_write_batch(writer, batch) for batch in waiting]
@@ -146,7 +152,10 @@ class WriterProcess:
         self._reported_losses = lost
 
     def _set_earlier_aside(self) -> EarlierFile | None:
-        """Set an existing record aside, unless another run is writing it. Raises OSError."""
+        """Rename an existing record at the requested path, which the new one replaces; return None without one.
+
+        Raises OSError if another run is writing it.
+        """
         if not self._overwrite or not self._path.exists():
             return None
         with self._path.open("ab", buffering=0) as file:
@@ -164,7 +173,10 @@ class WriterProcess:
             send_status(trouble=f"the record could not be closed: {why}")
 
     def _restore_earlier(self, earlier: EarlierFile) -> None:
-        """Restore the name of the earlier record, since the new one is incomplete."""
+        """Give the earlier record its name back, since the new one is incomplete.
+
+        The run is sent the name of the new one.
+        """
         with suppress(OSError):
             renamed = earlier.restore()
             if renamed is not None:

@@ -1,7 +1,7 @@
-"""Run today's perception on recorded pictures, and compare the results.
+"""Run today's perception on recorded pictures, and compare the results with the recorded ones.
 
-The result cannot be the same in every picture: pictures are JPEGs, and not all searched frames were recorded. So tracks
-are compared. A track is found if most of its pictures have it at the same position in the other search.
+Single pictures cannot be compared: they are JPEGs, and the record lacks some that the run searched. So tracks are
+compared. A track counts as found if, in most of its pictures, the other search has it at the same position.
 """
 
 from bisect import bisect_left
@@ -30,9 +30,10 @@ MIN_FOUND_SHARE = 0.5
 
 @dataclass(slots=True)
 class ComparedTrack:
-    """A tracked percept: label, number of pictures with it, and number of those in which the other search finds it too.
+    """A tracked percept of one search, recorded or of today, compared with the other search of the same pictures.
 
-    ``start`` is the time of the first picture with it (s).
+    ``picture_count`` is the number of pictures with it, ``found_count`` the number of those in which the other search
+    finds it too. ``start`` is the time (s) of the first picture with it.
     """
 
     label: str
@@ -53,7 +54,7 @@ class ComparedTrack:
 
 @dataclass(frozen=True, slots=True)
 class PerceptionComparison:
-    """Number of compared pictures, and the recorded and current tracks."""
+    """Result of a perception rerun: number of compared pictures, and the tracks of the recorded and of today's search."""
 
     picture_count: int
     recorded: tuple[ComparedTrack, ...]
@@ -61,12 +62,12 @@ class PerceptionComparison:
 
     @property
     def lost_tracks(self) -> tuple[ComparedTrack, ...]:
-        """Recorded tracks that today's perception does not find."""
+        """Confirmed tracks of the recorded run that today's perception finds in too few pictures."""
         return tuple(track for track in self.recorded if track.is_missed)
 
     @property
     def new_tracks(self) -> tuple[ComparedTrack, ...]:
-        """Tracks that today's perception finds and the recorded run did not."""
+        """Confirmed tracks of today's perception that the recorded run has in too few pictures."""
         return tuple(track for track in self.current if track.is_missed)
 
 
@@ -89,7 +90,7 @@ def rerun_perception(record: RunRecord, camera: CameraKeys, interests: Interests
 
 
 class _TrackCollector:
-    """Collects the tracks of percepts in the views of one search, recorded or current."""
+    """Collects the tracks of one search of the pictures, either the recorded search or that of today's perception."""
 
     def __init__(self) -> None:
         self._tracks: dict[tuple[str, int], ComparedTrack] = {}
@@ -140,7 +141,7 @@ def _current_views(record: RunRecord, camera: CameraKeys, interests: Interests) 
 
 
 class _GazeHistory:
-    """Direction of the camera over time, from a record."""
+    """Direction of the camera over time, from the recorded heading of the base and the recorded angles of the head."""
 
     def __init__(self, record: RunRecord) -> None:
         names = ("base.heading", "head.pan", "head.tilt")

@@ -30,14 +30,14 @@ MAX_EVENTS = 3
 """Maximum number of events shown."""
 
 MAX_VARIABLES = 6
-"""Maximum number of variables shown; further ones are counted."""
+"""Maximum number of variables shown; of the others, only their number is shown."""
 
 SHOWN_COMMANDS = frozenset({"latch", "enable", "tune", "tone", "light", "relax", "follow", "recover"})
 """Commands that are shown as events; motion and speech are shown elsewhere or too frequent."""
 
 
 class PlayerScreen:
-    """Draws the state of a recorded run at any time on the terminal."""
+    """Draws the tree, variables and last events of a recorded run, at a time of the replay, on the terminal."""
 
     def __init__(self, record: RunRecord) -> None:
         self._record = record
@@ -77,7 +77,7 @@ class PlayerScreen:
         return [Text(line, style="cyan") for line in lines[:MAX_VARIABLES] + more]
 
     def _event_lines(self, time: float) -> list[Text]:
-        """Return a text line for each of the last events at ``time`` (s)."""
+        """Return a text line for each of the last ``MAX_EVENTS`` events up to ``time`` (s)."""
         end = bisect_right(self._notable_events, time, key=lambda event: event.t)
         return [
             Text(f"  {event.t:8.2f} s  {event_text(event)}")
@@ -168,6 +168,6 @@ def _rows(root: TreeBox, depth: int = 0) -> Iterator[tuple[int, TreeBox]]:
 
 
 def _visible_rows(rows: Sequence[Text], focus: int, height: int) -> Sequence[Text]:
-    """Return the rows that fit, with the row ``focus`` two thirds down."""
+    """Return ``height`` of the rows, chosen so that the row with index ``focus`` is two thirds down."""
     start = min(max(0, focus - height * 2 // 3), max(0, len(rows) - height))
     return rows[start : start + height]

@@ -91,7 +91,10 @@ class RecordPlayer:
             self.speed = others[0 if faster else -1]
 
     def _jump(self, times: Sequence[float], what: str, *, back: bool = False) -> None:
-        """Pause playback at the next (or previous) one of ``times``, which rise; if there is none, note that."""
+        """Move playback to the next (with ``back``, the previous) one of the rising ``times``, and pause.
+
+        Without such a time, show the note that there is no ``what``, such as "failure".
+        """
         if back:
             place = bisect_left(times, self.time - TIME_TOLERANCE) - 1
         else:

@@ -38,10 +38,10 @@ class NoRecordedAnswerError(DriverError):
 class RecordedAnswers:
     """Recorded replies of the parts of a robot, tick by tick.
 
-    Repeated queries within a tick get their recorded replies in order; a query that was not recorded in the tick gets
-    the last known reply. ``on_unanswered(query)`` is called for a query without any reply, and
-    ``on_different_command(part, recorded, current)`` for a different command, with None for a missing one.
-    ``other_kinds`` are the kinds of further parts by name.
+    If a query is repeated within a tick, its recorded replies are returned in order. A query that the record lacks in
+    this tick gets its last known reply. ``on_unanswered(query)`` is called for a query without any reply.
+    ``on_different_command(part, recorded, current)`` is called for a command that differs from the record; a missing
+    command is None. ``other_kinds`` are the kinds of further parts by name.
     """
 
     def __init__(
@@ -68,7 +68,10 @@ class RecordedAnswers:
                 self._answers[part, what, arguments].append(value)
 
     def end_tick(self) -> None:
-        """End the tick: report recorded commands that were not repeated, and keep the last unused replies."""
+        """End the tick: report recorded commands that were not repeated.
+
+        Unused replies are kept as the last known ones.
+        """
         for part, left in self._commands.items():
             for command in left:
                 self._on_different_command(part, command, None)
@@ -89,7 +92,10 @@ class RecordedAnswers:
         return _return_or_raise(self._latest[known])
 
     def command(self, part: str, name: str, accept: Callable[[], object], *arguments: object) -> Any:
-        """Return the recorded result of a command; for a different command, the result of ``accept``."""
+        """Return the recorded result of a command to ``part``.
+
+        If the command differs from the record, report it, and return the result of ``accept``.
+        """
         row = self._commands.get(part)
         recorded = row.popleft() if row else None
         if recorded is not None and recorded.matches(name, arguments):

@@ -67,7 +67,8 @@ def recorded_robot(
 ) -> Robot:
     """Return a robot whose ``parts`` reply from ``answers``; ``now`` returns the time of the record (s).
 
-    ``other_parts`` are the kinds of further parts, with the joint groups of arms.
+    ``eye`` is the position of the camera (m), ``groups`` are the joint groups of the arm. ``other_parts`` has the kind
+    of each further part by name, with the joint groups of an arm.
     """
     fields: dict[str, Any] = {}
     further = {
@@ -111,19 +112,22 @@ class ReplayedPart:
         """Do nothing: a replayed part has no device."""
 
     def __getattr__(self, name: str) -> Any:
-        """Return the recorded value of a property of the part."""
+        """Return the recorded value of the part's property ``name``. Raises AttributeError if the protocol lacks it."""
         if name not in self._properties:
             raise AttributeError(f"{self.name} has no {name}")
         return self._answers.answer(self._part, name)
 
     def _command(self, what: str, otherwise: Callable[..., object], *given: object, **named: object) -> Any:
-        """Return the recorded result of a command; a proxy passes all arguments, in the protocol's order."""
+        """Return the recorded result of the command ``what``; if the record has another command, that of ``otherwise``.
+
+        The proxy passes all arguments of the command, in the order of the protocol.
+        """
         arguments = (*given, *named.values())
         return self._answers.command(self._part, what, partial(otherwise, self, *arguments), *arguments)
 
 
 class ReplayedVoice(ReplayedPart):
-    """A voice whose utterances take the recorded time."""
+    """A voice that is silent, and whose utterances take as long as in the record."""
 
     def __init__(self, answers: RecordedAnswers, now: Callable[[], float]) -> None:
         super().__init__("voice", Device, answers, "voice")
@@ -199,7 +203,7 @@ class _EstimatedUtterance:
 
 
 class RerunSource(Protocol):
-    """Source of a rerun: a ``missions.plugins.records.recording.run_record.RunRecord``, or a record in memory."""
+    """Record to rerun: a ``missions.plugins.records.recording.run_record.RunRecord``, or a record kept in memory."""
 
     @property
     def is_complete(self) -> bool:
@@ -219,7 +223,10 @@ class RerunSource(Protocol):
 
 @runtime_checkable
 class TreeSource(Protocol):
-    """A record with its own tree, which the current one may differ from; a record in memory uses the current plan."""
+    """A record that contains the tree of its run.
+
+    A record kept in memory has no tree, and is compared with the current plan.
+    """
 
     def drawing(self) -> TreeDrawing:
         """Return the recorded tree."""
@@ -228,7 +235,10 @@ class TreeSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CommandDifference:
-    """A command that differs between rerun and record, None where it is missing; ``place`` is the leaf that sent it."""
+    """A command to a part that differs between rerun and record; one of the two is None if it is missing there.
+
+    ``place`` is the leaf that sent the command.
+    """
 
     tick: int
     t: float
@@ -243,8 +253,8 @@ class RerunResult:
     """Result of a rerun over ``ticks`` ticks.
 
     ``difference`` is the first different status, ``command`` the first different command. ``unanswered`` is the first
-    query without a recorded reply, with tick and leaf. ``reworded_count`` counts equal statuses with another reason;
-    ``first_reworded`` is the first of these. ``nodes`` is the number of compared nodes.
+    query without a recorded reply, with tick and leaf. ``reworded_count`` is the number of equal statuses with
+    different reasons; ``first_reworded`` is the first of these. ``nodes`` is the number of compared nodes.
     """
 
     ticks: int
@@ -272,7 +282,8 @@ def rerun(
 ) -> RerunResult:
     """Repeat the decisions of ``record`` with ``plan``, on a robot of ``config``, up to the first difference.
 
-    ``substitute`` replaces leaves by the mocks of the recorded run; ``lag`` is the recorded delay of the base (s).
+    ``seed`` is the random seed of the recorded run, ``lag`` its delay of the base (s). ``substitute`` replaces leaves
+    by the mocks of the recorded run.
     """
     again = _Rerun(record, plan, config, seed, lag, substitute)
     ticks = [list(moments) for _, moments in groupby(record.tick_records, key=lambda moment: moment.tick)]
@@ -337,7 +348,7 @@ class _Rerun:
         return self.result.difference is not None or bool(self.result.unanswered)
 
     def repeat_tick(self, tick_records: Sequence[TickRecord]) -> None:
-        """Repeat the tick records of one tick."""
+        """Repeat one tick with its recorded inputs, and compare the statuses; most ticks have one tick record."""
         for moment in tick_records:
             self._clock.advance_to(moment.t)
             self._answers.begin_tick(moment.answers)

@@ -23,7 +23,8 @@ from missions.plugins.records.recording.record_header import RecordHeader
 from missions.plugins.records.recording.validation import InvalidRecordError
 
 IGNORED_PREFIXES = ("world/", "test/")
-"""Folders in a record whose files do not affect a rerun: worlds and tests, since inputs of the robot are recorded."""
+"""Folders in a record whose files a rerun does not need: worlds and tests, since their effect on the robot is recorded.
+"""
 
 NEW_FILES_FOLDER = "new"
 """Folder for files that a mission writes during a rerun."""
@@ -35,14 +36,14 @@ FOLDERS_BY_KIND: Mapping[str, tuple[str, ...]] = {
     "controller": ("controller/",),
     "object": ("object/",),
 }
-"""Folders of the record with the files of each kind."""
+"""Folders of the record in which a rerun looks for a file of each kind, in this order."""
 
 
 class RerunFiles:
-    """Recorded files, unpacked into ``folder``, and today's files.
+    """Files that a rerun uses: today's files, or the recorded ones, which are unpacked into ``folder``.
 
-    ``recorded`` uses only recorded files. Files that a mission writes go into ``folder``. ``code`` are the user's files
-    with leaves; without them those of the record are used, but only if ``trusted``.
+    With ``recorded``, only recorded files are used. Files that a mission writes go into ``folder`` too. ``code`` are
+    the user's Python files with leaves. Without them, the recorded Python files are used, but only if ``trusted``.
     """
 
     def __init__(
@@ -151,7 +152,10 @@ class RerunFiles:
             return found
 
     def _lookups(self) -> Mapping[str, Lookup]:
-        """Return the lookups of files by kind; new moves get paths in the folder for new files."""
+        """Return for each kind of file the function that finds a file by its name.
+
+        Moves that a mission records get paths in the folder for new files.
+        """
         held = {kind: partial(self._find_thing, LOOKUPS[kind], holders) for kind, holders in FOLDERS_BY_KIND.items()}
         new = {"new move": lambda name: new_move_file(str(self._folder / NEW_FILES_FOLDER / Path(name).name))}
         return {**LOOKUPS, **held, **new, "file": Path}  # paths are only passed on
@@ -168,7 +172,10 @@ class RerunFiles:
             return look_up(str(found))
 
     def _recorded_file(self, folders: tuple[str, ...], name: str) -> Path | None:
-        """Return the unpacked file that a mission calls ``name``, by file name or stem; None without one."""
+        """Return the unpacked file that a mission refers to as ``name``, with or without its suffix; else None.
+
+        It is searched in these ``folders`` of the record.
+        """
         held = [PurePosixPath(each) for holder in folders for each in self._files if each.startswith(holder)]
         wanted = PurePosixPath(name).name
         fitting = [each for each in held if each.name == wanted] + [each for each in held if each.stem == wanted]
@@ -176,7 +183,7 @@ class RerunFiles:
 
 
 def _has_content(path: Path, data: bytes) -> bool:
-    """Return whether a file has exactly this content."""
+    """Return whether the file at ``path`` exists, and its content is ``data``."""
     try:
         return read_regular(path, len(data)) == data
     except OSError:

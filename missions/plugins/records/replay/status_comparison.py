@@ -15,7 +15,10 @@ from missions.trees.drawing import TreeDrawing
 
 @dataclass(frozen=True, slots=True)
 class NodePlace:
-    """A node of a behaviour tree: its key in the tree, kind, name, file and line. A modifier has no name of its own."""
+    """A node or modifier of a behaviour tree, and its place in the mission file.
+
+    It has a key, kind, name, file and line. The name of a modifier is empty.
+    """
 
     key: str
     kind: str
@@ -44,10 +47,10 @@ def node_places(drawing: TreeDrawing) -> tuple[NodePlace, ...]:
 
 
 def pair_nodes(recorded: Sequence[NodePlace], current: Sequence[NodePlace]) -> Mapping[str, str]:
-    """Return the current node key of each recorded node key; nodes that only one tree has are left out.
+    """Return the current node key for each recorded node key; nodes that only one tree has are left out.
 
-    The trees are compared as two sequences of nodes, so an inserted, removed or wrapped node shifts no other. A renamed
-    node in a sequence of equal length is the same node.
+    The trees are compared as two sequences of nodes. So if a node was inserted, removed or put into a composite, the
+    others still match. A node with only its name changed counts as the same node.
     """
     pairs: dict[str, str] = {}
     matcher = SequenceMatcher(
@@ -88,10 +91,11 @@ class StatusDifference:
 
 
 class StatusComparison:
-    """Compares the ``changes`` of a record with those of the current tree: a listener of its events.
+    """Compares the status ``changes`` in a record with those of the current tree, of which it receives the events.
 
-    ``recorded`` is the recorded tree, ``current`` the one at ``root``. Nodes that only one of them has are not
-    compared. ``reworded_count`` counts equal statuses with another reason; ``first_reworded`` is the first of these.
+    ``recorded`` is the drawing of the recorded tree, ``current`` that of the current tree, whose root node is ``root``.
+    Nodes that only one of the trees has are not compared. ``reworded_count`` is the number of equal statuses with
+    different reasons; ``first_reworded`` is the first of these.
     """
 
     def __init__(self, changes: Iterable[NodeChanged], recorded: TreeDrawing, current: TreeDrawing, root: Node) -> None:
@@ -144,7 +148,10 @@ class StatusComparison:
     def _first_difference(
         self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus], tick: int, t: float
     ) -> StatusDifference:
-        """Return the first difference of a node's statuses; the tree without a change in this tick keeps its status."""
+        """Return the first difference between a node's ``recorded`` and ``current`` statuses in a tick.
+
+        If one of them has no change in this tick, its status is that of the tick before.
+        """
         node = self._nodes[self.pairs[key]]
         stays = recorded[-1] if recorded else self._last_states.get(key, NodeStatus(IDLE))
         stands = NodeStatus(plain_status(status_word(node)), node.reason)
@@ -154,7 +161,10 @@ class StatusComparison:
         return StatusDifference(tick, t, self._recorded_places[key], self._current_places[node.key], was, does)
 
     def _rank(self, key: str, recorded: Sequence[NodeStatus], current: Sequence[NodeStatus]) -> tuple[bool, bool, int]:
-        """Return the sort key of a node's difference: not only halted first, then leaves, then nodes further up."""
+        """Return the sort key of a node's difference, of which the smallest is the likely cause.
+
+        Nodes that did more than halt come first, then leaves, then nodes nearer to the root.
+        """
         only_halted = all(state.status == IDLE for state in (*recorded, *current))
         return only_halted, not self._recorded_places[key].is_leaf, self._order[key]
 

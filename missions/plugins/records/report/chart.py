@@ -35,12 +35,12 @@ def round_numbers(low: float, high: float, count: int) -> list[float]:
 
 
 def percent_along(time: float, slider: SliderTimes) -> str:
-    """Return the horizontal position of a time on the charts, such as "12.5%"."""
+    """Return the horizontal position of ``time`` (s) on the charts as a CSS length, such as "12.5%"."""
     return f"{100 * (time - slider.start) / slider.span:.3f}%"
 
 
 def time_axis(slider: SliderTimes) -> Markup:
-    """Return the time axis of a chart as SVG."""
+    """Return the time axis of the charts as SVG: labels at round times."""
     times = round_numbers(slider.start, slider.end, GRID_COLUMNS)
     marks = [
         tag(
@@ -201,7 +201,10 @@ def _text_anchor(place: float) -> str:
 
 
 def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, float, float]:
-    """Return left, right, top and bottom of a route's points; at least half a metre apart, and not too narrow."""
+    """Return left, right, top and bottom of a drawing of these points of a route, in metres.
+
+    It is at least half a metre wide and high, and widened if the route is too narrow for a drawing.
+    """
     (left, right), (top, bottom) = ((min(each), max(each)) for each in zip(*points, strict=True))
     width, height = max(right - left, 0.5, 0.8 * (bottom - top)), max(bottom - top, 0.5, 0.5 * (right - left))
     x, y = (left + right) / 2, (top + bottom) / 2

@@ -1,7 +1,8 @@
-"""Joint statistics: error, work of the motor, load and temperature.
+"""Statistics of joints in a record: error, work of the motor, load and temperature.
 
-A joint counts while torque is on, it has a goal, and its servo replies. The error of a moving joint is its remaining
-way. Names of a further arm's joints begin with the arm's name, as in the record.
+A sample of a joint is used if its torque is on, it has a goal, and its servo replies. The error is the angle from the
+goal to the position, also while the joint moves. For a further arm, the name of a joint begins with the name of the
+arm.
 """
 
 import re
@@ -125,7 +126,7 @@ def combined_rms(joints: Sequence[JointFigures]) -> float | None:
 
 
 def worst_joint(joints: Sequence[JointFigures]) -> JointFigures | None:
-    """Return the joint with the largest error."""
+    """Return the joint with the largest error; None if no error is known."""
     known = [each for each in joints if each.worst is not None]
     return max(known, key=lambda each: abs(each.worst or 0.0), default=None)
 

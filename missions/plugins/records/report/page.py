@@ -234,7 +234,7 @@ def _joint_section(study: RecordStudy) -> Markup:
 
 
 def _mission_source(study: RecordStudy) -> Markup:
-    """Return the text of the mission file, collapsed; empty if the record lacks it."""
+    """Return an HTML element that unfolds to the text of the mission file; empty if the record lacks the file."""
     data = study.record.files.get(study.record.header.file)
     if data is None:
         return join()
@@ -251,7 +251,7 @@ def _caption(picture: ReportPicture) -> str:
 
 
 def _failure_rows(study: RecordStudy) -> list[tuple[int, str, str]]:
-    """Return slider position, node key and text of the first failure at each position."""
+    """Return slider position, node key and text of each failure; of several at one position, only the first."""
     names = node_names(study.drawing)
     found = []
     for place, first in failure_positions(study.record, study.slider):

@@ -121,7 +121,7 @@ def _new_figure(height: float) -> tuple[Figure, Axes]:
 
 
 def _simplify_axes(axes: Axes) -> None:
-    """Remove the frame lines of a plot, and add a light grid."""
+    """Remove the upper and right frame lines of a plot, and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="both", color=GRID_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

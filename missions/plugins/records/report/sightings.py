@@ -38,9 +38,11 @@ class ReportPicture:
 
 @dataclass(frozen=True, slots=True)
 class SightingSummary:
-    """A tracked percept in a run: first and last time (s), number of views with it, and smallest distance (m, or None).
+    """Summary of all views of a tracked percept in a run.
 
-    ``count`` is the number of appearances. ``person`` marks a person with a known name, ``face`` a face without a name.
+    ``first`` and ``last`` are times (s), ``views`` is the number of views with it, ``nearest`` its smallest distance
+    (m), or None if unknown. ``count`` is the number of its separate appearances. ``person`` is True for a person with a
+    known name, ``face`` for a face without a name.
     """
 
     name: str
@@ -86,7 +88,7 @@ def spread_evenly(count: int, max_count: int) -> list[int]:
 
 
 def summarise_sightings(views: Views) -> list[SightingSummary]:
-    """Return all tracked percepts in order of appearance."""
+    """Return a summary of each tracked percept in the views, in order of first appearance."""
     found: dict[tuple[str, int], SightingSummary] = {}
     names: dict[tuple[str, int], str] = {}
     for time, view in views:
@@ -109,7 +111,7 @@ def summarise_sightings(views: Views) -> list[SightingSummary]:
 
 
 def _merge_by_name(sightings: Iterable[SightingSummary]) -> list[SightingSummary]:
-    """Return the sightings with those of one name merged into one."""
+    """Return the summaries, with all those of the same name merged into one; ``count`` becomes their number."""
     named: dict[str, SightingSummary] = {}
     for each in sightings:
         before = named.get(each.name)

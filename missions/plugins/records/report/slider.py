@@ -14,7 +14,7 @@ from missions.trees.drawing_builder import one_line
 from missions.trees.value_text import variable_text
 
 ChangeRows = dict[str, list[tuple[int, ...]]]
-"""Changes of values by key of a node: rows that begin with the slider position of a change."""
+"""Changes of values, by node key: a list of tuples whose first number is the slider position of the change."""
 
 _STATUS_NUMBERS: Mapping[str, int] = {status: number for number, status in enumerate(SIGNS)}
 """Number that stands for each node status in the data of the report's script."""
@@ -98,7 +98,10 @@ def failure_positions(record: RunRecord, slider: SliderTimes) -> list[tuple[int,
 
 @dataclass(frozen=True, slots=True)
 class VariableHistory:
-    """Values of a variable of the mission, or of ``submission``; ``rows`` are slider positions and text numbers."""
+    """Values of a variable of the mission, or of the sub-mission with the key ``submission``.
+
+    ``rows`` are its changes: slider position, and number of the value's text in the ``TextTable``.
+    """
 
     submission: str
     name: str
@@ -123,7 +126,7 @@ def variable_histories(
 
 
 def value_at(rows: Sequence[tuple[int, ...]], position: int) -> tuple[int, ...] | None:
-    """Return the last of ``rows`` whose slider position is not after ``position``; None without one."""
+    """Return the last of ``rows`` whose first number, a slider position, is at most ``position``; None without one."""
     return next((row for row in reversed(rows) if row[0] <= position), None)
 
 

@@ -38,7 +38,7 @@ MAX_PICTURES = 60
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """All results of the analysis of a ``record``, from which reports are made."""
+    """Results of the analysis of a ``record``, for all kinds of reports: charts, timeline, pictures, percepts, joints."""
 
     record: RunRecord
     drawing: TreeDrawing
@@ -95,7 +95,7 @@ MAX_NAMES = 4
 
 
 def verdict(record: RunRecord) -> tuple[str, str]:
-    """Return the result of a run as a word, empty if not recorded, and as a sentence."""
+    """Return the result of a run as a word and as a sentence; the word is empty if the record lacks the result."""
     end = record.run_end()
     if end is None:
         piece = f"This record was cut at {seconds_text(record.cut_start)}" if record.cut_start else ""
@@ -138,7 +138,10 @@ def reported_faults(record: RunRecord) -> list[FaultRaised]:
 
 
 def _failure_sentences(record: RunRecord, drawing: TreeDrawing) -> Iterator[str]:
-    """Yield the node that caused the failure, and the number of other failed actions; conditions do not count."""
+    """Yield a sentence about the node that caused the mission's failure, and one about the other failed actions.
+
+    Failed conditions are not counted.
+    """
     names, found, cause = node_names(drawing), record.failures(), _failure_cause(record)
     if cause is not None:
         node = names.get(cause.node, NodeName(cause.name, f"line {cause.line}"))
@@ -156,7 +159,10 @@ def _failure_sentences(record: RunRecord, drawing: TreeDrawing) -> Iterator[str]
 
 
 def _failure_cause(record: RunRecord) -> NodeChanged | None:
-    """Return the change that caused the mission to fail: the deepest of those whose reason the mission has."""
+    """Return the failure that caused the mission to fail; None if it did not fail, or the cause is unknown.
+
+    It is the deepest node that failed with the same reason as the mission.
+    """
     end, cause = record.run_end(), None
     if end is None or end.result != "failure":
         return None

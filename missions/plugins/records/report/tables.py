@@ -137,7 +137,7 @@ def _facts(record: RunRecord) -> Iterator[tuple[str, str]]:
 # Joint statistics as HTML, text, JSON and CSV.
 
 JOINT_HEADINGS = ("joint", "rms deg", "max deg", "at s", "motor J", "load %", "degC", "samples")
-"""Columns of the joint table on a terminal."""
+"""Column headings of the joint table on a terminal."""
 
 UNKNOWN = "-"
 

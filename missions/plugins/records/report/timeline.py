@@ -13,10 +13,11 @@ MAX_BARS = 400
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A bar of the timeline: a run of a leaf from ``start`` to ``end`` (s), which are equal if it returned at once.
+    """A bar of the timeline: a run of a leaf from ``start`` to ``end`` (s); equal if the leaf returned at once.
 
-    ``outcome`` is the result of the run: "idle" if it was interrupted, "running" if the record ends before. Time in
-    which the leaf was suspended is included. ``count`` is the number of merged runs; merged runs failed if any did.
+    ``outcome`` is the result of the run: "idle" if it was interrupted, "running" if it still ran at the end of the
+    record. Time in which the leaf was suspended is included. ``count`` is the number of runs merged into the bar; its
+    outcome is a failure if any of them failed.
     """
 
     start: float
@@ -45,7 +46,8 @@ def leaf_lanes(
 ) -> list[Lane]:
     """Return a row of the timeline for each leaf that was ticked, in the order of the tree.
 
-    ``end`` is the end of the record (s), ``last`` the final change of each node.
+    ``changes`` are the status changes of all nodes, ``last`` is the final change of each node by key, and ``end`` is
+    the end of the record (s).
     """
     by_node: dict[str, list[NodeChanged]] = {}
     for change in changes:

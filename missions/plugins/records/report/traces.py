@@ -73,7 +73,10 @@ def tracking_rms(errors: Sequence[TrackingError]) -> float:
 
 
 def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float) -> int | None:
-    """Return the percept id of the argument with a leaf's target, such as ``face: ${person}``; None without."""
+    """Return the id of the percept that a leaf is to follow, by an argument such as ``face: ${person}``; else None.
+
+    ``variables`` are the recorded values, ``start`` is the time (s) at which the leaf started.
+    """
     for text in box.arguments.values():
         named = _VARIABLE.fullmatch(text)
         known = [
@@ -92,7 +95,10 @@ def _initial_target(box: TreeBox, variables: Sequence[VariableSet], start: float
 
 
 def _followed_percept(box: TreeBox, view: View, target: int | None) -> Percept | None:
-    """Return the percept that a leaf follows in a view: ``target``, or the first candidate if that is None."""
+    """Return the percept that a leaf follows in a view; None if the view does not show it.
+
+    It is the percept with the id ``target``; if that is None, the first percept of the right kind.
+    """
     fresh = [percept for percept in _candidates(box, view) if percept.stamp == view.looked]
     tracked = next((percept for percept in fresh if percept.id == target), None)
     return tracked or (fresh[0] if fresh and target is None else None)
@@ -117,7 +123,7 @@ CHART_COLUMNS = 600
 """Number of columns of a chart for which points are kept: its horizontal resolution."""
 
 MIN_ROUTE_LENGTH = 0.05
-"""Minimum length in metres of a drawn path of the base: odometry of a base that turns on the spot is noisy."""
+"""Minimum length (m) of the base's path for it to be drawn; noise of the odometry makes shorter paths."""
 
 MIN_VALUE_RANGE = 1e-6
 """Minimum difference between largest and smallest value of a chart; constant values have no chart."""
@@ -213,7 +219,10 @@ def split_at_gaps(points: Points) -> Iterator[Points]:
 
 
 def thin_points(points: Points, begin: float, span: float) -> list[tuple[float, float]]:
-    """Return the points that affect a chart: first, last, lowest and highest of each column."""
+    """Return the points that are visible in a chart of ``span`` seconds from ``begin`` on.
+
+    The chart is divided into ``CHART_COLUMNS`` columns. From each, the first, last, lowest and highest point are kept.
+    """
     found: list[tuple[float, float]] = []
     for _, column in groupby(points, key=lambda point: int((point[0] - begin) / span * CHART_COLUMNS)):
         inside = list(column)

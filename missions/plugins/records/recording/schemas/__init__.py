@@ -1,4 +1,7 @@
-"""JSON Schemas (draft 2020-12) of the messages of a record. A test compares them byte by byte."""
+"""JSON Schemas (draft 2020-12) of the messages of a record.
+
+A test compares the text of each schema, so that no change of a message goes unnoticed.
+"""
 
 import json
 

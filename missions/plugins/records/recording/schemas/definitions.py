@@ -1,4 +1,4 @@
-"""Definitions of the JSON Schemas of the messages in a record."""
+"""Builders of JSON Schemas, and the schemas of all messages in a record."""
 
 from collections.abc import Mapping
 
