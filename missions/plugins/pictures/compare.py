@@ -218,7 +218,7 @@ def _rows(pair: NodePair, depth: int, side: int, left: Signs, right: Signs) -> I
 
 
 def _node_text(box: TreeBox, signs: Signs) -> str:
-    """Return a node as one line: status, case of a switch, title, reason, arguments, variable of ``as``, and modifiers."""
+    """Return a node as one line: status, case of a switch, title, reason, arguments, ``as``, and modifiers."""
     words = [signs[box.status]] if signs else []
     words += [f"{box.case}:"] if box.case else []
     words.append(box.title)

@@ -1,4 +1,4 @@
-"""Functions that write one mission's tree, or two trees side by side, in a file format: text, JSON, SVG, PNG or HTML."""
+"""Functions that write one mission's tree, or two trees side by side, as text, JSON, SVG, PNG or HTML."""
 
 import json
 from collections.abc import Callable, Mapping

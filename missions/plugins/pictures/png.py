@@ -30,6 +30,6 @@ def png(svg: str, *, zoom: float = DEFAULT_ZOOM) -> bytes:
 
 
 def max_zoom(svg: str) -> float:
-    """Return the zoom at which a drawing has ``MAX_PIXELS`` pixels."""
+    """Return the zoom with which the PNG of a drawing has ``MAX_PIXELS`` pixels."""
     root = ET.fromstring(svg)  # noqa: S314 - our own drawing
     return sqrt(MAX_PIXELS / (float(root.attrib["width"]) * float(root.attrib["height"])))

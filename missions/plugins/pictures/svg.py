@@ -259,7 +259,10 @@ def _legend(canvas: SvgCanvas, y: int, samples: Sequence[tuple[str, str, str]]) 
 
 
 class _TreeDrawing:
-    """Drawing of one tree; ``changes`` has the kind of difference from the tree beside it by node key."""
+    """Drawing of one tree.
+
+    ``changes`` has by node key how a node differs from the tree beside it.
+    """
 
     def __init__(self, canvas: SvgCanvas, live: bool, changes: Mapping[str, Change]) -> None:
         self._canvas = canvas
@@ -313,7 +316,7 @@ class _TreeDrawing:
 
 
 def _write_text(node: SvgCanvas, line: CardText, x: int, y: int, status: Status) -> None:
-    """Write one text of a card: a modifier with a rounded background, a symbol centred, and all others from ``x`` on."""
+    """Write one text of a card: a modifier with a rounded background, a symbol centred, others from ``x`` on."""
     if line.part == "badge":
         node.rect(f"pill {line.status}", x - BADGE_PADDING, y - 13, line.width + 2 * BADGE_PADDING, 18, radius=9)
     middle = x + line.width // 2 if line.part == "symbol" else x

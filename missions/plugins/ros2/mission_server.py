@@ -40,7 +40,7 @@ class MissionServer:
         ActionServer(node, ACTION_NAME, RUN_MISSION, self._begin, self._cancel)
 
     def close(self) -> None:
-        """Stop the current run, and wait for its end."""
+        """Stop the current mission, and wait until its run has ended."""
         with self._lock:
             self._closing, running = True, self._running
         _stop(running)

@@ -140,7 +140,7 @@ def _current_pose(config: RobotConfig, robot: str, router: str | None) -> FrameP
 
 
 class FrameTree:
-    """Frames of a robot from /tf; the prefix ``namespace`` is removed."""
+    """Coordinate frames of a robot, received on the topic /tf; the prefix ``namespace`` of their names is removed."""
 
     def __init__(self, namespace: str) -> None:
         self._namespace = f"{namespace.strip('/')}/"
@@ -149,7 +149,11 @@ class FrameTree:
         """Fault of the newest unusable message."""
 
     def add_transform(self, frame: str, child: str, told: Any) -> None:
-        """Store the pose of ``child`` in ``frame``, a Transform; one that was never set is a fault."""
+        """Store the pose of the frame ``child`` in ``frame``, from the ROS message ``told`` of type Transform.
+
+        An implausible position or rotation, as in a message that was never set, is not stored but described in
+        ``fault``.
+        """
         from drivers.ros2.base import MAX_PLAUSIBLE_VALUE, yaw  # noqa: PLC0415 - an extra
 
         above, below = (each.lstrip("/").removeprefix(self._namespace) for each in (frame, child))
@@ -162,7 +166,7 @@ class FrameTree:
             self.fault = f"{below} in {above}: {error}"
 
     def body_pose(self) -> FramePose | None:
-        """Return the pose of the robot on its map; None if no frames lead there."""
+        """Return the pose of the robot on its map; None if the known frames do not connect the two."""
         return next((found for each in BODY_FRAMES if (found := self._pose_on_map(each)) is not None), None)
 
     @property

@@ -37,10 +37,10 @@ CAMERA_FRAME = "camera_optical_frame"
 """Camera frame as in REP 103: x right, y down, z ahead."""
 
 STATE_INTERVAL = 1.0
-"""Seconds after which the whole tree and the variables are published again, for late subscribers."""
+"""Seconds between two publications of the whole tree and the variables, so that late subscribers get them."""
 
 CONNECT_TIMEOUT = 1.0
-"""Seconds for which the first event waits for the router."""
+"""Maximum seconds for which the first event waits for the connection to the router."""
 
 MAX_QUEUED_EVENTS = 10_000
 """Maximum number of events of the run that wait to be published."""
@@ -103,7 +103,7 @@ class RunPublisher:
         self._graph.close()
 
     def _node(self) -> "Ros2Node | None":
-        """Return the node; None while the router is away."""
+        """Return the ROS 2 node with its publishers; None while there is no connection to the router."""
         try:
             node = self._graph.node()
             for name in (EVENTS_TOPIC, TREE_TOPIC, VARIABLES_TOPIC):
@@ -114,7 +114,10 @@ class RunPublisher:
         return node
 
     def _publish_next(self, node: "Ros2Node | None") -> None:
-        """Publish the next event, if one comes, and the state at intervals."""
+        """Publish the next event if one comes within ``STATE_INTERVAL``, and the state of the run if it is due.
+
+        Without a connection, ``node`` is None, and the event only updates the state.
+        """
         event, heard = None, 0
         with suppress(Empty):
             event, heard = self._queue.get(timeout=STATE_INTERVAL) or (None, 0)
@@ -136,7 +139,7 @@ class RunPublisher:
         _publish_json(node, VARIABLES_TOPIC, self._variables)
 
     def _update_state(self, event: Event) -> None:
-        """Update the published state by an event."""
+        """Update the state of the run, as it is published, with the data of an event."""
         self._changed = self._changed or isinstance(event, NodeChanged | VariableSet | Ended | Started)
         match event:
             case Started():
@@ -194,7 +197,7 @@ def _detection(kind: str, percept: Any) -> Mapping[str, object]:
 
 
 def make_run_publisher(robot: str | None, router: str | None, domain: int | None = None) -> RunPublisher:
-    """Return the publisher for a robot: router and domain of its file, unless they are given."""
+    """Return the publisher for a robot; ``router`` and ``domain`` replace those in its file, if given."""
     from drivers.ros2.make import ros_domain  # noqa: PLC0415 - an extra
     from drivers.ros2.session import zenoh_access  # noqa: PLC0415
 

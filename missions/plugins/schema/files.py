@@ -26,7 +26,7 @@ FILE_KINDS: Mapping[str, tuple[str, type]] = {
     "controllers": ("A controller: the rules by which a behaviour tracks.", ControllerFileKeys),
     "objects": ("An object to look for.", ObjectKeys),
 }
-"""Kinds of files: description, and class of the keys."""
+"""Kinds of files with a schema: a description of the file, and the class that declares its keys."""
 
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -34,7 +34,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 
 
 def file_schema(kind: str) -> Schema:
-    """Return the JSON Schema (draft-07) for a kind of ``FILE_KINDS``."""
+    """Return the JSON Schema (draft-07) for files of a kind that ``FILE_KINDS`` has, such as "robots"."""
     title, cls = FILE_KINDS[kind]
     schema = keys_schema(cls)
     if kind == "robots":

@@ -28,7 +28,7 @@ def key_schema(key: Key) -> Schema:
 
 
 def default_text(key: Key) -> str:
-    """Return the text about the default of a key; empty if there is none."""
+    """Return a sentence with the default of a key, or that the key must be given; empty if the default is nothing."""
     if key.required:
         return "It must be given."
     shown = format_default(key)

@@ -26,7 +26,7 @@ _LOADERS: Named[str, Callable[[Path], object]] = {
 
 
 OTHER_KIND_KEYS = (*(key for key in KIND_KEYS if key != "mission"), "move")
-"""Keys that identify files of other kinds."""
+"""Top-level keys that show that a file is not a mission, but a robot, world or other file."""
 
 
 def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
@@ -73,7 +73,7 @@ def _body() -> Schema:
 
 
 def shipped_things() -> dict[str, dict[str, str]]:
-    """Return the gestures, moves, gaits, controllers and missions of MissionTree by name, with their summaries."""
+    """Return by kind the names and summaries of the shipped gestures, moves, gaits, controllers and missions."""
     found = {
         kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped_files(f"{kind}s").items()}
         for kind, load in _LOADERS.items()

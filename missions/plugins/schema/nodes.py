@@ -38,9 +38,10 @@ def node_definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema
 
 
 def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
-    """Return the schema of a node: a word, or a behaviour with the keys beside it.
+    """Return the schema of a node: the name of a leaf alone, or a behaviour with the keys beside it.
 
-    Once a behaviour is present, editors suggest only keys that can stand beside it.
+    ``words`` are the names of all behaviours. Once a node has a behaviour, editors suggest only keys that can stand
+    beside it.
     """
     behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
     silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
@@ -76,7 +77,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
 
 
 def _word_schema(leaves: Mapping[str, type[Leaf]]) -> Schema:
-    """Return the schema of a node that is a single word."""
+    """Return the schema of a node that is only the name of a leaf, such as `stop`, without arguments."""
     alone = {word: leaf for word, leaf in leaves.items() if is_complete_alone(leaf)}
     return {
         "enum": list(alone),
@@ -115,7 +116,7 @@ def _composite_schemas(things: Things) -> dict[str, Schema]:
 
 
 def _for_each() -> Schema:
-    """Return the schema of the value of ``for_each``."""
+    """Return the schema of the value of ``for_each``: its list, the names of its variables, and the node to repeat."""
     members = {"type": "array", "items": {"type": SCALAR}}
     return {
         "description": sentence(OTHER_PARENTS[FOR_EACH].help),
@@ -154,7 +155,10 @@ def _beside_schemas() -> dict[str, Schema]:
 
 
 def _setting_schema(takes: str, text: str) -> Schema:
-    """Return the schema of a modifier or another key beside a behaviour, from the text of its form."""
+    """Return the schema of the value of a modifier, or of another key beside a behaviour.
+
+    ``takes`` describes the form of the value, such as "a duration". ``text`` is the help of the key.
+    """
     found: Schema = {"description": f"{sentence(text)} Takes {takes}."}
     match takes:
         case "an expression":
@@ -180,7 +184,10 @@ def _setting_schema(takes: str, text: str) -> Schema:
 
 
 def _forbid_second_behaviour(words: Sequence[str]) -> dict[str, Schema]:
-    """Return dependencies that forbid all later behaviours beside each one, so that each pair is one error."""
+    """Return schema dependencies that forbid two behaviours in one node.
+
+    Each behaviour forbids only those later in ``words``, so that two behaviours cause one error, not two.
+    """
     return {
         word: {
             "properties": dict.fromkeys(words[place + 1 :], False),
@@ -205,4 +212,7 @@ _SNIPPETS: list[Schema] = [
         ("until one ends", "One thing, until another has ended.", "race", ("track_face", "wait: ${1:10 s}")),
     )
 ]
-"""Snippets of composites with two children, which are indented by four spaces, also after "- "."""
+"""Editor snippets of composites with two children.
+
+The children are indented by four spaces, so that a snippet is also valid after "- ".
+"""

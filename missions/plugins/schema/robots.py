@@ -15,7 +15,10 @@ COLUMNS = ("key", "takes", "bounds", "default", "what it does")
 
 
 def robot_reference(table: DriverTable, among: Collection[tuple[str, str]] | None = None) -> str:
-    """Return the keys of all drivers as Markdown, by kind of part; or of those ``among`` (kind, name)."""
+    """Return the keys of drivers as Markdown, by kind of part.
+
+    ``among`` limits it to these drivers, each as (kind of part, name); None means all drivers.
+    """
     parts = []
     for kind in KINDS.values():
         drivers: dict[type, list[Driver]] = {}
@@ -32,9 +35,9 @@ def robot_reference(table: DriverTable, among: Collection[tuple[str, str]] | Non
 
 
 def keys_table(cls: type, apart: Collection[type] = ()) -> str:
-    """Return the table of the keys of a class as Markdown; keys of sections follow as ``section.key``.
+    """Return a Markdown table of the keys that a class declares; a key of a section is named ``section.key``.
 
-    Sections of the classes ``apart`` are left out.
+    Sections that a class in ``apart`` declares are left out, since they have a table of their own.
     """
     return markdown_table(COLUMNS, _rows(cls, "", apart))
 
@@ -70,7 +73,10 @@ def markdown_code(text: str) -> str:
 
 
 def part_schemas(table: DriverTable) -> dict[str, Schema]:
-    """Return the schema of the section of each kind of part, without broken drivers."""
+    """Return for each kind of part the schema of its section in a robot file.
+
+    Drivers that cannot be imported are left out.
+    """
     found: dict[str, list[Driver]] = {kind: [] for kind in KINDS}
     for kind, _, driver in table.iter_drivers():
         if not isinstance(driver, BrokenDriver):
@@ -94,7 +100,10 @@ def _with_word(schema: Schema, word: Schema) -> Schema:
 
 
 def _section_schema(kind: PartKind, drivers: list[Driver]) -> Schema:
-    """Return the schema of a section: the keys of the driver that it names, or of the default driver."""
+    """Return the schema of the section of a part, with the keys of the driver that the section names.
+
+    A section without the key ``driver`` has the keys of the default driver.
+    """
     names = [driver.name for driver in drivers]
     description = "What drives it." + (
         f" Without it: {kind.default_driver}." if kind.default_driver else " It must be given."

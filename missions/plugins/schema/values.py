@@ -1,7 +1,7 @@
-"""Schema of values by kind; ``${...}`` is allowed in place of each value.
+"""Schemas of the values in a mission file, by kind, such as a quantity; an expression ``${...}`` is always allowed.
 
 ``errorMessage``, ``defaultSnippets`` and ``markdownDescription`` are extensions of the YAML language server, which
-validators ignore. Patterns use only syntax common to Python and JavaScript.
+other validators ignore. Patterns use only syntax common to Python and JavaScript.
 """
 
 import math
@@ -60,7 +60,7 @@ _SPECIAL_KINDS: Mapping[str, Schema] = {
     "phrases": PHRASES,
     "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
 }
-"""Schemas of kinds with a form of their own."""
+"""Schemas for the kinds of arguments that have a form of their own, such as a list of phrases."""
 
 EXPRESSION: Schema = {
     "type": SCALAR,
@@ -83,7 +83,10 @@ def quantity_schema(dimension: str, limits: str = "", *, negative: bool = False,
 
 
 def name_schema(kind: str, names: Mapping[str, str], *, computed: bool = True) -> Schema:
-    """Return the schema of a name: one of ``names``, each with its summary, or the path of a file."""
+    """Return the schema of a name of a ``kind``, such as "gesture": one of ``names``, or the path of a file.
+
+    Editors show the summary of each name. If ``computed`` is True, an expression is allowed too.
+    """
     known = "|".join(_escape_pattern(name) for name in names)
     return {
         "type": "string",
@@ -132,7 +135,7 @@ def value_schema(argument: Argument, things: Things) -> Schema:
 
 
 def _plain_schema(argument: Argument) -> Schema:
-    """Return the schema of a value without a unit."""
+    """Return the schema of the value of an argument that has no unit."""
     limits = bounds_text(argument)
     bounds = {"minimum": argument.low, "maximum": argument.high}
     limited = {word: bound for word, bound in bounds.items() if math.isfinite(bound)}
@@ -220,7 +223,7 @@ def leaf_markdown(leaf: type[Leaf]) -> str:
 
 
 def is_complete_alone(leaf: type[Leaf]) -> bool:
-    """Return True for a leaf whose word can stand alone."""
+    """Return whether a node may consist of the leaf's name alone, since none of its arguments is required."""
     return not leaf.open_ended and not any(argument.required for argument in leaf.arguments.values())
 
 
@@ -252,7 +255,7 @@ def _value_alone_schema(leaf: type[Leaf], things: Things) -> Schema:
 
 
 def _completions(leaf: type[Leaf], things: Things) -> list[Schema]:
-    """Return the values that complete a leaf's word; empty for one that can stand alone."""
+    """Return the values that an editor offers after the name of a leaf; empty if the leaf needs no value."""
     principal = _principal_argument(leaf)
     if leaf.open_ended:
         return [{"label": "names and values", "body": {"count": 1}}]

@@ -83,7 +83,10 @@ def _camera(robot: RobotConfig) -> CameraKeys:
 
 
 def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, str]) -> bool:
-    """Return whether the new text changes only the lens of the old robot: a YAML anchor may be used elsewhere too."""
+    """Return whether the edited text of a robot file changes only the lens keys ``entries`` of the ``old`` robot.
+
+    It might change more: a YAML anchor of the lens may be used elsewhere too.
+    """
     try:
         new = parse_robot(source)
     except InvalidFileError:  # the edit removed an anchor
@@ -195,7 +198,11 @@ def calibrate_command(source: str, board: tuple[int, int], square: float, keep: 
 
 
 def _collect_views(views: BoardViews, source: str, seconds: float, size: tuple[int, int] | None) -> None:
-    """Add the pictures of a source to ``views``, and print the number of useful ones; ``size`` is for cameras only."""
+    """Add the pictures of a source to ``views``, and print the number of pictures that could be used.
+
+    It ends after ``seconds``, at the end of a video, or once there are ``MAX_VIEWS``. ``size`` is the picture size
+    requested from a camera.
+    """
     live = source_kind(source) in {SourceKind.DEVICE, SourceKind.URL}
     seen = (
         (image for _, image in camera_frames(source, seconds, size))

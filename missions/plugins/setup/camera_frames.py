@@ -31,9 +31,11 @@ RETURN_TIMEOUT = 30.0
 def camera_frames(
     source: str, seconds: float, size: tuple[int, int] | None = None, turn: ImageOrientation = UPRIGHT
 ) -> Iterator[tuple[float, Image]]:
-    """Yield time since opening (s) and picture of a camera, for ``seconds`` or until a film ends.
+    """Yield the pictures of a camera or film, each with the time (s) since it was opened.
 
-    Interruptions of a live source are waited for. Raises NotConnected if there is no picture in time.
+    It ends after ``seconds``, or with the film. ``size`` is the requested picture size, ``turn`` how the pictures are
+    rotated and flipped. While a live source is interrupted, it waits. Raises NotConnected if no picture arrives in
+    time.
     """
     clock = SystemClock()
     with closing(open_source(source, clock, size=size, loop=False, report=print_camera_status, turn=turn)) as camera:
@@ -41,7 +43,10 @@ def camera_frames(
 
 
 def robot_camera_frames(config: RobotConfig, seconds: float) -> Iterator[tuple[float, Image]]:
-    """Yield frames as ``camera_frames`` does, from a robot's camera by its driver; opens only needed parts."""
+    """Yield the pictures of a robot's camera as ``camera_frames`` does.
+
+    The camera is opened by its driver, with the parts of the robot that this driver needs, and no others.
+    """
     clock = SystemClock()
     place = RealPartFactory(config, clock, Overrides(), Hooks(print_camera_status, ignore, click.echo, ignore, ignore))
     parts = frozenset({"camera", *config.sections["camera"].driver.needs})

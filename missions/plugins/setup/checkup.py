@@ -1,4 +1,4 @@
-"""Check of the installation, and of each part of a robot at rest, by the check-up that its driver declares."""
+"""Checks of the installation and of each part of a robot at rest; a driver declares how its part is checked."""
 
 import os
 import platform
@@ -108,7 +108,7 @@ def check_robot(
 
 
 def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator[Finding]:
-    """Yield the findings on a part without a port, such as the nodes of ROS 2."""
+    """Yield the findings on a part that has no serial port, such as a part whose driver uses ROS 2."""
     yield from _check_extra(section)
     yield from _check_device(section, "", {}, machine, clock, resets=False)
 

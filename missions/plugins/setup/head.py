@@ -272,5 +272,5 @@ def _trim_with_keys(bench: OpenHead) -> tuple[float, float] | None:
 
 
 def _axis_sign(axis: ServoKeys | NeckJointKeys) -> int:
-    """Return -1 for an axis whose servo turns opposite to the head, else 1."""
+    """Return -1 for an axis whose servo is mounted so that it turns opposite to the head, else 1."""
     return -1 if isinstance(axis, ServoKeys) and axis.flip else 1

@@ -130,9 +130,11 @@ def open_robot_head(
     stay: bool = False,
     camera: bool = False,
 ) -> Iterator[OpenHead]:
-    """Open a head of a robot, with the ``camera`` if requested, and wait for its connection; close it at the end.
+    """Yield a connected head of a robot, and close it at the end of the context.
 
-    It moves to its start pose, unless ``stay`` is set. Raises NotConnected with the reason after ``CONNECT_TIME``.
+    ``name`` is the robot; None or ``simulate`` means a simulated one. ``port`` replaces the port in its file, ``head``
+    is the part's name. The head moves to its start pose, unless ``stay`` is set. With ``camera``, the camera is opened
+    too. Raises NotConnected with the reason after ``CONNECT_TIME``.
     """
     config = load_robot(robot_file(name))
     keys = head_keys(config, head)
@@ -182,7 +184,7 @@ def open_head(
 
 
 def _print_warning(notice: DeviceStatus) -> None:
-    """Print a fault of the head, before it is moved."""
+    """Print a notice of the head if it is a fault, with the command to try."""
     if notice.kind == "fault":
         click.echo(f"{notice.device}: {notice.message}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 

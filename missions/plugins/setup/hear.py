@@ -104,7 +104,10 @@ def command(
 def _find_phrases(
     mission: str | None, phrases: str | None, params: Mapping[str, str], files: Sequence[Path]
 ) -> Sequence[str]:
-    """Return the phrases to listen for. A mission needs all its params, since they may be part of phrases."""
+    """Return the phrases to listen for: those of the mission, or those given, separated by commas.
+
+    All params of the mission must be set, since they may be part of its phrases.
+    """
     if (mission is None) == (phrases is None):
         raise click.UsageError('no phrases given: name a mission, or add --for "yes, no"')
     if mission is not None:
@@ -204,7 +207,7 @@ def _result_line(words: Words, threshold: float) -> str:
 
 
 def _level_bar(level: float) -> str:
-    """Return a microphone level in dBFS as a text bar."""
+    """Return a microphone level (dBFS) as a number and a bar of ``#`` signs."""
     signs = round(BAR_WIDTH * min(max(1 - level / MIN_LEVEL, 0.0), 1.0))
     return f"{level:6.1f} dB  {'#' * signs}"
 

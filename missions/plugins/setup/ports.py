@@ -37,7 +37,7 @@ root_option = click.option(
     metavar="DIR",
     help="Folder with a copy of another computer's /dev, /proc and /sys to examine.",
 )
-"""Adds ``--root``, the folder whose /sys, /proc and /dev are read."""
+"""Decorator that adds ``--root`` to a command: the folder that contains the /sys, /proc and /dev to examine."""
 
 
 @click.command(epilog="Example: mission ports --find")
@@ -149,7 +149,10 @@ def port_lines(plug: ScannedPort) -> Iterator[str]:
 
 
 def as_data(scan: HardwareScan) -> dict[str, object]:
-    """Return the connected devices for JSON."""
+    """Return the connected devices as JSON data, by kind.
+
+    Under ``lost`` are USB adapters for which the computer has no serial port.
+    """
     return {
         "ports": [_port_data(plug) for plug in scan.ports],
         "lost": [{**asdict(usb), **asdict(trouble)} for usb, trouble in scan.portless_adapters],
@@ -227,7 +230,10 @@ def _port_problems(plug: ScannedPort) -> list[DeviceProblem]:
 
 
 def find_problems(scan: HardwareScan) -> Iterator[DeviceProblem]:
-    """Yield all problems of connected devices; a port not probed for lack of consent is none."""
+    """Yield all problems of connected devices.
+
+    A port that was not probed because the user did not agree is not a problem.
+    """
     for plug in scan.ports:
         consent = None if plug.scan is None else plug.scan.skip_reason
         yield from (trouble for trouble in _port_problems(plug) if trouble is not consent or trouble is plug.port.shut)

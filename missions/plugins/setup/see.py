@@ -290,9 +290,10 @@ def _serve_page() -> Iterator[CameraPage]:
 def _analyse_shots(
     shots: Iterable[FrameShot], analyser: FrameAnalyser, page: CameraPage | None, *, as_json: bool, live: bool
 ) -> Iterator[tuple[FrameShot, FrameContents]]:
-    """Yield each picture with its percepts, and print them; of a camera, one a second. Ctrl-C ends a live source.
+    """Analyse pictures and print their percepts; yield each picture with its percepts.
 
-    A ``page`` shows each while it has viewers.
+    Of a ``live`` source, only one picture a second is printed, but all with ``as_json``; Ctrl-C ends it. A ``page``
+    shows each picture while it has viewers.
     """
     due = 0.0
     with suppress(KeyboardInterrupt) if live else nullcontext():

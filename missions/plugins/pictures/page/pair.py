@@ -1,4 +1,4 @@
-"""HTML pages of a mission's tree: of one mission, or of two missions side by side, with corresponding nodes in one row."""
+"""HTML pages of one mission's tree, or of two missions side by side, with corresponding nodes in one row."""
 
 from missions.plugins.pictures.compare import CHANGES, NodePair, TreeComparison
 from missions.plugins.pictures.page.document import Markup, document, join, tag

@@ -191,7 +191,10 @@ def _compare_leaves(
 
 
 def _nodes_of_second_tree(root: TreeBox, back: Mapping[str, str]) -> Mapping[str, tuple[None, str]]:
-    """Return the nodes that only the second tree has, as (None, key), by a label that is not a key of the first tree."""
+    """Return the nodes that only the second tree has, as (None, key).
+
+    The label under which each is returned is not a key of the first tree.
+    """
     return {f"b {box.key}": (None, box.key) for box in root.walk() if box.key not in back}
 
 

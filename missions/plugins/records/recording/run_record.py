@@ -282,7 +282,7 @@ class RunRecord:
 
     @cached_property
     def status_history(self) -> Sequence[tuple[float, NodeChanged]]:
-        """Status changes of all nodes, and their new reasons while they run, each with its time (s), in order of time."""
+        """Status changes of all nodes, and new reasons of running nodes, each with its time (s), in order."""
         news: list[NodeChanged | FeedbackItem] = [*self._changes, *self.read(_decode_feedback, "/feedback")]
         found: list[tuple[float, NodeChanged]] = []
         newest: dict[str, NodeChanged] = {}

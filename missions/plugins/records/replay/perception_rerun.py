@@ -54,7 +54,10 @@ class ComparedTrack:
 
 @dataclass(frozen=True, slots=True)
 class PerceptionComparison:
-    """Result of a perception rerun: number of compared pictures, and the tracks of the recorded and of today's search."""
+    """Result of a perception rerun: number of compared pictures, and the tracks of both searches.
+
+    ``recorded`` are the tracks of the recorded search, ``current`` those of today's perception.
+    """
 
     picture_count: int
     recorded: tuple[ComparedTrack, ...]

@@ -38,7 +38,7 @@ MAX_PICTURES = 60
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """Results of the analysis of a ``record``, for all kinds of reports: charts, timeline, pictures, percepts, joints."""
+    """Results of the analysis of a ``record`` for all reports: charts, timeline, pictures, percepts, joints."""
 
     record: RunRecord
     drawing: TreeDrawing

@@ -18,12 +18,16 @@ TICK_LATE, TICK_WORK = "tick: late", "tick: at work"
 PICTURE_SEARCH, PICTURE_TO_PERCEPTS = "picture: searched in", "picture to percepts"
 
 MOTION_COMMANDS = frozenset({("base", "drive"), ("head", "look"), ("arm", "move")})
-"""Commands that start an actuator."""
+"""Commands, as (part, method), that start a motion: a reaction time ends when one of these is sent."""
 
 _COUNTERS: Any = Mapping[str, Mapping[str, int]]
 
 BASE_COMMAND = ("base", "command")
-"""Operation in the bus statistics that sends base commands: these wait for the base's next report, others do not."""
+"""Device and operation under which the bus statistics count commands to the base.
+
+Such a command waits for the next report of the base, so this delay is part of the base's reaction time. Commands to
+other parts do not wait.
+"""
 
 DURATION_PREFIX, TIME_SUFFIX = "longest_", "_us"
 """Prefix of maximum times, and suffix of times, in counter names; see ``drivers.transport.history``."""
@@ -90,7 +94,11 @@ def _picture_times(seen: Sequence[tuple[float, float, float]], *, real: bool) ->
 def _reaction_times(
     ticks: Sequence[TickRecord], waits: WireFigures | None, *, real: bool
 ) -> Iterator[tuple[str, Times]]:
-    """Yield for each actuator the ages (s) of pictures when the first command based on them was sent."""
+    """Yield the reaction times (s) to pictures of each actuator, each with a title such as "picture to head command".
+
+    A reaction time is the age of a picture when the first command based on it was sent. ``waits`` are the bus
+    statistics of base commands, whose mean delay is added. ``real`` is True for a run in real time.
+    """
     ages: dict[str, list[float]] = {}
     newest: dict[str, float] = {}
     for moment in ticks:
@@ -105,7 +113,11 @@ def _reaction_times(
 
 
 def _commands_after_look(answers: Sequence[Answer]) -> Mapping[str, float]:
-    """Return the parts that were commanded after a query of perception, and the newest stamp of its reply."""
+    """Return for each part that was sent a motion command the time (s) of the newest picture known to the leaf.
+
+    It is the time of the newest picture in the replies of perception before the command. Commands before any such reply
+    are left out.
+    """
     newest: float | None = None
     stamps_by_part: dict[str, float] = {}
     for part, what, _, value in answers:
@@ -118,7 +130,7 @@ def _commands_after_look(answers: Sequence[Answer]) -> Mapping[str, float]:
 
 
 def _stamps(value: object) -> Iterator[float]:
-    """Yield the stamps in a reply of perception: a stamp, a percept, or a sequence of these."""
+    """Yield the times (s) of pictures in a reply of perception, which is a stamp, a percept, or a sequence of these."""
     match value:
         case float() | int() if abs(value) < MAX_SECONDS:
             yield float(value)
@@ -143,7 +155,11 @@ def _wire_figures(
 def _counter_totals(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield device, counter name and growth of the device counters that are neither times nor values with a unit."""
+    """Yield ((device, counter name), increase during the record) for the device counters that are plain numbers.
+
+    Left out are times, values with a unit, and counters of operations, which have a time. With ``since_begin`` all
+    counters began at 0.
+    """
     for device, name, counted in _counter_growth(devices, since_begin=since_begin):
         if not name.endswith((TIME_SUFFIX, ")")) and f"{name.removesuffix('s')}{TIME_SUFFIX}" not in counted:
             yield (device, name), counted[name]
@@ -152,7 +168,10 @@ def _counter_totals(
 def _counter_growth(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[str, str, Mapping[str, int]]]:
-    """Yield for each counter of each device: device, counter name, and the growth of all counters of the device."""
+    """Yield device, counter name, and the increase of all counters of the device, once for each counter of each device.
+
+    With ``since_begin`` all counters began at 0; otherwise the first values in the record are subtracted.
+    """
     if not devices:
         return
     for device, last in devices[-1].items():

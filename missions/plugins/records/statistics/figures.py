@@ -1,4 +1,7 @@
-"""Statistics of runs as plain values. All single times are kept, so quantiles of several runs are exact."""
+"""Statistics of runs as plain values.
+
+Each single duration and delay is stored, so that the quantiles of several runs together are exact.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

@@ -18,17 +18,20 @@ from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel
 from missions.trees.drawing import ACTIVE, TreeBox, TreeDrawing
 
 REACTIVE_COMPOSITES: Mapping[str, str] = {word: kind.passes for word, kind in COMPOSITES.items() if kind.reactive}
-"""Composites that tick from their first child on every time, and the status that leads to the next child."""
+"""Composites that begin with their first child at every tick.
+
+The value is the status of a child after which the next child is ticked.
+"""
 
 ALWAYS_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "always")
-"""Modifiers (decorators) that always tick their node, and may return another status than the node."""
+"""Modifiers (decorators) that tick their node whenever they are ticked, and may return another status than the node."""
 
 SOMETIMES_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "sometimes")
 """Modifiers (decorators) that either tick their node and return its status, or do not tick it."""
 
 
 class _Node(NamedTuple):
-    """A node of a recorded tree, its parent, and the keys of its earlier and later siblings."""
+    """A node of a recorded tree, with its parent, and the keys of the siblings before and after it."""
 
     place: NodeLabel
     parent: "_Node | None"
@@ -38,7 +41,7 @@ class _Node(NamedTuple):
 
 @dataclass(slots=True)
 class _Tally:
-    """Running totals of one node: ticks, results and durations of its runs."""
+    """Statistics of one node while the record is read: ticks, results and durations of the node's runs."""
 
     status: str = "idle"
     since: float = 0.0
@@ -121,7 +124,7 @@ def _walk_nodes(box: TreeBox, parent: _Node | None, before: Sequence[str], after
 
 
 def _may_be_ticked_again(node: _Node) -> bool:
-    """Return whether a node may be ticked after it ended, without a reset."""
+    """Return whether a node that has ended may be ticked again in the same run of its parent."""
     above = node.parent
     return above is not None and (
         above.place.kind in REACTIVE_COMPOSITES
@@ -133,7 +136,10 @@ def _may_be_ticked_again(node: _Node) -> bool:
 def _group_by_tick(
     changes: Sequence[NodeChanged], tick_records: Sequence[TickRecord]
 ) -> Iterator[tuple[TickRecord | None, Sequence[NodeChanged]]]:
-    """Yield the tick records with their changes; first and last, with None, the changes outside of all tick records."""
+    """Yield each tick record with the status changes of its tick.
+
+    Before the first and after the last, yield None with the changes outside of all ticks.
+    """
     at = 0
     while at < len(changes) and (not tick_records or changes[at].tick < tick_records[0].tick):
         at += 1
@@ -156,7 +162,11 @@ def _is_in_tick(change: NodeChanged, tick_record: TickRecord, following: TickRec
 
 
 def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequence[_Node]) -> None:
-    """Count a tick of the ``touched`` nodes, and of nodes that were ticked again."""
+    """Count a tick of each of the ``touched`` nodes, whose statuses show that they were ticked.
+
+    ``doubtful`` nodes may have been ticked again with the same result; if so, they are counted and added to
+    ``touched``.
+    """
     for node in doubtful:
         key = node.place.key
         tally = tallies[key]
@@ -168,7 +178,10 @@ def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequ
 
 
 def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched: set[str], halted: set[str]) -> bool:
-    """Return whether a node that was halted in the current tick had been ticked in it before."""
+    """Return whether a node that was halted in the current tick had been ticked earlier in this tick.
+
+    ``touched`` and ``halted`` are the keys of the nodes ticked and halted in the tick.
+    """
     while node.parent is not None and node.parent.place.key in halted:  # an ancestor halted all of these
         node = node.parent
     if node.parent is None or node.parent.place.key not in touched:
@@ -180,7 +193,10 @@ def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched:
 
 
 def _was_ticked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:
-    """Return whether a node with an unchanged result was ticked in the current tick; its parent is known."""
+    """Return whether a node, whose result has not changed, was ticked again in the current tick.
+
+    It is inferred from its parent and siblings, of which ``touched`` has the keys of those ticked in the tick.
+    """
     if node.parent is None or node.parent.place.key not in touched:
         return False
     above = node.parent.place

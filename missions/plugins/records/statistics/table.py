@@ -47,7 +47,7 @@ def lines_of(stats: Stats) -> Iterator[str]:
 
 
 def as_json(stats: Stats) -> Mapping[str, object]:
-    """Return the statistics for JSON; times in seconds."""
+    """Return the statistics of one kind of run for JSON; times in seconds."""
     return {
         **stats.kind._asdict(),
         "records": stats.records,

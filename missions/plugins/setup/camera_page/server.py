@@ -44,7 +44,7 @@ class CameraPage:
 
     @property
     def has_viewers(self) -> bool:
-        """Whether a browser is connected; otherwise nothing needs to be drawn."""
+        """Whether a browser shows the page; without one, pictures need not be prepared."""
         return self._server.listeners > 0
 
     def open(self) -> None:

@@ -72,7 +72,7 @@ def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | N
 def _finish(
     machine: HostMachine, config: RobotConfig | None, found: list[PartFinding], file: Path | None, *, as_json: bool
 ) -> int:
-    """Print the JSON or the totals, write the report, and return the exit code."""
+    """Print the findings as JSON, or their totals as text; write the report to ``file``; return the exit code."""
     wrong = sum(each.finding.verdict == "wrong" for each in found)
     if as_json:
         findings = [{"part": each.part, **asdict(each.finding)} for each in found]
@@ -88,7 +88,10 @@ def _finish(
 
 
 def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: list[PartFinding]) -> None:
-    """Save the warnings and errors for the studio, without private words: its viewers may not know the owner."""
+    """Save the warnings and errors for the studio.
+
+    Names that identify the user or the computer are replaced, since viewers of the studio may not know the owner.
+    """
     problems = [each for each in found if each.finding.verdict != "ok"]
     lines = [{"part": each.part, **asdict(each.finding)} for each in problems]
     content = {
@@ -102,9 +105,10 @@ def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: li
 
 
 def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
-    """Return the named robot, else this computer's own, else None; and a finding about it.
+    """Return the named robot, or this computer's own robot if none is named, and a finding about it.
 
-    Raises InvalidFileError, UnknownNameError for a named robot.
+    The robot is None if this computer has none, or its file is invalid. Raises InvalidFileError, UnknownNameError for a
+    named robot.
     """
     if robot is not None:
         config = load_robot(find_file("robots", robot))
@@ -133,7 +137,7 @@ def _check_all(
     *,
     move: bool,
 ) -> Iterator[PartFinding]:
-    """Yield all findings as they are made; ``found`` has those yielded so far."""
+    """Yield all findings as they are made; the caller appends each to ``found``, which later checks read."""
     clock, now = SystemClock(), time_of_day().timestamp()
     installed = Path(__file__).stat().st_mtime
     computer = check_machine(machine, scan_hardware(machine), now=now, installed_at=installed, folder=state_folder())
@@ -160,7 +164,7 @@ def _ask(question: str) -> bool:
 
 
 def _print_finding(part_finding: PartFinding, *, new: bool) -> None:
-    """Print a finding with its hint, after the name of a ``new`` part."""
+    """Print a finding, and the command to try; before the first finding on a part (``new``), print the part's name."""
     if new:
         click.echo(part_finding.part)
     finding = part_finding.finding

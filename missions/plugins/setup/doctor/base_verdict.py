@@ -36,9 +36,10 @@ WHEEL_TRACK = 0.23
 
 @dataclass(frozen=True, slots=True)
 class InstrumentReadings:
-    """Motion of a base as measured by its wheel encoders and gyro.
+    """Motion of a base during one step of a trial, as measured by its wheel encoders and gyro.
 
-    Metres of the left and the right wheel, rotation by the wheels in radians, and by the gyro (None without one).
+    ``left`` and ``right`` are metres of the wheels, ``turn`` is the rotation by the wheels and ``gyro`` by the gyro,
+    both in radians. ``gyro`` is None without a gyro.
     """
 
     left: float = 0.0
@@ -50,10 +51,11 @@ class InstrumentReadings:
 
 @dataclass(slots=True)
 class BaseTrial:
-    """Measurements of a base trial: at ``rest``, after the ``turn`` to the left, and after the way ``ahead``.
+    """Measurements of a base trial: at ``rest``, during the ``turn`` to the left, and during the motion ``ahead``.
 
-    ``measured`` is False for dead reckoning. ``counted`` is True with wheel encoders; otherwise wheel motion is
-    computed from the pose. ``faults`` are the reasons of stops by the driver.
+    ``measured`` is False if the pose is only computed from commands (dead reckoning). ``counted`` is True if the base
+    has wheel encoders; otherwise the motion of the wheels is computed from the pose. ``faults`` are the reasons why the
+    base's driver stopped it.
     """
 
     rest: InstrumentReadings = InstrumentReadings()
@@ -159,7 +161,7 @@ class TryBase(Leaf):
         return self.wait("next")
 
     def _drive(self, velocity: Velocity, now: float) -> None:
-        """Command a velocity to the base, unless the whole distance of the step has been commanded."""
+        """Send the step's velocity to the base, or stop it once the whole distance or angle was commanded."""
         if velocity == ZERO_VELOCITY:
             return
         self._commanded += (abs(velocity.linear) / DRIVE_DISTANCE + abs(velocity.angular) / TURN_ANGLE) * (
@@ -227,10 +229,13 @@ MIN_WHEEL_SHARE = 0.2
 """Minimum share of the commanded distance by which a wheel must move to count as turning."""
 
 MIN_GYRO_SHARE = 0.25
-"""Minimum share of the commanded angle that the gyro must measure to count as rotation."""
+"""Minimum share of the commanded angle that the gyro must measure; below, it counts as not measuring the turn."""
 
 MAX_TURN_RATIO = 1.7
-"""Maximum ratio of rotation by gyro and by encoders: wheels slip, and wheel tracks are estimates."""
+"""Maximum ratio of the rotations by gyro and by wheels, or its inverse, at which they agree.
+
+It is large because wheels slip, and the distance between them is an estimate.
+"""
 
 
 class SeenMotion(Enum):
@@ -290,7 +295,10 @@ _ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
     (SeenMotion.LEFT, SeenMotion.LEFT): ((0, 1), (0, 1)),
     (SeenMotion.LEFT, SeenMotion.RIGHT): ((-1, 0), (1, 0)),
 }
-"""Directions of the wheels in both steps of a trial in which only one wheel turns, by the motions seen in them."""
+"""Directions of the wheels if only one of them turns: in the turn to the left, and in the motion ahead.
+
+The key has the motions that a person saw in these two steps.
+"""
 
 
 def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
@@ -317,7 +325,11 @@ def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterato
 
 
 def encoder_fault(truth: tuple[Signs, Signs], counted: tuple[Signs, Signs]) -> str:
-    """Return the fault of encoders that ``counted`` these directions in turn and way ahead, or an empty text."""
+    """Return the fault of the wheel encoders; an empty text if they are right.
+
+    ``truth`` are the real directions of the wheels in the turn and in the motion ahead, ``counted`` those by the
+    encoders.
+    """
     moves = [(there, here) for there, here in zip(truth, counted, strict=True) if there != (0, 0)]
     if all(there == here for there, here in moves):
         return ""
@@ -363,7 +375,11 @@ def _findings_without_motion(trial: BaseTrial, counted: tuple[Signs, Signs]) -> 
 
 
 def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_right: bool) -> Iterator[Finding]:
-    """Yield findings on the gyro against the true turn; if gyro and encoders differ, name the likely fault."""
+    """Yield findings on the gyro, whose rotations are compared with those that the base really made.
+
+    ``truth`` are the real directions of the wheels in both steps. If gyro and encoders disagree, the finding names the
+    one that is probably wrong.
+    """
     drift = 0.0 if trial.rest.gyro is None or not trial.rest.seconds else trial.rest.gyro / trial.rest.seconds
     for moved, (left, right), commanded in (
         (trial.turn, truth[0], TURN_ANGLE),
@@ -384,7 +400,11 @@ def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_rig
 
 
 def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: bool) -> Finding:
-    """Return a finding on whether the rotations by gyro and by wheels agree; both have the same sign."""
+    """Return a finding on whether the rotations (rad) by ``gyro`` and by ``wheels`` agree; their signs must be equal.
+
+    If they do not agree, the one further from the ``commanded`` rotation is probably wrong. ``counted`` is True for
+    wheel encoders.
+    """
     both = f"gyro {degrees(gyro):+.1f} deg, {'encoders' if counted else 'odometry'} {degrees(wheels):+.1f} deg"
     ratio = gyro / wheels if wheels else 0.0
     if 1 / MAX_TURN_RATIO <= ratio <= MAX_TURN_RATIO:

@@ -109,7 +109,7 @@ class PictureLog:
 
 
 def reduce_picture(image: Image) -> Image:
-    """Return a grey picture, ``PICTURE_WIDTH`` pixels wide."""
+    """Return a picture in grey, scaled to a width of ``PICTURE_WIDTH`` pixels."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     height = max(2, round(grey.shape[0] * PICTURE_WIDTH / grey.shape[1]))
     reduced: Image = np.asarray(cv2.resize(grey, (PICTURE_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8)

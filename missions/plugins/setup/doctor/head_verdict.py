@@ -25,13 +25,16 @@ MIN_CORRELATION = 0.4
 """Minimum correlation of two aligned pictures at which the whole scene, not only a person in it, has shifted."""
 
 MAX_CONTRAST = 10.0
-"""Difference from the local brightness, in grey levels, at which pictures are clipped before a comparison."""
+"""Maximum difference of a pixel from the brightness around it, in grey levels; larger ones are reduced to it.
+
+Otherwise a person with high contrast would dominate the comparison of pictures.
+"""
 
 MIN_SHIFT_RATIO, MAX_SHIFT_RATIO = 0.5, 1.7
 """Maximum ratio of measured to expected shift of a turn; ``MIN_SHIFT_RATIO`` is the minimum."""
 
 MAX_STILL_RATIO = 0.2
-"""Ratio of measured to expected shift up to which a picture counts as not moved."""
+"""Maximum ratio of the measured to the expected shift of a picture at which the head counts as not moved."""
 
 SWAPPED_SERVOS = "the servos of pan and tilt are swapped"
 
@@ -100,7 +103,10 @@ def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: 
 
 
 def measure_shift(one: Image, other: Image) -> Shift:
-    """Return the shift of the scene between two grey pictures of equal size."""
+    """Return the shift of the scene from one grey picture to another, by phase correlation.
+
+    Pictures of different size give a shift with confidence 0.
+    """
     if one.shape != other.shape:
         return Shift(0.0, 0.0, 0.0)
     window = cv2.createHanningWindow((one.shape[1], one.shape[0]), cv2.CV_32F)

@@ -41,7 +41,7 @@ SETTLING_TIME = 0.5
 
 
 class NudgePath:
-    """Smooth path of a joint a little way and back."""
+    """Path of a joint that moves by ``way`` (rad) and back smoothly, while all other joints stay at ``start``."""
 
     def __init__(self, start: Mapping[str, float], way: float) -> None:
         self._start, self._way = start, way
@@ -53,10 +53,10 @@ class NudgePath:
 
 
 class Nudge(JointMotion):
-    """Move a joint a little way and back.
+    """Move a joint by a small angle and back, as a trial.
 
-    Running for some seconds, then succeeds. Fails if the joint is outside its limits by more than it sags before it
-    moves, or if it did not move.
+    Running for some seconds, then succeeds. Fails before moving if the joint is outside its limits, by more than the
+    tolerance for an arm that sags. Fails at the end if the joint did not move.
     """
 
     tag = "nudge"
@@ -106,7 +106,12 @@ Ask = Callable[[str], bool]
 
 @dataclass(frozen=True, slots=True)
 class MovementTrial:
-    """Trial movement of a part: subject, description, steps, question whether it was seen, and fix if it was not."""
+    """Trial movement of a part of the robot.
+
+    ``about`` names the moving thing, ``steps`` are the lines of the mission that moves it. The user reads the
+    ``description`` before, and answers the ``question`` after it, whether the movement was seen. If not, ``fix`` is
+    suggested.
+    """
 
     about: str
     description: str
@@ -178,7 +183,10 @@ def _run_trial(
     on_frame: Callable[[Frame, object], None] = ignore,
     extra_leaves: Mapping[str, type[Leaf]] = MappingProxyType({}),
 ) -> tuple[Result, Node]:
-    """Run the mission of a trial; return its result, and its tree. Raises KeyboardInterrupt."""
+    """Run the mission of a trial movement; return its result, and the root node of its tree.
+
+    Raises KeyboardInterrupt if the run was interrupted.
+    """
     own: dict[str, type[Leaf]] = {Nudge.tag: Nudge, TryBase.tag: TryBase, **extra_leaves}
     plan = check_plan(trial.source, {**LEAVES, **own}, LOOKUPS, robot=target_of(config))
     result, root = run_plan(plan, request, out=sys.stderr, on_frame=on_frame)

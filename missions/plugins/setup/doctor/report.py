@@ -27,7 +27,7 @@ def report_text(machine: HostMachine, found: Iterable[PartFinding]) -> str:
 def private_words(machine: HostMachine) -> dict[str, str]:
     """Return the names and serial numbers that identify this computer or its user, each with its replacement.
 
-    Longest first.
+    The longest come first, so that a name inside a longer one is not replaced first.
     """
     names = {platform.node(): "HOST", machine.read_text("/etc/hostname"): "HOST", str(Path.home()): "~"}
     names |= dict.fromkeys((os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name), "USER")

@@ -52,7 +52,7 @@ def camera_keys(robot: str | None) -> CameraKeys | None:
 
 
 def method_note(camera: CameraKeys | None) -> str:
-    """Return a note if the robot's recognition method is not the tested one; else an empty text."""
+    """Return a warning if the face recognition method of the robot file was not tested; else an empty text."""
     method = "patches" if camera is None else camera.identity.method
     return "" if method == "patches" else f"tested with patches; the robot's method {method} was not tested"
 
@@ -77,7 +77,7 @@ def report_people_errors(command: Callable[..., int]) -> Callable[..., int]:
 
 
 def print_people_error(error: PeopleError) -> None:
-    """Print an error with its hint."""
+    """Print an error about the pictures of people, with the command to try."""
     click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
 
 
@@ -178,7 +178,7 @@ INSTRUCTIONS = (
 """Instructions for the person before the camera, in order: pictures from several sides are needed."""
 
 MIN_SHARPNESS = 30.0
-"""Minimum variance of the Laplacian of a face's crop.
+"""Minimum sharpness of a face's picture, measured as the variance of its Laplacian.
 
 Faces up to 3 m away had 33 to 1000, the same ones blurred by a thirtieth of their width 9 to 30 (drawn ones up to 45).
 """
@@ -337,9 +337,10 @@ def _portraits_from_files(files: Sequence[str], detector: FaceDetector) -> list[
 def _portraits_from_camera(
     source: str, camera: CameraKeys | None, collector: PortraitCollector, seconds: float, *, aloud: bool
 ) -> list[Image]:
-    """Return portraits of the person before a camera, while printing instructions.
+    """Return portraits of the person in front of a camera, who gets printed instructions, also spoken if ``aloud``.
 
-    Raises NotConnected for a camera without pictures, PeopleError if there are too few after ``seconds``.
+    ``collector`` decides which pictures are good enough. Raises NotConnected for a camera without pictures, PeopleError
+    if there are too few portraits after ``seconds``.
     """
     clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
     turn = camera.orientation if camera is not None and is_live(source) else UPRIGHT

@@ -20,9 +20,9 @@ NO_DEVICE = "nothing"
 
 @dataclass(frozen=True, slots=True)
 class ProbedDevice:
-    """A device that replied on a port, or that the user named: driver, port, description and file keys.
+    """A device that replied on a port, or that the user named: its driver, port and description.
 
-    ``units`` are its servos: ID, model, and fault of each.
+    ``keys`` are values for its section of the robot file. ``units`` are its servos: ID, model and fault of each.
     """
 
     driver: Driver
@@ -35,7 +35,7 @@ class ProbedDevice:
 def scan_devices(
     talk: Dialogue, machine: HostMachine, table: DriverTable, *, extra_timeout: float = EXTRA_TIMEOUT
 ) -> tuple[HardwareScan, list[ProbedDevice]]:
-    """Print the connected devices; return the scan, and the devices identified on serial ports."""
+    """Find and print the connected devices; return all of them, and those that could be identified on serial ports."""
     desk = scan_hardware(machine)
     probing = probing_drivers(table.iter_drivers())
     ports = [plug.port for plug in desk.ports if not plug.port.path.startswith("/dev/ttyS")]  # built-in ports of a PC
@@ -55,7 +55,10 @@ def _device_at(
     probing: Sequence[Driver],
     extra_timeout: float,
 ) -> ProbedDevice | None:
-    """Return the device on a port, by its reply or by the user's answer; None if unknown."""
+    """Return the device on a serial port; None if it is unknown.
+
+    It is identified by its reply to a driver in ``probing``, or else by the user's answer.
+    """
 
     def heard(*, consent: bool) -> PortScan:
         path = str(machine.local_path(port.path))
@@ -81,7 +84,7 @@ def _device_at(
 
 
 def _probe_as_json(heard: PortScan) -> list[Any]:
-    """Return the reply of the device on a port as JSON; empty without a reply."""
+    """Return the device that replied on a port, as JSON: title, description, keys and servos; empty without a reply."""
     if heard.device is None:
         return []
     answer = heard.device.result

@@ -13,14 +13,14 @@ from config.file_io import read_regular_text, save_file
 from missions.cli.keys import KeyReader
 
 POLL_INTERVAL = 0.05
-"""Seconds between two calls of ``look`` while waiting for Enter."""
+"""Seconds between two calls of the function that ``Dialogue.watch_until_enter`` repeats."""
 
 
 class Dialogue:
     """Asks questions, and saves each answer under its key in ``file``; saved answers are not asked again.
 
-    With ``yes`` it takes the default of every question. Questions without a default raise; actions that move a robot,
-    change a servo or need a hand are skipped.
+    With ``yes`` it asks nothing and takes the default of every question; a question without a default raises
+    click.UsageError. Actions that move a robot, change a servo or need a person's hand are then skipped.
     """
 
     def __init__(self, file: Path, *, yes: bool = False) -> None:
@@ -76,7 +76,10 @@ class Dialogue:
             return answer
 
     def ask_choice(self, key: str, question: str, choices: Sequence[str], default: str | None) -> str:
-        """Return the choice of the user, who types its text or number. Without a default an answer is required."""
+        """Return one of ``choices``, which the user selects by its text or number.
+
+        Enter alone selects ``default``; if that is None, an answer is required.
+        """
 
         def check(answer: str) -> None:
             _match_choice(answer, choices)
@@ -86,7 +89,7 @@ class Dialogue:
         return _match_choice(self.ask_text(key, question, default, check), choices)
 
     def ask_yes_no(self, key: str, question: str, *, default: bool) -> bool:
-        """Return the user's answer to a yes/no question."""
+        """Return the user's answer to a yes/no question; Enter alone gives the ``default``."""
         shown = "Y/n" if default else "y/N"
         words = {"y": True, "yes": True, "n": False, "no": False, "": default}
 
@@ -141,7 +144,7 @@ class Dialogue:
             self._save_failed = True
 
     def forget_answers(self, prefix: str = "") -> None:
-        """Forget the answers whose keys begin with ``prefix``, or all; delete the file if none is left."""
+        """Delete the answers whose keys begin with ``prefix``, or all; delete the file once it has no answer."""
         self._answers = {key: answer for key, answer in self._answers.items() if not key.startswith(prefix)}
         if not self._answers:
             with suppress(OSError):

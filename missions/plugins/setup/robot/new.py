@@ -191,9 +191,10 @@ def _sections_of(parts: Mapping[str, RobotPart]) -> dict[str, tuple[Driver, dict
 def _fill_sections(
     talk: Dialogue, machine: HostMachine, name: str, summary: str, parts: dict[str, RobotPart], extra_timeout: float
 ) -> RobotConfig:
-    """Ask for the values of each section until the robot is valid; return it.
+    """Ask for the values of each part's section until the robot file is valid; return the robot.
 
-    A part that stays invalid, such as a neck without an arm, can be removed from ``parts``.
+    If a part stays invalid, such as a neck without an arm, the user can leave it out. It is then deleted from
+    ``parts``.
     """
     whole: dict[str, RobotPart] = {}
     for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):

@@ -94,7 +94,7 @@ def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> Referen
 
 
 def _equal_matches(devices: Sequence[ProbedDevice], references: Sequence[ReferenceRobot]) -> list[ReferenceRobot]:
-    """Return the robots whose arms match the probed servos equally well."""
+    """Return the ``references`` that match the devices as well as the first one, and whose arms have the servos."""
     arms = [each for each in devices if each.units]
     best = [
         model for model in references if round(_likeness(devices, model)) == round(_likeness(devices, references[0]))
@@ -201,7 +201,10 @@ def _choose_probed_parts(
 def _choose_device(
     talk: Dialogue, kind: str, devices: Sequence[ProbedDevice], reference: ReferenceRobot | None
 ) -> ProbedDevice | None:
-    """Ask which probed device to use; the default is the one of the reference robot."""
+    """Ask which probed device is to be the robot's part of this kind; return None if the user wants none of them.
+
+    The default is the device that the ``reference`` robot has.
+    """
     if not devices:
         return None
     if len(devices) == 1:
@@ -245,7 +248,11 @@ def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part:
 def _choose_unprobed_part(
     talk: Dialogue, table: DriverTable, scan: HardwareScan, part: str, reference: ReferenceRobot | None
 ) -> RobotPart | None:
-    """Ask about a part that was not probed: one of the reference robot, or one without a port."""
+    """Ask whether the robot has a part that was not found by probing; return the part, or None.
+
+    Offered is the part of the ``reference`` robot, otherwise a default part that needs no serial port, such as a
+    camera.
+    """
     driver = None if reference is None else reference.drivers.get(part)
     if reference is not None and driver is not None:
         question = f"does it have the {part} of {reference.name} ({driver.name})?"
@@ -316,7 +323,7 @@ def _part_of_device(device: ProbedDevice, reference: ReferenceRobot | None) -> R
 
 
 def _default_driver(kind: str, scan: HardwareScan) -> str:
-    """Return the default driver of a part without a port; empty if no such device is connected."""
+    """Return the default driver for a kind of part that needs no serial port; empty if no such device is connected."""
     there = {
         "camera": bool(scan.cameras),
         "microphone": any(card.hears for card in scan.sound_cards),

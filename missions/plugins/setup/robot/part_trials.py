@@ -30,9 +30,9 @@ def try_head(
     name: str = DEFAULT_HEAD,
     reachable: bool = False,
 ) -> None:
-    """Move the head ``name`` by 5 degrees, with consent, to find its directions and trims.
+    """Move the head ``name`` by 5 degrees, if the user agrees, to find its directions and trims.
 
-    It is moved if its ports were found, or if it is ``reachable`` without one, as on I2C.
+    It is moved only if its ports are in ``ports``, or if it is ``reachable`` without a serial port, as on I2C.
     """
     if not isinstance(config.sections[name].keys, TwoServoKeys | NeckKeys):
         return

@@ -43,7 +43,10 @@ def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mappin
 
 
 def _entry_lines(word: str, value: Any, help_text: str) -> Iterator[str]:
-    """Yield the lines of a key of a robot file; nested sections take a line each."""
+    """Yield the lines of one key of a robot file, with its help as a comment.
+
+    If all values in ``value`` are mappings or lists, as in ``joints``, each has a line of its own.
+    """
     if isinstance(value, Mapping) and value and all(isinstance(each, Mapping | list) for each in value.values()):
         yield f"  {word}:"
         for name, inner in value.items():
@@ -63,7 +66,10 @@ def flow_text(value: Any) -> str:
 
 
 def _quote_if_needed(text: str, within: str = "[{}]") -> str:
-    """Return a text, quoted if YAML would read it otherwise, in a list too."""
+    """Return a text as it must be written in YAML: in quotes if YAML would read it as something else.
+
+    ``within`` is the YAML around it, by default a list.
+    """
     try:
         read = yaml.safe_load(within.format(text))
         plain = read in (text, [text]) and yaml.safe_load(f"a: {text}") == {"a": text}
@@ -73,7 +79,10 @@ def _quote_if_needed(text: str, within: str = "[{}]") -> str:
 
 
 def udev_rules(robot: str, ports: Mapping[str, SerialPortInfo]) -> str:
-    """Return udev rules with name, rights and speed of each USB port, by part; empty without USB ports."""
+    """Return udev rules that give each USB port a stable name, access rights, and a short latency.
+
+    ``ports`` are the ports by part; ports that are not on USB are left out.
+    """
     rules = []
     for kind, port in ports.items():
         usb = port.usb
@@ -93,7 +102,7 @@ ONE_LINE_FORMS = {"text", "choice", "flag", "number", "integer", "quantity", "sp
 """Forms of robot file keys whose values fit on one line."""
 
 SEPARATE_KEYS = {"port", "baud", "joints", "groups", "source"}
-"""Keys of a part's section that are determined by other questions of the dialogue."""
+"""Keys of a part's section whose values the dialogue asks for in other questions."""
 
 
 @dataclass(slots=True)
@@ -107,7 +116,7 @@ class RobotPart:
 
 
 def ask_figures(talk: Dialogue, kind: str, part: RobotPart) -> None:
-    """Ask for the required keys of a part's section, and for optional ones if the user wants to."""
+    """Ask for the required values of a part's section, such as sizes, and for optional ones if the user wants to."""
     cls = part.driver.keys
     if issubclass(cls, SerialKeys) and "port" not in part.section:
         port = next(key for key in declared_keys(cls) if key.word == "port")

@@ -78,7 +78,7 @@ NO_MODEL = "none"
 
 
 def _ask_model(talk: Dialogue, key: str, question: str, part: RobotPart, default: str) -> str:
-    """Ask for the model of servos that do not report a known one."""
+    """Ask for the model of servos that report none, or an unknown one; return its name."""
     among = [name for name, model in MODELS.items() if (model.protocol == "STS") == (part.driver.name == "feetech")]
     usual = default if default in (NO_MODEL, *among) else among[0]
 
@@ -129,7 +129,7 @@ def _check_new_id(answer: str, taken: Mapping[int, str]) -> bool:
 
 
 def _assign_id(talk: Dialogue, path: str, baud: int, new: int, extra_timeout: float) -> str:
-    """Assign an ID to the single connected servo; return its model, or an empty text on failure."""
+    """Assign the ID ``new`` to the only connected servo; return its model, or an empty text if that failed."""
     try:
         with open_servo_bus(path, baud, extra_timeout) as bus:
             found = list(scan_bus(bus, tuple(dict.fromkeys((baud, *FACTORY_BAUD_RATES))), ids=PROBED_IDS))
@@ -161,7 +161,10 @@ def _write_id(talk: Dialogue, bus: ServoBus, one: ScannedServo, new: int, baud: 
 def find_limits(
     talk: Dialogue, name: str, part: RobotPart, config: RobotConfig, path: str, *, extra_timeout: float = REPLY_TIMEOUT
 ) -> None:
-    """Find the limits of an arm's joints, which the user moves by hand with torque off, if they consent."""
+    """Find the limits of an arm's joints, if the user agrees.
+
+    The torque goes off, and the user moves each joint to both ends by hand.
+    """
     arm = config.sections[name].keys
     if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None or "calibration" in part.section:
         return
@@ -240,7 +243,10 @@ def offer_calibration(talk: Dialogue, arm: str, part: RobotPart, path: str, *, e
 
 
 def adopt_limits(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
-    """Use the limits in calibrated servos whose file is not on this computer. Only reads."""
+    """Take over the limits stored in servos that were calibrated, but whose calibration file is not on this computer.
+
+    Nothing is written to a servo.
+    """
     held = _calibrated_registers(talk, arm, part, path, extra_timeout)
     if not held or "calibration" in part.section:
         return
@@ -261,7 +267,10 @@ def adopt_limits(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_
 def _calibrated_registers(
     talk: Dialogue, arm: str, part: RobotPart, path: str, extra_timeout: float
 ) -> Mapping[int, CalibrationSettings]:
-    """Return the calibration in the servos, by ID; empty for factory settings, and for makes other than Feetech."""
+    """Return the calibration that the servos of an arm store, by servo ID.
+
+    It is empty if the servos have factory settings, or are not from Feetech.
+    """
     if part.driver.keys is not FeetechKeys or not part.units:
         return {}
     found: dict[str, Any] = talk.measure_once(

@@ -35,7 +35,10 @@ MIN_TRAVEL = radians(5)
 
 @dataclass(slots=True)
 class JointTravel:
-    """Range of a joint's servo so far, in steps; ``zero`` is its first position, if that becomes the joint's 0."""
+    """Range of positions (steps) in which a joint's servo has been since the calibration began.
+
+    ``zero`` is its first position, if the joint's angle is to be 0 there; otherwise None.
+    """
 
     joint: Joint
     lowest: int
@@ -51,7 +54,7 @@ class JointTravel:
         self.lowest, self.highest = min(self.lowest, ticks), max(self.highest, ticks)
 
     def range_within(self, margin: float) -> ServoRange | None:
-        """Return the range of the servo, ``margin`` (rad) short of either end; None if the joint hardly moved."""
+        """Return the range of the servo, shortened by ``margin`` (rad) at both ends; None if the joint hardly moved."""
         short = round(margin / self.joint.model.tick)
         if (self.highest - self.lowest) * self.joint.model.tick < MIN_TRAVEL + 2 * margin:
             return None
@@ -144,18 +147,18 @@ def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
 
 
 def _start_travel(bench: OpenBus, joint: Joint, *, zero: bool) -> JointTravel:
-    """Return the travel of a joint, which begins at its present position."""
+    """Return the new travel of a joint, with its present position as the only one so far."""
     ticks = bench.bus.read(joint.address, joint.model.table["present_position"])
     return JointTravel(joint, ticks, ticks, ticks if zero else None)
 
 
 def _travel_degrees(travel: JointTravel) -> float:
-    """Return the travel of a joint from end to end, in degrees."""
+    """Return the angle in degrees between the two ends to which a joint was moved."""
     return degrees((travel.highest - travel.lowest) * travel.joint.model.tick)
 
 
 def _table(found: Iterable[JointTravel], ranges: Mapping[str, ServoRange | None]) -> str:
-    """Return a table of the travel of each joint, relative to its old zero."""
+    """Return a table of the ends to which each joint was moved, in degrees from its old zero."""
     rows = []
     for each in found:
         ends = sorted(degrees(each.joint.angle(ticks)) for ticks in (each.lowest, each.highest))

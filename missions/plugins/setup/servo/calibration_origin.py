@@ -22,13 +22,16 @@ CALIBRATION_REGISTERS = ("position_offset", "min_position", "max_position")
 """Servo registers that a calibration changes."""
 
 NOT_COMPARED = (*CALIBRATION_REGISTERS, "baud")
-"""Servo registers that do not tell servos apart; with a wrong baud rate there would be no reply."""
+"""Servo registers that are not compared to recognise a servo.
+
+A calibration changes them; the baud rate must be right anyway, or the servo would not reply.
+"""
 
 IDENTITY_REGISTERS = ("model_number", "firmware")
 """Servo registers that no setting changes."""
 
 POSITION_TOLERANCE = 60
-"""Steps (5 degrees) by which a joint may be beyond the ends of its calibrated range."""
+"""Distance in steps (60 are 5 degrees) by which a joint may be outside its calibrated range when it is compared."""
 
 MAX_FILE_BYTES = 1_000_000
 """Maximum size in bytes of the file that identifies calibrated servos."""
@@ -58,9 +61,10 @@ def settings_text(settings: RegisterValues) -> str:
 
 
 def load_settings(path: Path) -> RegisterValues:
-    """Return the settings in the file beside a calibration file; empty without a file, as with LeRobot's calibrations.
+    """Return the servo settings stored in the file beside the calibration file ``path``; empty without such a file.
 
-    Raises BadRequest for an unreadable or malformed file, so that damage does not disable the comparison.
+    Calibrations made by LeRobot have no such file. Raises BadRequest for an unreadable or malformed file, so that a
+    damaged file does not skip the comparison.
     """
     file = origin_file(path)
     try:
@@ -101,9 +105,10 @@ def _unreadable_error(file: Path, error: Exception) -> BadRequest:
 
 
 def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path) -> str:
-    """Return a warning if another LeRobot calibration file will no longer match the joints' servos; else an empty text.
+    """Return a warning if the joints' servos now match another LeRobot calibration file, which will no longer fit.
 
-    Raises NoReply, NotConnected, BadRequest.
+    Otherwise return an empty text. ``file`` is the calibration file that will be written to the servos. Raises NoReply,
+    NotConnected, BadRequest.
     """
     held = {
         joint.spec.id: CalibrationSettings(
@@ -135,9 +140,10 @@ def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
 def find_doubts(
     bus: ServoBus, calibrations: Mapping[Joint, MotorCalibration], before: RegisterValues, now: RegisterValues
 ) -> list[str]:
-    """Return a line for each joint whose settings or position do not match the calibration.
+    """Return a line for each joint whose servo may not be the calibrated one.
 
-    Raises NoReply, NotConnected, BadRequest.
+    ``before`` are the settings of the calibrated servos, ``now`` those of the connected ones. A position outside the
+    calibrated range causes a line too. Raises NoReply, NotConnected, BadRequest.
     """
     found = []
     for joint, each in calibrations.items():

@@ -1,4 +1,4 @@
-"""Connections to a servo bus or an arm for terminal commands."""
+"""Opens a servo bus or an arm for the commands of ``mission servo``."""
 
 import re
 import sys
@@ -53,9 +53,10 @@ _ID = re.compile("[0-9]{1,3}")
 
 @dataclass(frozen=True, slots=True)
 class OpenBus:
-    """An open bus, with the joints and groups of the robot file; none without a file.
+    """An open servo bus, with the joints and joint groups of the robot file; without a file it has none.
 
-    ``options`` are the bus options for a hint, each after a space; ``simulated`` means that no arm can fall.
+    ``options`` are the command-line options that select the bus, each after a space, for a command in a hint.
+    ``simulated`` means that no real arm can fall.
     """
 
     bus: ServoBus
@@ -83,10 +84,10 @@ class OpenBus:
         return [self.joint(name) for name in dict.fromkeys(members)]
 
     def servos(self, selector: str) -> list[tuple[ServoAddress, ServoModel]]:
-        """Return the servos of an ID, a joint, a group, or ``all`` joints of the file.
+        """Return the servos that ``selector`` names: an ID, a joint, a group, or ``all`` for all joints of the file.
 
-        The model is read from each servo: it may differ from the file. Raises NoReply, NotConnected, DeviceFault for an
-        unknown model, click.UsageError.
+        The model is read from each servo, since it may differ from the file. Raises NoReply, NotConnected, DeviceFault
+        for an unknown model, click.UsageError for an unknown name.
         """
         if _ID.fullmatch(selector):
             return [self.servo(selector)]
@@ -97,9 +98,9 @@ class OpenBus:
         return self.identify(int(selector) if _ID.fullmatch(selector) else self.joint(selector).spec.id)
 
     def identify(self, servo: int) -> tuple[ServoAddress, ServoModel]:
-        """Return address and model of a servo by its ID. Raises as ``servos``.
+        """Return address and model of the servo with an ID. Raises as ``servos`` does.
 
-        An ID that servos of both protocols have is refused, unless a joint of the robot file has it.
+        If servos of protocols 1.0 and 2.0 both have this ID, it is refused, unless a joint of the robot file has it.
         """
         identities: list[ServoIdentity] = []
         trouble: DriverError | None = None
@@ -131,7 +132,7 @@ class OpenBus:
         )
 
     def find_ping_only(self, selector: str) -> list[ServoAddress]:
-        """Return the selected servos that reply to a ping but not to a read; see ``servos``."""
+        """Return those servos that reply to a ping but not to a read; ``selector`` selects servos as in ``servos``."""
         if _ID.fullmatch(selector):
             meant = [ServoAddress(int(selector), protocol) for protocol in self._candidate_protocols(int(selector))]
         else:
@@ -139,7 +140,7 @@ class OpenBus:
         return [at for at in meant if not self._answers_reads(at) and self.bus.answers_ping(at)]
 
     def _candidate_protocols(self, servo: int) -> list[Protocol]:
-        """Return the protocols to try for an ID: those of its joints in the robot file, else all."""
+        """Return the protocols with which to address a servo ID: those of the joints with this ID, else both."""
         own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
         return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # protocol 2.0 reserves it
 
@@ -153,7 +154,10 @@ class OpenBus:
         return True
 
     def require_sole(self, joint: Joint) -> None:
-        """Raise DeviceFault unless exactly one servo of the file's model has the ID; NoReply, NotConnected."""
+        """Raise DeviceFault unless exactly one servo has the ID of a joint, and its model is that of the robot file.
+
+        Raises NoReply, NotConnected.
+        """
         try:
             require_unique_id(self.bus, joint.address, joint.model.number)
         except DeviceFault as error:
@@ -168,9 +172,9 @@ class OpenBus:
 def open_bus(
     target: ServoTarget, *, reply_timeout: float = VIRTUAL_REPLY_TIMEOUT, framing: Framing | None = None
 ) -> Iterator[OpenBus]:
-    """Open the bus; close it at the end. This writes nothing to a servo.
+    """Yield the open servo bus that ``target`` selects, and close it at the end; nothing is written to a servo.
 
-    ``reply_timeout`` (s) is for virtual servos; ``framing`` overrides the packet code of the robot file. Raises
+    ``reply_timeout`` (s) is that of virtual servos. ``framing`` replaces the packet format in the robot file. Raises
     NotConnected.
     """
     clock = PatientClock() if target.is_virtual else SystemClock()
@@ -237,7 +241,7 @@ def open_arm(target: ServoTarget) -> Iterator[OpenArm]:
 
 @contextmanager
 def open_arms(*targets: ServoTarget) -> Iterator[list[OpenArm]]:
-    """Open several arms as ``open_arm`` does; all are closed at the end, the last one first."""
+    """Open several arms, each as ``open_arm`` does; at the end, close them in the reverse order."""
     for target in targets:
         target.require_joints()
     configs, virtual = [target.config() for target in targets], targets[-1].is_virtual
@@ -283,7 +287,7 @@ def print_status(notice: DeviceStatus) -> None:
 
 
 def pause(seconds: float = POLL_INTERVAL) -> None:
-    """Wait ``seconds``, while a driver works on its own thread."""
+    """Wait ``seconds`` of real time, in which the driver's thread can work."""
     threading.Event().wait(seconds)
 
 
@@ -307,8 +311,8 @@ hold_option = click.option(
 def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: bool) -> None:
     """Print which joints lose torque, and wait until the user holds the arm and presses Enter.
 
-    ``stiff`` tells whether any of them may have torque. Without a terminal, joints must have no torque already, be
-    ``simulated``, or ``yes`` must be set. Raises click.UsageError otherwise, and click.Abort at the end of the input.
+    It does not wait if ``yes`` is set, or the arm is ``simulated``. ``stiff`` means that at least one of the joints may
+    have torque. Raises click.UsageError for stiff joints without a terminal, and click.Abort at the end of the input.
     """
     if yes or simulated or not names:
         return
@@ -323,7 +327,11 @@ def confirm_weak(names: Collection[str], *, simulated: bool, yes: bool) -> None:
 
 
 def _confirm_held(warning: str, *, stiff: bool) -> None:
-    """Wait for Enter of a user who holds the arm. Raises click.UsageError without a terminal, and click.Abort."""
+    """Print a warning, and wait until the user, who then holds the arm, presses Enter.
+
+    Without a terminal, raise click.UsageError if joints may have torque (``stiff``), else return at once. Raises
+    click.Abort at the end of the input.
+    """
     if not sys.stdin.isatty():
         if stiff:
             raise click.UsageError(f"{warning}; confirm with Enter at a terminal, without one with --yes")
@@ -339,9 +347,10 @@ def _confirm_held(warning: str, *, stiff: bool) -> None:
 def wait_for_end(
     clock: Clock, seconds: float | None, wait: Callable[[], object] | None = None
 ) -> Iterator[Callable[[], bool]]:
-    """Yield a function that waits a moment, then returns whether Enter was pressed or the time is up.
+    """Yield a function that waits ``POLL_INTERVAL``, and returns True once the work is to end.
 
-    ``wait`` replaces the wait of ``POLL_INTERVAL``.
+    It is to end when Enter is pressed or, with ``seconds``, when this time is over. ``wait`` is called instead of the
+    wait.
     """
     if seconds is not None:
         end = clock.now() + seconds

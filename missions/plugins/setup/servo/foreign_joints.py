@@ -23,15 +23,18 @@ PAIRED_MESSAGE = (
     "joint '{0}' has two servos ({1} and {2}), which have to turn together: such a joint is not driven here, and one "
     "of them alone would work against the other"
 )
-"""Error message for a joint that is moved by two servos."""
+"""Error message for a joint that is moved by two servos; with the joint's name and the two IDs."""
 
 MAX_SHADOW_ID = 252
-"""Largest valid secondary ID of a Dynamixel; larger values mean none."""
+"""Largest valid secondary ID of a Dynamixel; a larger value in its register means that it has none."""
 
 
 @dataclass
 class ForeignJoints:
-    """Joints of a file of another program by name, and notes; ``calibration`` is LeRobot's file of Feetech servos."""
+    """Joints by name from a file of another program, with notes on anything that was left out.
+
+    ``calibration`` is the path of the file if it is a LeRobot calibration of Feetech servos; otherwise empty.
+    """
 
     joints: dict[str, JointKeys] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -74,7 +77,7 @@ def _read_id(joint: str, part: Mapping[str, Any], word: str) -> int:
 
 
 def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:  # noqa: ARG001
-    """Read the joints of the ArbotiX driver: angles in degrees from ``neutral``, which is a step of the servo."""
+    """Read the joints of the ArbotiX driver: angles in degrees, from ``neutral``, the servo's step at angle 0."""
     for name, part in data["joints"].items():
         if part.get("type", "dynamixel") not in ("dynamixel", "calibrated_dynamixel"):
             found.notes.append(f"joint '{name}' is left out: it is a {part['type']}")
@@ -106,7 +109,10 @@ def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: S
 
 
 def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
-    """Read the motors of an Interbotix arm, with limits in servo steps; two motors of one joint are an error."""
+    """Read the motors of an Interbotix arm, whose limits are in servo steps.
+
+    A joint with two motors raises an error.
+    """
     motors: Mapping[str, Mapping[str, Any]] = data["motors"]
     for word in ("shadows", "sisters"):
         pairs = data.get(word) or {}
@@ -130,7 +136,7 @@ def _texts_in(value: Any) -> Iterator[str]:
 
 
 def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:  # noqa: ARG001
-    """Read servos by register names, as dynamixel_workbench and Interbotix have them."""
+    """Read servos that are described by the names and values of their registers, as in dynamixel_workbench."""
     owners = {_read_id(name, part, "ID"): name for name, part in data.items()}
     for name, part in data.items():
         leader = part.get("Secondary_ID", part.get("Shadow_ID", MAX_SHADOW_ID + 1))
@@ -162,7 +168,10 @@ _LIMIT_KEYS = (("Min_Position_Limit", "Max_Position_Limit"), ("CW_Angle_Limit", 
 
 
 def _ticks(name: str, part: Mapping[str, Any], model: ServoModel) -> Ticks | None:
-    """Return the limits of a servo in steps, as counted without reversal; None without limits."""
+    """Return the limits of a servo in steps; None if the file has no limits.
+
+    The steps are those of a servo that is not reversed by its register Drive_Mode.
+    """
     for words in _LIMIT_KEYS:
         if all(word in part for word in words):
             low, high = (int(_read_number(name, part, word)) for word in words)
@@ -196,4 +205,5 @@ _READERS: Mapping[str, Callable[[ForeignJoints, Path, Any, ServoModel], None]] =
     "workbench": _workbench,
     "lerobot": _lerobot,
 }
-"""Functions that read the joints of a file, by form; files of the form ``ros`` are read by ``ros_joints_of``."""
+"""Functions that read the joints of a file, by the file's form; the form ``ros`` is read by ``ros_joints_of`` instead.
+"""

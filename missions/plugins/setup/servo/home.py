@@ -40,7 +40,12 @@ STEPS_PER_TURN = LAST_STEP + 1
 
 @dataclass(slots=True)
 class HomedServo:
-    """Calibration of a servo, in steps from half a turn; with ``offset`` the middle of its range reads half a turn."""
+    """Measurements for the calibration of a servo, in steps; positions are relative to half a turn.
+
+    ``before`` is the offset that the servo had. With the new ``offset``, the middle of its range reads half a turn.
+    ``lowest`` and ``highest`` are the ends reached so far. ``no_stops`` means that the user says that the joint can
+    turn endlessly.
+    """
 
     joint: Joint
     before: int
@@ -66,7 +71,10 @@ class HomedServo:
         return self.no_stops or self.highest - self.lowest >= STEPS_PER_TURN
 
     def problem(self, margin: int) -> str:
-        """Return the reason why the range of the servo is invalid; empty if it is valid."""
+        """Return the reason why the measured range of the servo cannot be used; empty if it can.
+
+        ``margin`` is the distance in steps that the limits keep from the ends.
+        """
         if self.is_endless:
             return ""
         if self.lowest < -HALF_TURN or self.highest > STEPS_PER_TURN - HALF_TURN:
@@ -85,7 +93,10 @@ class HomedServo:
 
 
 def offset_for(shown: int, before: int) -> int:
-    """Return the offset with which a servo reads half a turn, if it reads ``shown`` with the offset ``before``."""
+    """Return the offset (steps) to set so that the servo reads half a turn at its present position.
+
+    ``shown`` is the position that it reads now, with the offset ``before``.
+    """
     return max((shown + before - HALF_TURN + STEPS_PER_TURN // 2) % STEPS_PER_TURN - STEPS_PER_TURN // 2, -HALF_TURN)
 
 
@@ -192,7 +203,10 @@ def _restore_calibration(bench: OpenBus, file: Path, joints: Sequence[Joint], *,
 
 
 def _confirm_doubts(found: Sequence[str], *, yes: bool) -> None:
-    """Show the doubts about a restore, and ask. Raises DeviceFault with --yes."""
+    """Print the reasons why the servos may not be those of the calibration, and ask whether to restore it anyway.
+
+    Raises DeviceFault with --yes, and click.Abort if the user declines.
+    """
     if not found:
         return
     if yes:
@@ -222,7 +236,11 @@ def _margin_steps(homed: HomedServo, margin: float) -> int:
 def _watch_joints(
     bench: OpenBus, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
 ) -> list[HomedServo]:
-    """Switch torque off, take the middle of each joint, and return the joints' travel until the user ends it."""
+    """Switch torque off, take each joint's present position as its middle, and measure its range by hand.
+
+    The user ends the measurement. Return the measurements. ``endless`` are the joints that the user named as having no
+    stops.
+    """
     for name in endless:
         if bench.joint(name) not in joints:
             raise click.UsageError(f"--no-stops: {name} is not one of the calibrated joints")

@@ -48,7 +48,7 @@ UNSUPPORTED_TYPES = {
 """Types of ROS controllers that cannot be imported, with the reason."""
 
 LEADER_TYPES = ("JointTrajectoryActionController", "TrajectoryActionController")
-"""Types of ROS controllers that lead other controllers; they are left out."""
+"""Types of ROS controllers that only command other controllers; they have no servo, and are left out."""
 
 
 @keys
@@ -63,7 +63,7 @@ class RosKindKeys:
 
 @keys
 class RosMotorKeys:
-    """Keys of a ROS controller that describe its servo, with the steps at the joint's 0 and at its ends."""
+    """Keys of the section ``motor`` of a ROS controller: ID of the servo, and its steps at the joint's 0 and ends."""
 
     id: int = key(low=0)
     init: int = key(low=0)
@@ -101,12 +101,15 @@ OMITTED_KEYS: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_punch",): "compliance",
     ("motor", "acceleration"): "acceleration",
 }
-"""Keys of a ROS controller that robot files lack, and the servo setting that stays unchanged."""
+"""Keys of a ROS controller that are not imported, each with the name of the servo setting that they would change."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosJoints:
-    """Joints of a file of ROS controllers by name, and notes on changed or omitted keys with their positions."""
+    """Joints by name from a file of ROS controllers.
+
+    ``notes`` say which keys were changed or left out, with their positions in the file.
+    """
 
     joints: Mapping[str, JointKeys]
     notes: tuple[Diagnostic, ...]
@@ -146,7 +149,7 @@ class _JointReader:
         self._first_owners: dict[str, str] = {}
 
     def add(self, controller: str, fields: Fields) -> None:
-        """Read one controller."""
+        """Add the joint of one controller, or the errors in its keys."""
         if _is_unsupported(fields) or self._is_leader(fields):
             return
         mistakes = len(fields.diagnostics)
@@ -178,7 +181,7 @@ class _JointReader:
         return False
 
     def _find_errors(self, read: RosControllerKeys) -> Iterator[KeyDiagnostic]:
-        """Yield values that the servo does not support."""
+        """Yield an error for each value of a controller that its servo does not support."""
         for name, most in (("id", max_id(self._model)), ("init", self._model.last_tick)):
             if getattr(read.motor, name) > most:
                 at = ("motor", name)
@@ -196,7 +199,10 @@ class _JointReader:
                 yield KeyDiagnostic(f"{what} belongs to controller '{first}' already", at, about=(at,))
 
     def _clamped_ticks(self, fields: Fields, motor: RosMotorKeys) -> Ticks:
-        """Return the steps at the joint's 0 and ends, clamped to the range of the servo."""
+        """Return the servo's steps at the joint's 0 and at its ends, limited to the range of the servo.
+
+        A value that had to be limited, and a 0 outside of the ends, are noted.
+        """
         for name, written in (("min", motor.min), ("max", motor.max)):
             if written != (found := self._clamp(written)):
                 has = f"an {self._model.name} has 0..{self._model.last_tick}"
@@ -269,9 +275,10 @@ def robot_text(
     arm: str = "arm",
     calibration: str = "",
 ) -> str:
-    """Return the text of a robot file with only an ``arm`` of ``joints``; with a ``calibration`` they are Feetech's.
+    """Return the text of a robot file that has only an ``arm`` with ``joints``.
 
-    Raises InvalidFileError if the result is invalid.
+    With a ``calibration``, which is a file of LeRobot, the servos are Feetech's. Raises InvalidFileError if the result
+    is invalid.
     """
     lines = [
         f"robot: {yaml_word(name)}",
@@ -290,7 +297,7 @@ def robot_text(
 
 
 def _joint_text(joint: JointKeys) -> str:
-    """Return a joint as YAML, in servo steps if it was imported so."""
+    """Return a joint as YAML; its limits are in servo steps if the imported file had steps."""
     if joint.ticks is None and joint.limits is None:
         return flow_mapping({"id": str(joint.id), "model": joint.model})
     if joint.ticks is None:
@@ -371,9 +378,9 @@ def _read_joints(file: Path, model: str | None) -> ForeignJoints:
 
 
 def _add_to_robot(path: Path, found: ForeignJoints, text: str, part: str) -> None:
-    """Add the joints in ``text`` to an arm of a robot file, and nothing else.
+    """Add the joints in ``text`` to the arm ``part`` of a robot file, and change nothing else.
 
-    Raises NotEditableError if that is not possible, click.UsageError if it has no such arm but others.
+    Raises NotEditableError if that is not possible, click.UsageError if the robot has arms, but none of that name.
     """
     require_own(path, "mission servo import JOINTS.yaml --into FILE")
     source = read_source(path)

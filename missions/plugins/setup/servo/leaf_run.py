@@ -36,10 +36,11 @@ def run_leaf(
     *,
     things: Mapping[str, Lookup] = NO_LOOKUPS,
 ) -> tuple[int, L]:
-    """Run a leaf with an ``on`` argument on the arm, and print events; return the exit code, and the leaf.
+    """Run a single leaf on the arm as a mission, and print its events; return the exit code, and the leaf.
 
-    ``arguments`` are those of the leaf as in a mission; ``things`` look up arguments in files. At the end the arm comes
-    to rest as its file says. Raises InvalidFileError for invalid arguments, before anything is opened.
+    ``kind`` is the class of the leaf, which must have an argument ``on``. ``arguments`` are its arguments as in a
+    mission; ``things`` are functions that find the files that arguments name. At the end the arm comes to rest as its
+    file says. Raises InvalidFileError for invalid arguments, before anything is opened.
     """
     arguments = {**arguments, "on": target.arm}
     argument_text = ", ".join(f"{name}: {value}" for name, value in arguments.items())
@@ -59,10 +60,10 @@ def run_plan(
     *,
     on_frame: Callable[[Frame, object], None] = ignore,
 ) -> tuple[Result, Node]:
-    """Run a plan, and print events to ``out`` or stdout; return the result, and the tree.
+    """Run a plan, and print its events to ``out`` or stdout; return the result, and the root node of the tree.
 
-    ``before`` is called after all checks, before anything is opened. ``on_frame`` gets each searched picture, on the
-    camera's thread.
+    ``before`` is called after all checks, before a device is opened. ``on_frame`` is called on the camera's thread with
+    each picture that was searched.
     """
     watcher = RunDisplay(out or sys.stdout)
     runner = Runner(request, listeners=[watcher], plan=plan)

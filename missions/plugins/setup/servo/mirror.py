@@ -1,4 +1,4 @@
-"""``mission servo mirror``: an arm that follows another, which the user moves by hand; each has its own port."""
+"""``mission servo mirror``: make an arm follow another one, which the user moves by hand; each arm has its own port."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -80,9 +80,10 @@ def _limits_of(target: ServoTarget) -> Mapping[str, JointLimits]:
 def couple_joints(
     leader: Mapping[str, JointLimits], follower: Mapping[str, JointLimits], ranged: Sequence[str]
 ) -> list[Coupling]:
-    """Return the couplings of the joints that both arms have by name. Raises click.UsageError without any.
+    """Return how each joint of the follower is to follow the joint of the leader with the same name.
 
-    A joint in ``ranged`` must have a range.
+    The range of a joint in ``ranged`` is mapped from the leader's limits to those of the follower. Raises
+    click.UsageError if no joint is common, or the leader's limits of such a joint are equal.
     """
     fixed = [joint for joint in ranged if joint in leader and joint in follower and not has_range(leader[joint])]
     if fixed:

@@ -26,7 +26,7 @@ CURVE_POINTS = 400
 """Number of points of a plotted curve."""
 
 Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
-"""Times (s) and angles (rad) of each joint in a movement, by joint name."""
+"""Curve of each joint in a movement, by joint name: its times (s) and its angles (rad)."""
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo play greeting --dry-run")
@@ -130,7 +130,7 @@ def _goal_curves(playing: KeyframeMotion) -> Curves:
 
 
 def _measured_curves(samples: Sequence[JointSample], what: str) -> Curves:
-    """Return the recorded ``goal`` or ``position`` of each joint over time."""
+    """Return the curve of each joint of the recorded ``samples``; ``what`` is "goal" or "position"."""
     joints = dict.fromkeys(sample.joint for sample in samples)
     return {
         joint: (

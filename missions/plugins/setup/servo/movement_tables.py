@@ -13,16 +13,17 @@ from drivers.api import Gesture, JointLimits, Keyframe
 from missions.cli.printable import format_columns
 
 MAX_POSE_ROWS = 40
-"""Maximum number of rows of a pose table; more are thinned out evenly."""
+"""Maximum number of rows of a pose table; of a longer movement, evenly spaced rows are shown."""
 
 CSV_COLUMNS = ("time", "joint", "goal", "position", "error")
 """Columns of a played movement as CSV: seconds, a joint name, and radians. One line for each reading of each joint."""
 
 
 def plan_playback(movement: Gesture, limits: Mapping[str, JointLimits], speed: float) -> KeyframeMotion:
-    """Return the playback of a gesture at ``speed`` times its own speed, from its first pose on.
+    """Return the playback of a gesture at ``speed`` times its own speed, starting with its first pose.
 
-    Its joints must be among the ``limits``. The way to the first pose depends on the present pose.
+    ``limits`` must contain all its joints. The motion to the first pose is not included, since it depends on the
+    present pose.
     """
     start: dict[str, float] = {}
     for frame in movement.keyframes:
@@ -34,7 +35,7 @@ def plan_playback(movement: Gesture, limits: Mapping[str, JointLimits], speed: f
 
 
 def pose_table(playing: KeyframeMotion) -> str:
-    """Return the joint angles at the movement's times, in degrees; thinned out if there are many."""
+    """Return a table of the joint angles of a movement, in degrees, with at most about ``MAX_POSE_ROWS`` rows."""
     times = list(dict.fromkeys(playing.times))
     step = max(1, -(-len(times) // MAX_POSE_ROWS))
     shown = times if step == 1 else [*times[:-1:step], times[-1]]

@@ -19,7 +19,10 @@ RETRY_COMMAND = "mission servo calibrate --robot FILE"
 
 @dataclass(frozen=True, slots=True)
 class ServoRange:
-    """Range of a servo in steps; ``zero`` is its position at joint angle 0, None to keep the old one."""
+    """Range of a servo in steps.
+
+    ``zero`` is the position at which the joint's angle is 0; None keeps the old one.
+    """
 
     lowest: int
     highest: int
@@ -27,7 +30,7 @@ class ServoRange:
 
 
 def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
-    """Return the robot file's entry of a joint with measured zero and limits."""
+    """Return the keys of a joint in the robot file, with the measured limits and zero in place of the old ones."""
     model = joint.servo_model
     if joint.ticks is not None:
         low, high = (
@@ -74,7 +77,7 @@ def write_ranges(path: Path, ranges: Mapping[str, ServoRange], part: str = "arm"
 
 
 def _changed_entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
-    """Return the values of a joint to write to a robot file, by their paths of keys within the joint."""
+    """Return the changed values of a joint as text for a robot file, by their key paths within the joint."""
     if old.ticks is not None and new.ticks is not None:
         return {("ticks", key): str(value) for key, value in asdict(new.ticks).items()}
     entries: dict[tuple[str, ...], str] = {} if new.zero == old.zero else {("zero",): quantity_text(new.zero, "angle")}
@@ -89,7 +92,10 @@ def arm_keys(robot: RobotConfig, part: str) -> DynamixelKeys | None:
 
 
 def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
-    """Return whether a new text describes the expected robot: a YAML anchor may be used elsewhere too."""
+    """Return whether the edited text of a robot file means the ``expected`` robot.
+
+    It might mean another one: a YAML anchor in the arm ``part`` may be used elsewhere too.
+    """
     try:
         new = parse_robot(source)
     except InvalidFileError:
@@ -103,7 +109,7 @@ def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
 
 
 def _same_joint(one: JointKeys, other: JointKeys) -> bool:
-    """Return whether two joints are equal, except for rounding to degrees."""
+    """Return whether two joints are equal, except for the rounding of angles in the robot file."""
     angles = ((one.zero, other.zero), (one.lower, other.lower), (one.upper, other.upper))
     near = all(isclose(here, there, abs_tol=radians(0.001)) for here, there in angles)
     return near and replace(one, written_zero=other.written_zero, limits=other.limits) == other

@@ -45,7 +45,7 @@ _UNIT_STEP = re.compile(r"([0-9.]+) (\S+)")
 
 @dataclass(frozen=True, slots=True)
 class JointReport:
-    """State of a joint, None if its servo does not reply; ``remark`` describes faults."""
+    """State of a joint; ``state`` is None if its servo does not reply, ``remark`` describes faults."""
 
     joint: Joint
     state: JointState | None
@@ -53,10 +53,13 @@ class JointReport:
 
 
 class InfoCommand(SharingCommand):
-    """Command whose ``--watch`` takes the next word only if that is a rate, not a joint."""
+    """Command `mission servo info`, whose option ``--watch`` may have a rate, such as 10Hz, or none.
+
+    A word after ``--watch`` is the rate if it begins with a digit; otherwise it is a joint.
+    """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments, after giving a ``--watch`` without a rate its default."""
+        """Parse the arguments; an option ``--watch`` without a rate gets the default rate."""
         following = [*args[1:], ""][: len(args)]
         return super().parse_args(
             ctx,
@@ -147,7 +150,7 @@ def _register_row(model: ServoModel, register: Register, value: int) -> list[str
 
 
 def meaning(model: ServoModel, register: Register, value: int) -> str:
-    """Return a register value in physical units; empty for a plain number or a mask."""
+    """Return the meaning of a register's value, such as "12.0 V"; empty if it is a plain number or a mask."""
     if register.name == "model_number":
         return model.name
     if register.name == "firmware" and register.size == 2:
@@ -268,10 +271,11 @@ def _encode_value(register: str, value: int, model: ServoModel) -> int:
 
 
 def _enable_replies(bench: OpenBus, selector: str, *, yes: bool) -> None:
-    """Make servos reply to reads again that only reply to pings, and cannot be identified before.
+    """Let servos that reply only to pings reply to reads again, by writing their register for replies.
 
-    In protocol 1.0 only Dynamixels can be silent in this way, and all have the register at one address; in 2.0 a ping
-    reports the model. Raises DeviceFault for a shared ID or an unknown model; NoReply for a servo that stays silent.
+    In protocol 1.0 only Dynamixels can be in this state, and all models have the register at the same address. In
+    protocol 2.0 a ping reports the model. Raises DeviceFault for a shared ID or an unknown model, NoReply for a servo
+    that still does not reply.
     """
     for at in bench.find_ping_only(selector):
         _require_one_ping(bench, at)
@@ -295,7 +299,7 @@ def _enable_replies(bench: OpenBus, selector: str, *, yes: bool) -> None:
 
 
 def _require_one_ping(bench: OpenBus, at: ServoAddress) -> None:
-    """Raise DeviceFault if pings show that servos share an ID."""
+    """Raise DeviceFault if the replies to pings show that two servos share the ID."""
     if evidence := duplicate_ping_evidence(bench.bus, at):
         raise DeviceFault(f"two servos with ID {at.id}, or a bad cable: {evidence}", hint=UNPLUG_HINT.format(at.id))
 
@@ -350,7 +354,7 @@ def _turns_torque_off(change: RegisterChange) -> bool:
 
 
 def _change_text(model: ServoModel, change: RegisterChange) -> str:
-    """Return a register change as text, with the meaning of the value."""
+    """Return a register change as text: old and new value, the meaning of the new value, and EEPROM or RAM."""
     meant = meaning(model, change.register, change.after)
     place = "EEPROM" if change.register.eeprom else "RAM"
     return (

@@ -26,7 +26,7 @@ BAUD_RATES = (
 """Baud rates of servos, most common first."""
 
 FACTORY_BAUD_RATES = BAUD_RATES[:2]
-"""Baud rates of new servos: AX and STS have the first, all others the second."""
+"""Baud rates of new servos: models AX and STS have the first one, all others the second."""
 
 HEADINGS = ("id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors")
 
@@ -121,7 +121,7 @@ def _model_text(servo: ScannedServo) -> str:
 
 
 def _firmware_text(servo: ScannedServo) -> str:
-    """Return the firmware version of a servo; that of an STS has two parts."""
+    """Return the firmware version of a servo, "-" if unknown; that of an STS servo has two numbers, such as 3.10."""
     if servo.firmware is None:
         return "-"
     return f"{servo.firmware & 0xFF}.{servo.firmware >> 8}" if servo.address.protocol == "STS" else str(servo.firmware)
@@ -178,7 +178,7 @@ def find_differences(
 
 
 def _no_reply_text(port: str, bauds: Sequence[int]) -> str:
-    """Return the possible causes why no servo replies on a port, most likely first."""
+    """Return an error message with the possible causes, most likely first, why no servo replies on a port."""
     rates = ", ".join(str(rate) for rate in bauds)
     more = [] if len(bauds) >= len(BAUD_RATES) else ["another baud rate: add --all-bauds"]
     causes = [

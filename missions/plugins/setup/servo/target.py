@@ -18,7 +18,7 @@ from missions.cli.origin import robot_file
 from missions.library.drivers import load_robot
 
 DEFAULT_ARM = "arm"
-"""Part name of an arm without a name of its own."""
+"""Name of the arm in a robot file whose only arm has no name of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class ServoTarget:
 
     @property
     def options(self) -> str:
-        """The options that select the servos, as typed, each after a space, for a command in a hint."""
+        """Options that select the same servos, as text for a command in a hint, each after a space."""
         arm = None if self.arm == DEFAULT_ARM else self.arm
         given = (("--robot", self.robot), ("--arm", arm), ("--port", self.port), ("--baud", self.baud))
         typed = [f" {option} {shlex.quote(str(value))}" for option, value in given if value is not None]
@@ -71,7 +71,10 @@ class ServoTarget:
             raise click.UsageError("--port and --simulate cannot be used together")
 
     def require_joints(self) -> None:
-        """Raise click.UsageError if only a port is named: joints come from a robot file or a simulation."""
+        """Raise click.UsageError if the user named only a port.
+
+        A command for joints needs a robot file or a simulation, since a port does not tell the names of the joints.
+        """
         if self.robot is None and not self.is_virtual:
             raise click.UsageError("--port alone names no joints: add --robot with the robot file")
 
