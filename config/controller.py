@@ -52,7 +52,7 @@ class RuleBaseKeys:
     most: object = key(default=None, help="Maximum rate, with `p`, such as `120 deg/s`.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield rows of a table whose length differs from the first row, which names the columns."""
+        """Yield an error for each row of a table whose length differs from the first row, which names the columns."""
         table = self.rules if isinstance(self.rules, Mapping) else {}
         columns = len(next(iter(table.values()), ()))
         for name, row in table.items():
@@ -127,7 +127,10 @@ def replace_words(source: SourceText, changes: Mapping[Mark, str]) -> str:
 
 
 def name_changes(source: SourceText, name: str, summary: str) -> dict[Mark, str]:
-    """Return the new words by position that set name and summary of a controller file, if they fit on their lines."""
+    """Return the new words, by position, that set name and summary of a controller file.
+
+    A name or summary that is written over several lines in the file is left out.
+    """
     top, changes = compose(source), dict[Mark, str]()
     for word, text in zip(DESCRIPTION_KEYS, (name, summary), strict=True):
         node = top.get(word) if isinstance(top, yaml_nodes.Mapping) else None

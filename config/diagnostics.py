@@ -272,7 +272,7 @@ KEY_SYNONYMS: Mapping[str, str] = {
     "cases": "scenarios",
     "behaviours": "behaviors leaves plugins",
 }
-"""Our keys with the names that other programs use for them; a key that its section already has is not replaced."""
+"""Our keys, each with the names that other programs use for it. It is suggested only where our key is missing."""
 
 
 def to_snake_case(word: str) -> str:

@@ -46,7 +46,10 @@ class Fields:
             self.add_error(node.mark, f"{subject} must be a mapping of keys to values, such as 'name: value'", hint)
 
     def add_error(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
-        """Add an error. After an unreadable line, only errors that are ``sure`` are added."""
+        """Add an error. If a line of the file could not be read, other errors may be its consequences, and are dropped.
+
+        Errors that are ``sure`` are added in any case.
+        """
         if sure or not self.torn:
             add_diagnostic(self.diagnostics, Diagnostic(self.source, mark, message, suggestion))
 

@@ -40,7 +40,7 @@ class FleetKeys:
     robots: tuple[str, ...] = key(default=(), help="Names of the robots, so that missing robots are reported.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield endpoints that would be open to the network without certificates."""
+        """Yield an error for each endpoint that would be open to the network without certificates."""
         for word in ("listen", "connect"):
             for number, endpoint in enumerate(getattr(self, word)):
                 if reason := refusal_reason(

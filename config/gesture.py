@@ -124,7 +124,10 @@ class GestureConfig:
 
 
 def load_gesture(path: Path, limits: LimitsByJoint | None = None) -> GestureConfig:
-    """Read a gesture file. Raises InvalidFileError with all errors; with ``limits``, also of angles."""
+    """Read a gesture file.
+
+    Raises InvalidFileError with all errors; with ``limits``, angles beyond them are errors too.
+    """
     return parse_gesture(read_source(path), limits)
 
 

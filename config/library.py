@@ -17,7 +17,7 @@ LISTED_KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "obje
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
-"""Default robot and world of commands."""
+"""Default world of commands. ``DEFAULT_ROBOT`` is their default robot."""
 
 SUFFIXES = (".yaml", ".yml")
 

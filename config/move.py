@@ -107,7 +107,11 @@ class MoveKeys:
 
 @dataclass(frozen=True, slots=True)
 class MoveConfig:
-    """Mapping from a sheet to a movement. ``tab``, ``rate`` (Hz) and ``dead_band`` (rad) are None by default."""
+    """Mapping from a spreadsheet to a movement of joints.
+
+    ``tab`` is the name of the spreadsheet's tab, None for the first. ``rate`` (Hz) and ``dead_band`` (rad) are None if
+    the file does not set them.
+    """
 
     name: str
     summary: str

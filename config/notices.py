@@ -113,7 +113,7 @@ class WebhookKeys:
     headers: Mapping[str, str] = key(default={}, help="Headers, each with the environment variable of its value.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a missing or a double address."""
+        """Yield an error for a missing address, or for two addresses."""
         if bool(self.url) == bool(self.url_from):
             yield KeyDiagnostic("'webhook' needs either 'url' or 'url_from'", hint="url_from: ROBOT_URL")
 
@@ -130,7 +130,7 @@ class MqttKeys:
     password: str = key(default="", help="Environment variable with the password.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a topic with wildcards, and a password without a user."""
+        """Yield an error for a topic with wildcards, and for a password without a user."""
         if any(sign in self.topic for sign in "+#"):
             message = f"'topic' names one topic, without + and #: '{self.topic}'"
             yield KeyDiagnostic(message, ("topic",), hint="home/robot", about=(("topic",),))
@@ -171,7 +171,7 @@ class NoticeKeys:
         return MqttNotice(to.host, to.topic, port, to.tls, to.user, to.password)
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a missing or second channel, a command without a program, and an invalid address."""
+        """Yield an error for no or several channels, for a command without a program, and for an invalid address."""
         if [self.command, self.webhook, self.mqtt].count(None) != 2:
             yield KeyDiagnostic(NO_CHANNEL_ERROR, hint=CHANNELS_HINT)
         if self.command is not None and not "".join(self.command[:1]).strip():

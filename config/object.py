@@ -85,7 +85,6 @@ def read_phrase(text: str) -> ObjectConfig:
 
 
 def _missing_colour_error(words: list[str], text: str) -> str:
-    """Return the error for a phrase without a usable colour."""
     if not words:
         return f"{quoted_value(text)}: which colour? {PHRASE_EXAMPLES}"
     if words[0] in COLOURS:

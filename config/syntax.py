@@ -131,7 +131,8 @@ def _key_above(source: SourceText, number: int) -> Diagnostic | None:
 def _under_dash(source: SourceText, number: int) -> Diagnostic | None:
     """Find a key in the column of the dashes above, which should be indented under the last dash.
 
-    The parser stops at this key or at the next dash; before, the key could belong to the enclosing mapping.
+    The parser reports the error only here or at the next dash, since until then the key could belong to the enclosing
+    mapping.
     """
     line, key = source.line(number), None
     indent = len(line) - len(line.lstrip(" "))

@@ -187,7 +187,8 @@ BASE_UNITS = ("m", "rad", "s", "V", "degC", "kg")
 """Base units from which all other units are derived."""
 
 MAX_POWER = 9
-"""Highest power of a base unit, which bounds products that a mission repeats at every tick."""
+"""Highest power of a base unit: a mission that multiplies a quantity by itself at every tick gets an error beyond it.
+"""
 
 Powers = tuple[int, ...]
 

@@ -195,7 +195,10 @@ class WorldConfig:
         return self.physics.dropouts if self.camera.dropouts is None else self.camera.dropouts
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield items that do not fit, duplicate names and keys, and changes of light out of order."""
+        """Yield an error for each item that does not fit, for duplicate names and keys, and for unordered light.
+
+        Changes of light must be in the order of time.
+        """
         if self.camera.noise is not None and self.grain is not None:
             yield KeyDiagnostic("'noise' is given twice: here and at the top of the file", ("camera", "noise"))
         before = 0.0

@@ -80,7 +80,7 @@ class StandingItem(PlacedItem):
         return sum(self.at[2:])
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a bottom below the floor."""
+        """Yield an error for an item whose bottom is below the floor."""
         if self.bottom < 0.0:
             yield KeyDiagnostic("'at' must be at least 0 m", ("at", 2), about=(("at",),))
 
@@ -121,7 +121,7 @@ class ThingConfig(StandingItem):
         return self.turned or 0.0
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a size or a heading that does not fit the shape."""
+        """Yield an error for a size or a heading that does not fit the shape."""
         yield from super().diagnostics()
         about = (("shape",), ("size",))
         if self.shape == "box" and isinstance(self.size, float):

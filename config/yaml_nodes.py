@@ -1,8 +1,8 @@
 """YAML parser with positions: a small tree of nodes that know their line number and column.
 
-The tree is built from the parser's events with a stack of our own, which bounds depth, aliases and duplicate keys. Only
-``true``, ``false``, ``null`` and numbers are anything but text (the core of YAML 1.2; in 1.1, ``on`` and ``yes`` are
-booleans and ``12:30`` is a number in base 60).
+The tree is built from the parser's events with a stack of our own, which bounds depth, aliases and duplicate keys. All
+words except ``true``, ``false``, ``null`` and numbers are texts, as in the core of YAML 1.2. (In YAML 1.1, ``on`` and
+``yes`` are booleans and ``12:30`` is a number in base 60.)
 """
 
 import math

@@ -99,7 +99,10 @@ def _at(mission: Plan | TreeDrawing, now: Mapping[str, NodeState] | None) -> Tre
 
 
 def _texts(drawing: TreeDrawing, labels: NodeLabels) -> Iterator[tuple[str, list[str]]]:
-    """Yield the key and text lines of each node and modifier; the outermost begins with its case."""
+    """Yield the key and text lines of each node and modifier.
+
+    The first line of a child of a ``switch`` begins with its case.
+    """
     for box in drawing.root.walk():
         said = [(badge.key, [*labels.badge(box, badge)]) for badge in box.badges]
         said.append((box.key, [*labels.box(box)]))

@@ -81,7 +81,7 @@ def value_text(value: object) -> str:
 
 
 def variable_text(event: VariableSet) -> str:
-    """Return the value of a variable event as text; quantities of records (in SI units) get their unit."""
+    """Return the value of a variable event as text. A number is shown with the unit of the event's dimension."""
     value = event.value
     if event.dimension and isinstance(value, int | float) and not isinstance(value, Quantity) and isfinite(value):
         return quantity_text(value, event.dimension)

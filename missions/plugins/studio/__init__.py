@@ -1,1 +1,1 @@
-"""The studio: a page in the browser to see, start, drive and stop robots, and the socket by which a run is reached."""
+"""The studio: a page in the browser to see, start, drive and stop robots, and the web server that serves it."""

@@ -20,7 +20,7 @@ from missions.library.folders import state_folder
 
 ROLE_NAMES = ("operator", "viewer")
 MIN_TOKEN_LENGTH = 24
-"""Minimum length of a token in characters: 18 random bytes."""
+"""Minimum length of a token in characters: 18 random bytes in base64 have this length."""
 
 
 def token_file() -> Path:
@@ -63,17 +63,18 @@ ONCE_TOKEN_LIFETIME = 120.0
 
 @dataclass(frozen=True, slots=True)
 class SignIn:
-    """Sign-in of a browser. Its ``secret`` never leaves the studio: proofs are derived from it.
+    """Sign-in of a browser: its role, and the secret from which the studio computes the proof for each path.
 
-    A browser sends its cookie to every server on the same host name, whatever the port. So the cookie alone opens only
-    the page's files; any other path also needs a proof, which only the page's origin stores.
+    A proof is a query parameter of a link and is valid for one path only. It is needed since a browser sends its cookie
+    to every server on the same host name, whatever the port. So the cookie alone opens only the page's files. Any other
+    path also needs its proof, which the browser stores for this page alone. The ``secret`` never leaves the studio.
     """
 
     role: Role
     secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
 
     def proof(self, path: str) -> str:
-        """Return the proof that opens ``path``, and no other path."""
+        """Return the proof for ``path``: a text that only this sign-in can compute, and that opens no other path."""
         return hmac.digest(self.secret, path.encode("utf-8", "replace"), "sha256").hex()
 
     def is_proved(self, path: str, proof: str) -> bool:
@@ -83,9 +84,9 @@ class SignIn:
 
 @dataclass(slots=True)
 class StudioAccess:
-    """The tokens and the sign-ins of a studio, until the process ends or the tokens are renewed.
+    """Tokens and sign-ins of a studio. All sign-ins end with the process, and when the tokens are renewed.
 
-    ``save`` stores new tokens for later studios; ``epoch`` counts the renewals.
+    ``save`` stores new tokens in a file for later studios, or is None; ``epoch`` counts the renewals.
     """
 
     operator: str = field(default_factory=lambda: secrets.token_urlsafe(24))
@@ -99,7 +100,7 @@ class StudioAccess:
     _wrong_times: dict[str, deque[float]] = field(default_factory=dict)
 
     def by_token(self, token: str, address: str) -> Role | None:
-        """Return the role of a token. A wrong token returns None and counts against ``address``."""
+        """Return the role of a token, or None for a wrong token, which is counted for the client's ``address``."""
         if self._once_digest and hmac.compare_digest(_digest(token), self._once_digest):
             self._once_digest = b""
             if self.clock.now() < self._once_until:
@@ -142,7 +143,10 @@ class StudioAccess:
         return tries is not None and len(tries) >= MAX_WRONG_TOKENS
 
     def sign_in(self, role: Role) -> tuple[str, SignIn]:
-        """Create a sign-in of a role, dropping the oldest beyond the limit; return its cookie value and the sign-in."""
+        """Create a sign-in of a role; return its cookie value and the sign-in.
+
+        If the role then has more than ``MAX_SIGN_INS`` sign-ins, the oldest one ends.
+        """
         value, found = secrets.token_urlsafe(24), SignIn(role)
         same = [digest for digest, each in self._sign_ins.items() if each.role == role]
         for digest in same[: max(0, len(same) + 1 - MAX_SIGN_INS)]:

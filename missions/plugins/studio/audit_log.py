@@ -34,7 +34,10 @@ UNLOGGED_COMMANDS = frozenset(
         "failsafe",
     }
 )
-"""Commands that are not logged: they change nothing, or come 20 times a second. `take` and `give` show the driver."""
+"""Commands that are not logged: they change nothing, or come 20 times a second.
+
+The log shows who drives by the commands `take` and `give`.
+"""
 
 BURST_LINES, REFILL_RATE = 20.0, 0.1
 """Lines of viewers per command: burst, and rate per second, so that a flood cannot displace older lines."""
@@ -77,7 +80,10 @@ class AuditLog:
                 file.write(json.dumps(line | dict(command), ensure_ascii=True) + "\n")
 
     def _count_dropped(self, word: object) -> int | None:
-        """Return the number of lines of this command dropped before this one; None if this one is to be dropped."""
+        """Return the number of lines about the command ``word`` that were dropped before this line.
+
+        Return None if this line is to be dropped too.
+        """
         now = self._clock.now()
         had, since = self._allowed.get(word, (BURST_LINES, now))
         had = min(BURST_LINES, had + (now - since) * REFILL_RATE)

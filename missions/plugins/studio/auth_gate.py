@@ -49,8 +49,8 @@ SIGN_IN_TEXT = (
 class AuthGate:
     """ASGI application that authenticates requests in front of ``app``; ``hosts`` are the host names allowed.
 
-    Numeric addresses and `localhost` names are always allowed: no other page has such a name. An authenticated request
-    has its ``role`` in the scope.
+    Numeric addresses and `localhost` are always allowed: a foreign page cannot have such a name (DNS rebinding). The
+    role of an authenticated request is stored in its scope, as ``role``.
     """
 
     def __init__(self, app: ASGIApp, access: StudioAccess, hosts: Collection[str]) -> None:
@@ -58,7 +58,7 @@ class AuthGate:
         self._hosts = frozenset(host.lower() for host in hosts) | {"localhost"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass an authenticated request on to ``app``; answer any other one."""
+        """Pass an authenticated request on to ``app``; answer all others with an error or a redirection."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -126,7 +126,10 @@ class AuthGate:
         return None
 
     def _redirect_signed_in(self, scope: Scope, query: dict[str, list[str]], role: Role) -> Response:
-        """Return the redirection that replaces a token with a cookie and a proof, so that the history has no token."""
+        """Return a redirection to a link with a proof instead of the token, which so is not in the browser's history.
+
+        The response also sets the cookie of the sign-in, if the browser has none of this role.
+        """
         headers = Headers(scope=scope)
         value = ""
         sign_in = next((each for each in self._sign_ins(headers) if each.role == role), None)
@@ -160,7 +163,7 @@ class AuthGate:
 
 
 def link_to(path: str, sign_in: SignIn | None) -> str:
-    """Return the link to ``path`` with its proof; the browser sends no token. Special characters are quoted."""
+    """Return the link to ``path``, with its proof if there is a sign-in. Special characters are quoted."""
     proof = "" if sign_in is None else f"?{PROOF}={sign_in.proof(path)}"
     return quote(path, safe="/") + proof
 
@@ -193,7 +196,10 @@ def _cookie_name(headers: Headers) -> str:
 
 
 def _cookie_values(header: str, name: str) -> Iterator[str]:
-    """Yield the values of a cookie. Not with ``http.cookies``, which needs 3 s for 15 kB of backslashes."""
+    """Yield the values of a cookie.
+
+    It does not use ``http.cookies``, which takes 3 s for a header with 15 kB of backslashes.
+    """
     for each in header.split(";"):
         found, _, value = each.strip().partition("=")
         if found == name:

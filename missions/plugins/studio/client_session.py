@@ -157,7 +157,7 @@ class ClientSession:
         return True
 
     async def _handle_line(self, line: str) -> None:
-        """Handle one line: run the command or queue it, so that a stop that follows does not wait."""
+        """Read a command and run or queue it, without waiting for its end: a stop may follow at once."""
         try:
             command = read_command(line, commands=COMMANDS)
             if isinstance(command, StopCommand):
@@ -191,7 +191,7 @@ class ClientSession:
         return had >= 1.0
 
     async def _run_and_answer(self, command: ClientCommand, work: Any) -> None:
-        """Run a command of the studio and send its answer."""
+        """Await ``work``, which runs a command of the studio, and send its result or error as the answer."""
         outcome = "ok"
         try:
             result = await work
@@ -287,7 +287,7 @@ class ClientSession:
         hearer.feed.on_seen(hearer, command.t)
 
     async def _pass_on(self, hearer: FeedClient) -> None:
-        """Send the lines of a run at the speed at which this client takes them."""
+        """Send the lines in the queue ``hearer`` to the client, as fast as the client reads them."""
         try:
             async for line in hearer.lines():
                 await self._send_text(line.decode())

@@ -35,7 +35,10 @@ class SpareDescriptors:
 
     @contextmanager
     def lend(self) -> Iterator[None]:
-        """Release the descriptors inside the context. Contexts may overlap; the last one takes them back."""
+        """Release the reserved descriptors while the context is entered.
+
+        If contexts overlap, the last one to end reserves the descriptors again.
+        """
         self._lend_count += 1
         self.close()
         try:
@@ -93,9 +96,9 @@ class AuthLevel(IntEnum):
 
 @dataclass(slots=True, eq=False)
 class ClientConnection:
-    """An accepted connection; ``accepted_at`` in seconds. ``transport`` is None until TLS is established.
+    """An accepted connection. ``accepted_at`` is the time in seconds by the acceptor's clock.
 
-    ``network`` is its address; of IPv6, the first 64 bits.
+    ``transport`` is None until TLS is established. ``network`` is the client's address; of IPv6, the first 64 bits.
     """
 
     raw_socket: socket.socket
@@ -181,7 +184,10 @@ class ConnectionAcceptor:
                 visit.close()
 
     def admit(self, visit: ClientConnection) -> bool:
-        """Return whether there is room for a connection, which is then counted; another one may be closed for it."""
+        """Add the connection ``visit`` if there is room; return whether it was added.
+
+        To make room, an older connection that has not signed in may be closed.
+        """
         self.connections = [each for each in self.connections if each.is_open]
         same = [
             each for each in self.connections if each.network == visit.network and each.auth_level < AuthLevel.SIGNED_IN
@@ -195,7 +201,10 @@ class ConnectionAcceptor:
         return True
 
     def _evict_one(self, among: list[ClientConnection]) -> bool:
-        """Close one connection: from the network with most of them, with the fewest credentials, the oldest."""
+        """Close one connection, unless all have signed in; return whether one was closed.
+
+        Of the connections with the fewest credentials, it closes the oldest one of the network that has most of them.
+        """
         lowest = min((each.auth_level for each in among), default=AuthLevel.SIGNED_IN)
         if lowest is AuthLevel.SIGNED_IN:
             return False
@@ -237,7 +246,10 @@ class ConnectionAcceptor:
 
 
 def network_of(address: tuple[Any, ...]) -> str:
-    """Return the network that limits count as one address: a home or a server has 2**64 addresses of IPv6."""
+    """Return the network of a client's address, which limits treat as one client: of IPv6, the first 64 bits.
+
+    A single home or server has 2**64 IPv6 addresses, so a limit for each address would have no effect.
+    """
     found = ipaddress.ip_address(str(address[0]).partition("%")[0])
     if isinstance(found, ipaddress.IPv4Address):
         return str(found)

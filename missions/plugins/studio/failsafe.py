@@ -1,4 +1,4 @@
-"""Reactions of a base to faults, for the page: simulated step by step with the product's own classes."""
+"""Answers to the command `failsafe`: reactions of a base to faults, simulated with the classes of real bases."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -13,7 +13,7 @@ Json = dict[str, object]
 
 
 def answer_failsafe(command: ClientCommand) -> Json:
-    """Return the answer to `failsafe`. Raises BadMessage for an unknown choice."""
+    """Return the answer to `failsafe`. Raises BadMessage for a field that is not one of the available choices."""
     query = command if isinstance(command, FailsafeQuery) else FailsafeQuery()
     chosen = {name: getattr(query, name) or words[0] for name, words in CHOICES.items()}
     for name, word in chosen.items():

@@ -143,7 +143,7 @@ def keep_tuning(tuning: Mapping[str, Any]) -> dict[str, object]:
 
 @contextmanager
 def _named_errors() -> Iterator[None]:
-    """Raise BadMessage, with the error's name in answers, for other exceptions."""
+    """Convert exceptions of the classes in ``ERROR_NAMES`` to BadMessage, with the error's name and hint."""
     try:
         yield
     except tuple(ERROR_NAMES) as error:

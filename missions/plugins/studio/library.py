@@ -1,4 +1,4 @@
-"""Missions, robots and worlds that the page can start: the catalogue of `mission list` and `mission check`.
+"""Missions, robots and worlds that the studio's page can start, as `mission list` and `mission check` show them.
 
 The studio offers only files of the library, the user's own by name, and files in the folder where it was started. No
 command can name another file.
@@ -123,7 +123,10 @@ FILE_TIMEOUT = 5.0
 """Seconds allowed for one file of a list: a mission of 10,000 steps takes 4."""
 
 LIST_TIMEOUT = 30.0
-"""Seconds of work on one list; its remaining files wait for the next request. The reader ends after twice as many."""
+"""Seconds of work on one list; its remaining files are read at the next request.
+
+It is half of ``WORK_TIMEOUT``, after which the worker process is ended.
+"""
 
 DEPENDENCY_SUFFIXES = (*SUFFIXES, *SHEET_SUFFIXES, ".py")
 """Suffixes of files on which a mission, a robot or a world may depend."""
@@ -147,7 +150,7 @@ def _shipped_files(kind: str) -> Mapping[str, Path]:
 
 
 def _own_files(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mapping[str, Path]:
-    """Return the user's own files of a kind by name; by path if a name is already in ``known`` for another file.
+    """Return the user's own files of a kind by name; by path if the library ``known`` has a file of that name.
 
     An unreadable folder or a faulty defaults file is reported in ``faults``; other files are still listed.
     """
@@ -265,7 +268,10 @@ def _paths_below(place: Path) -> Iterator[Path]:
 
 
 def _edition(paths: Iterable[Path], before: str = "") -> str:
-    """Return a text that changes when one of the files at ``paths`` is added, changed or removed."""
+    """Return a text that changes when one of the files at ``paths`` is added, changed or removed.
+
+    It also changes with the text ``before``.
+    """
     digest = hashlib.sha256(before.encode())
     for path in paths:
         with suppress(OSError):
@@ -275,15 +281,19 @@ def _edition(paths: Iterable[Path], before: str = "") -> str:
 
 
 def _try_behaviours(missions: Iterable[Path]) -> None:
-    """Import the behaviours beside missions once, so that one that hangs costs its time limit once."""
+    """Import the behaviour files beside the missions, once for each folder.
+
+    Without this, a behaviour file that hangs would use up the time limit of every mission in its folder.
+    """
     for beside in {path.parent: path for path in missions}.values():
         load_leaves(behaviour_files_beside(beside), required_files=())
 
 
 def _list_entry(kind: str, name: str, path: Path, edition: str, clock: Clock) -> Json:
-    """Return the list entry of a file, with a time limit of its own; an invalid file's entry shows its errors.
+    """Return the list entry of a file, read within ``FILE_TIMEOUT``; the entry of an invalid file has its errors.
 
-    Files that would begin after ``LIST_TIMEOUT`` by ``clock`` are left for the next request.
+    ``edition`` is a text that changes with the files on which this file depends; an entry of the same edition is
+    cached. A file whose turn comes after ``LIST_TIMEOUT`` by ``clock`` is left unread until the next request.
     """
     key = (kind, name, path, edition)
     if key in _entries:
@@ -320,9 +330,9 @@ _entries: dict[tuple[str, str, Path, str], Json] = {}
 
 
 def _mission_entry(name: str, path: Path, edition: str) -> Json:
-    """Return a mission's list entry, with its errors.
+    """Return the list entry of the mission ``name``, or its name with the errors of its file.
 
-    ``edition`` is that of the files on which it depends; empty for a shipped mission.
+    ``edition`` is a text that changes with the files on which the mission depends; empty for a shipped mission.
     """
     entry = _base_entry("missions", name, path, edition)
     try:
@@ -334,7 +344,10 @@ def _mission_entry(name: str, path: Path, edition: str) -> Json:
 
 
 def _base_entry(kind: str, name: str, path: Path, edition: str) -> Json:
-    """Return the common part of a list entry; a file of the user also has a heading and an edition."""
+    """Return the fields that list entries of all kinds have.
+
+    They are the name and, for a user's own file (one with an ``edition``), its title, path and edition.
+    """
     if not edition:
         return {"name": name}
     title = path.stem

@@ -22,16 +22,16 @@ from missions.trees.value_text import variable_text
 Json = dict[str, object]
 
 CHANGE_TOPICS = ("/nodes", "/feedback", "/variables", "/state/base")
-"""Topics of a record of which every message up to the moment counts."""
+"""Topics of a record with changes: the state at a moment needs all their messages until then."""
 
 LATEST_TOPICS = ("/percepts", "/state/head", "/state/arm", "/state/devices", "/scan")
-"""Topics of a record of which only the latest message counts."""
+"""Topics of a record with complete states: the state at a moment needs only the last message before it."""
 
 PART_FIGURES: Mapping[str, Mapping[str, str]] = {
     "base": {**{name: name for name in ("x", "y", "heading", "speed", "turn")}, "battery": "battery_percent"},
     "head": {"pan": "pan", "tilt": "tilt"},
 }
-"""Values that the answer has for each part of the robot, and their names in recorded messages."""
+"""Fields of each part in the answer to `moment`, with the names of their values in recorded messages."""
 
 
 def answer_moment(command: ClientCommand) -> Json:
@@ -113,7 +113,10 @@ def _scan(message: Mapping[str, Any]) -> list[list[float]]:
 
 
 def _picture(opened: ChunkedRecord, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:
-    """Return the latest picture up to a time in seconds, with its detections."""
+    """Return the latest picture up to a time in seconds, with its detections; None if there is none.
+
+    ``spans`` are the ranges of the record to search, the latest first.
+    """
     for first, last in spans:
         piece = opened.excerpt(first, last)
         frames = [(stamp, jpeg) for stamp, jpeg in piece.frames() if stamp <= time + STAMP_TOLERANCE]

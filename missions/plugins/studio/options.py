@@ -9,7 +9,7 @@ from missions.request import RunOptions
 
 @dataclass(frozen=True, kw_only=True)
 class StudioOptions(RunOptions):
-    """Options of a studio beside a run."""
+    """Option that serves a studio in a process of its own during a run."""
 
     needs_control: ClassVar[bool] = True
 

@@ -14,7 +14,10 @@ from missions.library.folders import runtime_folder
 from missions.plugins.studio.access import ONCE_TOKEN_LIFETIME, StudioAccess
 
 HINT_DELAY = 8.0
-"""Seconds without a browser after which a hint is printed: some browsers cannot read the file."""
+"""Seconds after which a hint is printed if the browser has not opened the page.
+
+Sandboxed browsers (snap, flatpak) cannot read the file that redirects to the page.
+"""
 
 POLL_INTERVAL = 0.1
 """Seconds between two checks whether the browser has opened the page."""

@@ -105,7 +105,7 @@ def messages(piece: RunRecord, topics: frozenset[str], time: float = inf) -> "It
 
 
 def _open_whole(name: str, hint: str) -> RunRecord:
-    """Return a whole record. Raises BadMessage, with ``hint``, if it is too large."""
+    """Open a record to read all of it. Raises BadMessage, with the suggestion ``hint``, if it is too large."""
     path = path_of(name)
     if (size := path.stat().st_size) > MAX_WHOLE_BYTES:
         error_text = (

@@ -22,7 +22,7 @@ from missions.control.sockets import MAX_MESSAGE_BYTES, REPLY_TIMEOUT
 # Connection of the studio to a run's control socket: sends commands, forwards messages unchanged.
 
 OnLine = Callable[[bytes], Awaitable[None]]
-"""Callback for each line of a run. While it waits, the run drops all but the newest state."""
+"""Callback for each line that a run sends. While it waits, the run keeps only its newest state for sending."""
 
 
 async def ignore_line(line: bytes) -> None:
@@ -80,7 +80,7 @@ class AsyncRunLink:
     async def open_another(
         self, on_line: OnLine = ignore_line, on_closed: Callable[[], None] = ignore_end
     ) -> "AsyncRunLink":
-        """Return another connection to the same run, which may have moved. Raises OSError, ValueError.
+        """Return another connection to the same run, even if its control socket has moved. Raises OSError, ValueError.
 
         A run of the same name in another container is refused.
         """
@@ -104,7 +104,10 @@ class AsyncRunLink:
         return self.identity, *(self.about.get(name) for name in members)
 
     def is_connected_to(self, found: FoundProcess) -> bool:
-        """Return whether this connection is to a run that a search has found, also from outside its container."""
+        """Return whether this connection leads to the run ``found``.
+
+        That also holds for a run in a container that was found from outside.
+        """
         is_known = self.identity is not None and self.identity in (found.identity, found.local_identity)
         return is_known or self.where in found.addresses
 
@@ -130,7 +133,11 @@ class AsyncRunLink:
         return self._writer.transport.get_write_buffer_size()
 
     async def stop(self, by: str, press: str) -> Mapping[str, object]:
-        """Stop the run; terminate it if it does not answer. Return its result, with `trouble` if uncertain."""
+        """Stop the run; if it does not answer, terminate it.
+
+        Return its answer, with a text `trouble` if it may not have stopped. ``by`` names the person who stops it.
+        ``press`` identifies the press of STOP, so that it counts once if it arrives twice.
+        """
         for _ in range(STOP_TRIES):
             try:
                 answer = await self.request({"do": "stop", "by": by, "press": press})
@@ -249,7 +256,7 @@ class RunFeed:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def encode_state(self, state: Mapping[str, object]) -> bytes:
-        """Return a state as a line; unchanged if it is forwarded as it arrived."""
+        """Return a state as a line of JSON. The state received last is not encoded again: its own line is returned."""
         return self._line[1] if self._line[0] is state else encode_json(state)
 
     async def watch(self, client: FeedClient, command: WatchCommand) -> None:
@@ -286,7 +293,7 @@ class RunFeed:
             await link.close()
 
     def on_seen(self, client: FeedClient, stamp: float) -> None:
-        """Handle a client's acknowledgement of a picture: the run may send another one."""
+        """Handle a client's acknowledgement of the picture with time ``stamp``; the run may then send another one."""
         client.on_picture_shown(stamp)
         self._acknowledge(stamp)
         if self._picture is not None:
@@ -302,7 +309,7 @@ class RunFeed:
                     await self._request(self._link, watches)
 
     async def _request(self, link: AsyncRunLink, watches: Sequence[WatchCommand]) -> None:
-        """Request from the run the topics of all clients together. Its complete state goes to the waiting client."""
+        """Request from the run all topics that the clients watch; the run answers with its complete state first."""
         self._requested = merge_watches(watches)
         members = {name: getattr(self._requested, name) for name in ("state", "events", "pictures")}
         await link.request({"do": "watch", **members}, SCENE_TIMEOUT)
@@ -312,7 +319,10 @@ class RunFeed:
             self._link.send({"do": "seen", "t": stamp})
 
     def _offer_picture(self, client: FeedClient, stamp: float, line: bytes) -> bool:
-        """Queue a picture for a client if it is due; return whether it was queued."""
+        """Queue the picture taken at ``stamp`` for a client, unless its picture rate forbids it.
+
+        Return whether the picture was queued.
+        """
         wants = client.is_picture_due(self._clock.now())
         if wants:
             client.add_picture(line, stamp, self._clock.now())
@@ -355,7 +365,10 @@ class RunFeed:
             each.send_first(line)
 
     def _on_closed(self) -> None:
-        """Handle the end of the connection: send clients an end if the run has not sent one."""
+        """Handle the end of the connection: end all clients' queues.
+
+        If the run has not sent a final message, each client first gets one.
+        """
         if not self._is_over:
             self._end(
                 encode_message(

@@ -1,4 +1,4 @@
-"""The runs of this machine that the studio finds by their control sockets, and the stop of them."""
+"""Connections of the studio to all runs of this machine, found by their control sockets, to watch and stop them."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Container, Mapping, Sequence
@@ -21,16 +21,16 @@ SEARCH_INTERVAL = 0.25
 """Seconds between two searches for new runs."""
 
 COMMAND_END_TIMEOUT = 0.7
-"""Seconds for which the answer to a stop waits for commands to end."""
+"""Seconds that the answer to a stop waits for commands without a control socket, such as teleop, to end."""
 
 MAX_STOP_THREADS = 32
-"""Maximum number of runs and commands without a connection that are stopped at the same time."""
+"""Maximum number of threads that stop runs and commands to which the studio has no connection."""
 
 RETRY_INTERVAL = 2.0
 """Seconds before a run that could not be reached is tried again."""
 
 UNKNOWN_RUN = "unknown"
-"""Name in place of a run if it is unknown whether there is one."""
+"""Name of an entry in the list of runs if a search has failed, so that there may be a run that was not found."""
 
 MAX_PENDING_PRESSES = 3
 """Maximum number of STOP presses that wait for one run and are sent one by one; all further ones share a stop."""
@@ -76,7 +76,10 @@ class RunHub:
         self._pool.shutdown(wait=False)
 
     def runs(self) -> list[Mapping[str, object]]:
-        """Return the runs as the message `runs` lists them, the newest first."""
+        """Return an entry for each run, the newest first, as in the message `runs`.
+
+        The entry of an unreachable run has a text `trouble`.
+        """
         found = [{**link.about, "run": run} for run, link in self._links.items()]
         found.sort(key=lambda about: float(about.get("began", 0.0)), reverse=True)
         runs: dict[str, Mapping[str, object]] = {
@@ -129,10 +132,12 @@ class RunHub:
         return why, now
 
     async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
-        """Stop a run, or all for an empty name; return the latched stops by run. Raises BadMessage for an unknown run.
+        """Stop a run, or all for an empty name; return the results by run. Raises BadMessage for an unknown run.
 
-        Stopping all also ends the commands that hold a robot and have no control socket, such as teleop. An unreachable
-        run gets SIGTERM. If a search failed, the result has its trouble under ``UNKNOWN_RUN``.
+        ``by`` names the person who stops; ``press`` identifies the press of STOP, so that it counts once if it arrives
+        twice. A result has a text `trouble` if the run may not have stopped. Stopping all also ends the commands that
+        hold a robot and have no control socket, such as teleop. An unreachable run gets SIGTERM. If a search failed,
+        the result of ``UNKNOWN_RUN`` has the reason.
         """
         if run in self._links:
             return await self._stop_connected({run: self._links[run]}, by, press)
@@ -162,7 +167,10 @@ class RunHub:
         return results
 
     async def _stamp_shared(self) -> str:
-        """Store the time of a stop like ``stamp_stop``. Concurrent calls share one stamp and the search after it."""
+        """Store the time of a stop with ``stamp_stop``; return its warning, empty on success.
+
+        Concurrent calls share one.
+        """
         if self._next_stamp is None:
             self._next_stamp = asyncio.ensure_future(self._stamp_next())
         return await asyncio.shield(self._next_stamp)
@@ -182,7 +190,10 @@ class RunHub:
         return await asyncio.to_thread(search_runs)
 
     async def _stop_disconnected(self, lost: Mapping[str, AsyncRunLink], by: str) -> dict[str, Mapping[str, object]]:
-        """Stop runs again whose connection broke during their stop; ended runs count as at rest."""
+        """Stop again the runs in ``lost``, whose connection broke during their stop; return the results by run.
+
+        ``by`` names the person who stops. A run that has ended counts as stopped.
+        """
         found = await self._search_shared()
         retried = await self._stop_unconnected([each for each in found.processes if _is_linked(each, lost)], by)
         merged = dict[str, Mapping[str, object]]()
@@ -201,9 +212,10 @@ class RunHub:
         return dict(zip(links, results, strict=True))
 
     async def _stop(self, link: AsyncRunLink, by: str, press: str) -> Mapping[str, object]:
-        """Stop one run. Calls during a stop share the next one, so that many calls do not fill the connection.
+        """Stop one run; return its answer. Calls that arrive during a stop share the next one.
 
-        Each press of STOP is sent by itself: a shared stop could be released together with an earlier one.
+        So many calls do not fill the connection. But each press of STOP (``press``) is sent by itself: otherwise the
+        release of one press could also release a later one.
         """
         if link not in self._next_stops:
             presses = [press]
@@ -226,7 +238,10 @@ class RunHub:
     async def _stop_unconnected(
         self, others: Sequence[FoundProcess], by: str
     ) -> list[tuple[FoundProcess, Mapping[str, object]]]:
-        """Stop the runs and commands without a connection, each once for all callers; return each result."""
+        """Stop the runs and commands to which the studio has no connection; return each with its result.
+
+        Concurrent calls share one stop of each process.
+        """
         asking = {}
         for each in others:
             if (key := each.key) not in self._stopping:
@@ -307,12 +322,15 @@ def _has_name(found: FoundProcess, run: str) -> bool:
 
 
 def _is_linked(found: FoundProcess, links: Mapping[str, AsyncRunLink]) -> bool:
-    """Return whether one of the connections is to a run."""
+    """Return whether one of the connections ``links`` leads to the run ``found``."""
     return any(_has_name(found, run) and link.is_connected_to(found) for run, link in links.items())
 
 
 def _stop_result(found: FoundProcess, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
-    """Return the result of a stop without a connection; empty if the process had already ended."""
+    """Return the result of ``task``, which stops a process without a connection.
+
+    The result has a text `trouble` if the task is not done or has failed; it is empty if the process had already ended.
+    """
     if not task.done():
         why = f"it has not {'ended' if found.is_command else 'answered'} yet"
         return {"trouble": f"{found.description}: {why}\n  try: {found.end_hint()}"}

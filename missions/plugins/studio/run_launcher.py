@@ -32,7 +32,7 @@ POLL_INTERVAL = 0.05
 """Seconds between two checks for the control socket of a started run."""
 
 RUN_EXIT_CODES = (0, 1)
-"""Exit codes of a run that did run, but ended before its control socket was seen."""
+"""Exit codes of a run that ended normally before its control socket was seen."""
 
 LAST_OUTPUT_TIMEOUT = 3.0
 """Seconds to wait for the last output of a run that has no control socket any more."""
@@ -44,9 +44,10 @@ RUN_COMMAND = (sys.executable, "-m", "missions", "run")
 
 
 def command_arguments(command: StartRun | AddTask) -> Iterator[str]:
-    """Yield the arguments that `mission run` and `mission task add` share. Raises BadMessage without ``sure``.
+    """Yield the arguments that `mission run` and `mission task add` share.
 
-    Each value is joined to its option, so that no value is read as an option; the mission follows ``--``.
+    Each value is joined to its option, so that no value is read as an option; the mission follows ``--``. Raises
+    BadMessage for a real robot unless ``command.sure`` confirms that there is room to move.
     """
     if command.robot and not command.simulate and not command.sure:
         raise BadMessage("not_sure", f"{command.robot} will move: make sure that there is room", "send `sure`")
@@ -75,9 +76,9 @@ class RunLauncher:
         self.stops += 1
 
     async def start(self, request: StartRun, stops: int | None = None) -> Mapping[str, object]:
-        """Start a run, and answer `start` when its control socket exists. Raises BadMessage with the run's own output.
+        """Start a run; return the answer to the command `start` when the run's control socket exists.
 
-        ``stops`` is the number of stops of all runs when it was requested.
+        ``stops`` is the number of stops of all runs when it was requested. Raises BadMessage with the run's own output.
         """
         stops = self.stops if stops is None else stops
         words = [*command_arguments(request), f"--seed={request.seed}"]

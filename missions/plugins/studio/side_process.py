@@ -10,7 +10,7 @@ from missions.cli.session import RunSession
 from missions.plugins.studio.options import StudioOptions
 
 END_TIMEOUT = 5.0
-"""Seconds for the studio to end before it is killed; that stops no run."""
+"""Seconds for the studio to end before it is killed. Its end stops no run, since runs are processes of their own."""
 
 
 @contextmanager

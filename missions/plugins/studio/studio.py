@@ -72,7 +72,11 @@ PERSON_TIMEOUT = 30.0
 async def add_person(
     command: AddPerson, sent_pictures: Sequence[bytes], feed: RunFeed | None = None, robot: str = ""
 ) -> Mapping[str, object]:
-    """Return the answer to `add_person`. Passes ``robot`` on if it is one of the library."""
+    """Return the answer to `add_person`: adds the person in the pictures with `mission person add`.
+
+    The pictures are taken with the camera of the run of ``feed``; if it is None, they are the ``sent_pictures``. The
+    name ``robot`` is passed on to the command if the library ships a robot of this name.
+    """
     try:
         proper_name(command.name)  # an invalid name is reported before any picture is taken
     except PeopleError as error:
@@ -241,7 +245,7 @@ MAX_KEPT_PRESSES = 256
 
 
 class StudioClient(Protocol):
-    """A connected client."""
+    """Client that is connected to the studio, as its session."""
 
     name: str
 
@@ -308,7 +312,11 @@ class Studio:
         return len(self._clients)
 
     async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
-        """Stop a run, or all for an empty name, including starting runs. Raises BadMessage for an unknown run."""
+        """Stop a run, or all for an empty name, starting ones too; return the results by run.
+
+        ``by`` names the person who stops; ``press`` identifies the press of STOP, so that it counts once if it arrives
+        twice. Raises BadMessage for an unknown run.
+        """
         if not run:
             self._launcher.stop()
         return await self.hub.stop(run, by, press)
@@ -324,7 +332,7 @@ class Studio:
         self.audit.write(client.name, role, about, outcome)
 
     async def run_command(self, command: ClientCommand, client: StudioClient) -> Mapping[str, object]:
-        """Run a command that no run answers. Raises BadMessage with the name of the error."""
+        """Run a command that the studio itself answers, not a run; return its answer. Raises BadMessage."""
         if isinstance(command, RevokeLinks):
             return self._revoke(client)
         if isinstance(command, StartRun):

@@ -98,9 +98,9 @@ class ShowPerson(ClientCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AddPerson(ClientCommand):
-    """Add the person in front of a run's camera, alone, or in the pictures sent before.
+    """Add the person in front of a run's camera, or in the pictures sent with `show_person`.
 
-    The rules of `mission person add` apply. Get the person's consent first.
+    The person must be the only one visible. The rules of `mission person add` apply. Get the person's consent first.
     """
 
     word: ClassVar[str] = "add_person"
@@ -120,7 +120,7 @@ class KeepTuning(ClientCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RevokeLinks(ClientCommand):
-    """Replace both links and disconnect everyone else; the parts that they drove stop.
+    """Replace the links of operator and viewer, and disconnect everyone else; the parts that they drove stop.
 
     The answer has the new tokens. The sender's cookie ends too: open the new link.
     """

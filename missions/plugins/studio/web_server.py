@@ -37,7 +37,7 @@ from missions.plugins.studio.studio import PAGE_FOLDER, Studio, page_edition
 # Routes behind the authentication: the page, the websocket, and records as files and reports.
 
 MAX_CLIENTS = 96
-"""Maximum number of websockets; a page has three."""
+"""Maximum number of websockets to the studio. Each open page uses three of them."""
 
 CLOSE_TRY_LATER = 1013
 """Websocket close code if there is no room for a client."""
@@ -48,14 +48,18 @@ VERSION_MARK = 'name="version" content=""'
 REPORT_POLICY = "sandbox allow-scripts; frame-ancestors 'none'"
 """Content security policy of a report: its own inline script in an opaque origin.
 
-To a report, the studio's cookie and websocket belong to another site, whatever the record contains.
+The browser treats a report as a page of another site. So no content of a record can use the cookie or the websocket of
+the studio.
 """
 
 MakeStudio = Callable[[], Studio]
 
 
 def application(make: MakeStudio, access: StudioAccess, *, hosts: Collection[str]) -> ASGIApp:
-    """Return the studio as an ASGI application; ``make`` is called when its event loop runs."""
+    """Return the studio as an ASGI application; ``make`` creates the state of the studio when the event loop runs.
+
+    ``hosts`` are the host names under which the studio is reached.
+    """
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -168,7 +172,7 @@ PING_INTERVAL = 5.0
 """Seconds between two websocket pings, and the time limit for the answer."""
 
 SEND_BUFFER_BYTES = 1 << 17
-"""Bytes in the kernel's send buffer of a client: data that waits there gets old."""
+"""Size of the kernel's send buffer of a client in bytes; small, since data that waits there becomes outdated."""
 
 MAX_HEADER_BYTES = 16 * 1024
 """Maximum size of the headers of a request in bytes."""
@@ -178,7 +182,7 @@ MAX_HEADER_BYTES = 16 * 1024
 class StudioAddress:
     """Address and settings of the studio's server. ``names`` are its host names; ``certificate`` and ``key`` PEM files.
 
-    If there is a pipe ``leash``, the server ends when that closes.
+    ``leash`` is the file descriptor of a pipe, or None: the server ends when the other end of the pipe is closed.
     """
 
     host: str = "127.0.0.1"
@@ -196,7 +200,7 @@ class StudioAddress:
         return "http" if self.certificate is None else "https"
 
     def link(self, token: str, port: int | None = None) -> str:
-        """Return the link that signs in with ``token``."""
+        """Return the link that signs in with ``token``; ``port`` replaces the configured port if it was in use."""
         host = local_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - compared, not bound
         named = f"[{host}]" if ":" in host else host
         return f"{self.scheme}://{named}:{port or self.port}/?token={token}"
@@ -283,7 +287,10 @@ def open_listener(address: StudioAddress) -> socket.socket:
 
 
 def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
-    """Return the configuration of uvicorn. Raises ssl.SSLError or OSError for an invalid certificate."""
+    """Return the configuration of uvicorn; ``make`` creates the state of the studio.
+
+    Raises ssl.SSLError or OSError for an invalid certificate.
+    """
     app = application(make, address.access, hosts=address.names)
     secure: dict[str, Any] = {}
     if address.certificate is not None:
@@ -313,7 +320,10 @@ def uvicorn_config(address: StudioAddress, make: Any) -> uvicorn.Config:
 
 
 def serve(address: StudioAddress, sockets: Sequence[socket.socket], on_started: Any) -> list[int]:
-    """Serve the studio until a signal; call ``on_started`` when ready. Return the ids of started runs that go on."""
+    """Serve the studio on the listening ``sockets`` until a signal; call ``on_started`` when it is ready.
+
+    Return the process ids of the runs that were started from the studio and go on.
+    """
     launcher = RunLauncher(record=address.record)
     reader = FileReader()
     server = StudioServer(

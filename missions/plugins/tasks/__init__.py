@@ -1,1 +1,1 @@
-"""Tasks: missions that wait to be run, in a queue that outlives crashes, and the notices of how they went."""
+"""Tasks: missions that wait to be run, in a queue that outlives crashes, and the notices of their results."""

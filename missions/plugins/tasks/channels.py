@@ -1,4 +1,4 @@
-"""Notice channels of a task: those of its robot file now, or those stored when it was added."""
+"""Selection of the notice channels of a task: those of its robot file, or those that were stored with the task."""
 
 from typing import Protocol
 
@@ -11,7 +11,7 @@ TERMINAL = encode_notice(TerminalNotice())
 
 
 class NotifiedTask(Protocol):
-    """The parts of a ``missions.plugins.tasks.task.Task`` that select its channels."""
+    """Attributes of a ``missions.plugins.tasks.task.Task`` that select its notice channels."""
 
     @property
     def robot(self) -> str:

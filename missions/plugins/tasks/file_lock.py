@@ -51,7 +51,7 @@ def hold_lock(path: Path, *, timeout: float = LOCK_TIMEOUT, clock: Clock | None 
 
 
 def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
-    """Lock an open file, retrying until the timeout."""
+    """Lock the open file with descriptor ``number``, retrying until the timeout. Raises LockHeldError."""
     until, pause = clock.now() + timeout, Event()
     while True:
         try:

@@ -51,7 +51,10 @@ class FleetLatch:
         return ""
 
     def release(self, number: int) -> bool:
-        """Release the stop with this number if it is the last; return whether it was. On OSError the stop holds."""
+        """Release the stop with this number if it is the last one; return whether it was released.
+
+        If the release cannot be stored, OSError is raised and the stop stays latched.
+        """
         with self._lock:
             if number != self.number or not self.by:
                 return False

@@ -56,7 +56,7 @@ Channel = Callable[[Notice], None]
 
 
 def ended_notice(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
-    """Return the notice of an attempt's end, with the ``state`` of the task afterwards."""
+    """Return the notice of the end ``how`` of an attempt; ``state`` is the state of the task afterwards."""
     because, name = f": {reason}" if reason else "", f"{task.name} (task {task.id})"
     match state:
         case "waiting" if how == "interrupted":

@@ -1,4 +1,4 @@
-"""Delivery of notices from the outbox to their channels, on a thread per notice: a dead broker blocks no other."""
+"""Delivery of notices from the outbox to their channels, each on its own thread, so that no channel delays another."""
 
 import sqlite3
 from collections.abc import Callable, Collection
@@ -32,8 +32,8 @@ MAX_NOTICE_AGE, MIN_TRIES = 7 * 24 * 3600.0, 20
 class _ChannelState:
     """Delivery state of a channel: ``failures`` in a row, and ``retry_at``, the time of the next try.
 
-    ``postponed`` has, by notice ID, the time until which other notices may pass that notice; ``is_probing`` is True
-    while one of the others is tried.
+    ``postponed`` maps the ID of a notice to the time until which later notices are tried instead; ``is_probing`` is
+    True while one of these is tried.
     """
 
     failures: int = 0
@@ -106,7 +106,7 @@ POLL_INTERVAL = 0.5
 """Seconds between two checks of the outbox."""
 
 FINAL_FLUSH_TIMEOUT = 5.0
-"""Seconds for which the end waits until all due notices were tried."""
+"""Seconds for which a NoticeSender that ends waits until all due notices were tried once more."""
 
 ABORT_TIMEOUT = 2.0
 """Seconds for a channel to end an aborted delivery."""
@@ -114,10 +114,10 @@ ABORT_TIMEOUT = 2.0
 
 @runtime_checkable
 class AbortableChannel(Protocol):
-    """A channel that would leave something running unless a delivery is aborted."""
+    """Channel whose delivery must be aborted when the sender ends, since it has started a program."""
 
     def abort(self) -> None:
-        """Abort the present delivery, whose call raises. Thread-safe."""
+        """Abort the delivery that is going on: its call raises an exception. Thread-safe."""
         ...
 
 

@@ -54,11 +54,11 @@ class Outbox:
         return None if row is None else _queued_notice(row)
 
     def mark_delivered(self, letter: QueuedNotice, now: float) -> None:
-        """Store that a notice was delivered."""
+        """Store that the notice ``letter`` was delivered."""
         self._connection.execute("UPDATE outbox SET delivered = ? WHERE id = ?", (now, letter.id))
 
     def mark_failed(self, letter: QueuedNotice, error: str) -> None:
-        """Store a failed try with its error."""
+        """Store a failed try to deliver the notice ``letter``, with its error."""
         self._connection.execute("UPDATE outbox SET tries = tries + 1, last_error = ? WHERE id = ?", (error, letter.id))
 
     def give_up(self, channel: str, before: float) -> int:

@@ -41,7 +41,10 @@ _DATE_AND_TIME = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[ T]+([0-9]{1,2}:[0-9]
 
 @dataclass(frozen=True, slots=True)
 class Repetition:
-    """Repetition of a task: every ``period`` seconds; if 0, daily or on a week ``day`` (0 is Monday) at ``at``."""
+    """Repetition of a task: every ``period`` seconds; if 0, at the time of day ``at``, daily or on one day of the week.
+
+    ``day`` is the day of the week (0 is Monday), or None for every day.
+    """
 
     period: float = 0.0
     day: int | None = None
@@ -96,7 +99,7 @@ def next_time(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
 
 
 def limit_ahead(every: Repetition, due: float, now: float, zone: tzinfo) -> float:
-    """Return ``due``, or an earlier time if the clock was set back and ``due`` is too far ahead.
+    """Return ``due``, or an earlier time if ``due`` is more than one repetition ahead since the clock was set back.
 
     The result is no later than the first time of a repetition that begins ``now``.
     """
@@ -174,7 +177,7 @@ _READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
 """SQL condition: a task's pause between attempts is over, or the clock was set back. ?1 is the time, ?2 the pause."""
 
 _MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
-"""SQL condition of missed tasks; the same as ``_is_too_late``."""
+"""SQL condition of missed tasks, with the time as ?1; the same as ``_is_too_late``."""
 
 DOWN_REASON = "the computer or the server went down"
 """Reason of an attempt without an end, found at the start of a server."""
@@ -295,15 +298,16 @@ class TaskQueue:
         return self._execute(sql, now, RETRY_INTERVAL).fetchone() is not None
 
     def finish(self, claim: Claim, outcome: AttemptOutcome, now: float) -> Task:
-        """End an attempt with all its consequences; return the task afterwards.
+        """End an attempt; return the task afterwards.
 
+        In the same transaction it stores the outcome, the new state of the task, its next repetition, and the notices.
         Raises TaskError if the attempt has ended already.
         """
         with self._transaction():
             return self._finish(claim.attempt, outcome, now, pause=0.0 if outcome.stopped else RETRY_INTERVAL)
 
     def recover(self, now: float) -> list[Task]:
-        """End attempts that a previous server left open; return their tasks. Only while nothing runs."""
+        """End the attempts that a previous server left open; return their tasks. Call it only while no task runs."""
         with self._transaction():
             # A task of a fleet needs a new confirmation: another robot may have it by now.
             errands = "SELECT task FROM errand WHERE told = 0"
@@ -359,7 +363,10 @@ class TaskQueue:
                 self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
 
     def _unused_time(self, task: Task, every: Repetition, due: float, now: float) -> float:
-        """Return the first time from ``due`` on that this repetition has not used; the clock may have been set back."""
+        """Return the first time of a repetition, from ``due`` on, for which its series has no task yet.
+
+        If the clock was set back, there may already be tasks for the next times.
+        """
         sql = "SELECT 1 FROM task WHERE series = ? AND due = ? AND id <> ?"
         while self._execute(sql, task.series, due, task.id).fetchone() is not None:
             due = next_time(every, due, now, self._zone)

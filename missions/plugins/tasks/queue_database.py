@@ -86,7 +86,10 @@ LOCK_TIMEOUT = 30.0
 """Seconds to wait for another program that writes."""
 
 MAX_LOG_PAGES = 64
-"""Pages (4 kB) of the log before a checkpoint; its space on a full disk is not available to the file."""
+"""Number of pages (4 kB) of the write-ahead log at which SQLite moves them into the database file.
+
+It is small, since on a full disk the database file cannot use the space that the log occupies.
+"""
 
 MIN_DATABASE_BYTES = 512
 """Size of the smallest SQLite database in bytes."""

@@ -70,7 +70,8 @@ STOP_CHECK_INTERVAL = 0.2
 """Seconds between two checks whether to stop a run."""
 
 STOP_TIMEOUT = 10.0
-"""Seconds for a run to stop safely before it is killed; then its devices stop by themselves."""
+"""Seconds for a run to stop safely after SIGTERM before it is killed; the devices of its robot then stop by themselves.
+"""
 
 RUN_COMMAND = (sys.executable, "-m", "missions", "run")
 
@@ -112,9 +113,10 @@ class RunProcess:
         self._clock = SystemClock() if clock is None else clock
 
     def __call__(self, claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
-        """Run a task to its end; if ``stopping`` or ``say`` raises, stop it safely and re-raise.
+        """Run the task of ``claim`` to its end; ``say`` receives the messages of the mission.
 
-        Raises OSError if no process can be started.
+        If ``stopping`` or ``say`` raises, stop the run safely and raise the exception again. Raises OSError if no
+        process can be started.
         """
         with _make_leash() as leash:
             command = [*self._command, "--json", f"--leash={leash}", *arguments_of(claim.task)]
@@ -149,7 +151,10 @@ class RunProcess:
 def _read_lines(
     process: "subprocess.Popen[bytes]", pipes: ProcessOutput, stopping: Stopping, end: "_Termination"
 ) -> Iterator[tuple[str, bool]]:
-    """Yield each line with True if it comes from the standard output, until the process has ended or was stopped."""
+    """Yield each output line of a process, with True if it comes from the standard output, until the process has ended.
+
+    If ``stopping`` returns True, ``end`` stops the process.
+    """
     over = False
     while not over:
         over = process.poll() is not None
@@ -199,7 +204,10 @@ class _RunOutput:
             self._out(line)
 
     def outcome(self, code: int, killed: str) -> AttemptOutcome:
-        """Return the outcome, given the exit code; without a result, a killed run counts as interrupted."""
+        """Return the outcome of a run, given its exit code; ``killed`` is the reason if the server killed it, or empty.
+
+        Without a result in its output, a run that was killed counts as interrupted, and any other run as an error.
+        """
         if self._result is not None:
             return AttemptOutcome(self._result["result"], _replace_surrogates(self._result.get("reason", "")))
         if killed or code < 0:

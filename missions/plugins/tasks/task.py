@@ -15,7 +15,7 @@ Interrupted = Literal["retry", "give-up"]
 """Policy for an interrupted task, whose progress is unknown."""
 
 Verdict = Literal["done", "again", "failed", "given_up"]
-"""Consequence of an attempt's end; ``given_up``: interrupted too often, or must not be done twice."""
+"""Consequence of an attempt's end. ``given_up``: interrupted too often, or interrupted with the policy "give-up"."""
 
 PRIORITIES = (-100, 100)
 """Lowest and highest priority; the default is 0."""
@@ -25,7 +25,7 @@ DEFAULT_MAX_INTERRUPTIONS = 3
 
 
 class TaskError(Exception):
-    """An invalid request to the queue, with a ``hint`` at the next command."""
+    """Invalid request to the task queue; ``hint`` tells the user the next command to try."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
@@ -45,7 +45,7 @@ class RetryPolicy:
     retries: int = 0
 
     def verdict(self, how: str, failures: int, interruptions: int) -> Verdict:
-        """Return the consequence of an attempt's end, given the previous failures and interruptions.
+        """Return the consequence of an attempt that ended with ``how``, given the previous failures and interruptions.
 
         Used for tasks of a robot's queue and of a fleet.
         """
@@ -98,8 +98,9 @@ class NewTask:
 class Task(NewTask):
     """A task in the queue. ``reason`` explains its state; ``cancelling`` means that it is to be stopped.
 
-    ``attempts`` counts attempts, ``failures`` and ``interruptions`` those that ended so and count for the policy.
-    ``not_before`` is the end of the pause before the next attempt. ``series`` is the first task of a repetition.
+    ``attempts`` counts all attempts; ``failures`` and ``interruptions`` count those that use up the retries of the
+    policy. ``not_before`` is the end of the pause before the next attempt. ``series`` is the first task of a
+    repetition.
     """
 
     id: int

@@ -18,10 +18,11 @@ T = TypeVar("T")
 
 
 class TaskServer:
-    """Runs due tasks in order, one at a time; ``run`` on one thread, ``stop`` from any.
+    """Runs the due tasks of the ``queue`` in order, one at a time.
 
-    No other server may serve the same ``queue``. ``now`` returns Unix time, ``report`` prints a text for people. No
-    task begins while ``is_held`` returns True. ``explain`` describes a database error.
+    ``run`` blocks; ``stop`` may be called on any thread. No other server may serve the same queue. ``work`` runs one
+    task. ``now`` returns Unix time, ``report`` prints a text for people. No task begins while ``is_held`` returns True.
+    ``explain`` returns the text for a database error.
     """
 
     def __init__(

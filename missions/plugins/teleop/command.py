@@ -39,23 +39,24 @@ from missions.plugins.teleop.teaching import PadTeacher
 # The line between a person's keyboard and this program: whether it may be long, and how late it is.
 
 RELAYS: Mapping[str, str] = {"TMUX": "tmux", "STY": "screen", "ZELLIJ": "zellij"}
-"""Environment variables of programs that answer for a remote terminal."""
+"""Terminal multiplexers by an environment variable that shows them; they answer in place of a remote terminal."""
 
 RELAY_PROGRAMS = ("tmux", "screen", "zellij", "mosh-server")
 REMOTE_PROGRAMS = ("sshd", "dropbear", "telnetd", "in.telnetd", "ttyd", "gotty")
 REMOTE_VARIABLES = ("SSH_CONNECTION", "SSH_TTY")
 
 LAST_ANSWERS_TIMEOUT = 0.6
-"""Seconds to wait at the end for answers of the terminal: the shell would take later ones for keys."""
+"""Seconds to wait at the end for the terminal's last answers to queries; the shell would read later ones as keys."""
 
 
 @contextmanager
 def measure_line(
     descriptor: int, clock: Clock, *, allow_unknown: bool = False
 ) -> Iterator[tuple[LineDelay, Callable[[Callable[[float], str]], None]]]:
-    """Yield the delay of the terminal behind ``descriptor``, and a function that waits for its last answers.
+    """Measure the delay of the terminal behind ``descriptor`` while the context is entered.
 
-    With ``allow_unknown``, keys drive even if the delay is unknown.
+    Yield the measurement, and a function to call at the end: it waits for the terminal's last answers, given a function
+    that reads keys. With ``allow_unknown``, keys drive even if the delay is unknown.
     """
     programs = [*ancestors(os.getpid())]
     relay = _find_relay(programs)
@@ -112,7 +113,7 @@ def _has_program(programs: list[str], names: tuple[str, ...]) -> bool:
 
 
 SHOW_INTERVAL = 0.1
-"""Seconds between two updates of the status line: a slow line must keep up."""
+"""Seconds between two updates of the status line: a slow connection could not transmit more."""
 
 
 def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> float:
@@ -271,7 +272,7 @@ def _open_robot(name: str | None, head: str, overrides: Overrides, clock: Clock)
 
 
 def _pause(seconds: float) -> str:
-    """Wait ``seconds``, and return an empty text: without a terminal no key is pressed."""
+    """Wait ``seconds`` and return an empty text, which means no key: used without a terminal."""
     Event().wait(seconds)
     return ""
 

@@ -1,4 +1,4 @@
-"""Teleoperation with keys or a game pad, alone or as takeover of a mission, which waits meanwhile."""
+"""Driving by hand with keys or a game pad: alone, or during a mission, which waits meanwhile."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -21,10 +21,16 @@ from missions.plugins.teleop.pad import Pad
 # for as long as it keeps coming.
 
 KEY_HOLD_TIME = 0.75
-"""Seconds that a key counts as held after it was pressed: auto-repeat starts after up to 0.66 s (the X server's)."""
+"""Seconds for which a key counts as held after its first press: longer than the delay of auto-repeat.
+
+That delay is up to 0.66 s, the default of the X server.
+"""
 
 REPEAT_HOLD_TIME = 0.3
-"""Seconds that a repeating key counts as held: some keyboards repeat only ten times per second, and lines stall."""
+"""Seconds for which a repeating key counts as held after each repeat.
+
+It is longer than the time between two repeats (0.1 s on some keyboards) and than short delays of the connection.
+"""
 
 MAX_REPEAT_INTERVAL = 0.2
 """Seconds between two equal keys that count as auto-repeat; people do not type that fast for long."""
@@ -37,7 +43,10 @@ DRIVE_KEYS: Mapping[str, DriveInput] = MappingProxyType(
         "m": DriveInput(-1, -1), ",": DriveInput(-1, 0), ".": DriveInput(-1, 1),
     }
 )  # fmt: skip
-"""Keys that drive; back to the left turns the base to the right, as in ROS's teleop_twist_keyboard."""
+"""Keys that drive, with their directions: ahead (1) or back (-1), and left (1) or right (-1).
+
+As in ROS's teleop_twist_keyboard, ``m`` (back, to the left) turns the base to the right.
+"""
 
 STOP_KEY = "k"
 END_KEYS = frozenset({"escape", "end"})
@@ -57,7 +66,7 @@ class HeldKeys:
         self._pressed_at = self._held_until = -inf
 
     def press(self, key: str, now: float) -> None:
-        """Process a key pressed at ``now`` seconds. A key that neither drives nor changes speed or gaze stops."""
+        """Process a key pressed at ``now`` seconds. All keys except those for driving, speed and head stop the base."""
         if key in SPEED_KEYS or key in HEAD_KEYS:
             return
         repeats = key == self._key and now - self._pressed_at <= MAX_REPEAT_INTERVAL
@@ -81,27 +90,27 @@ QUERY_INTERVAL = 0.1
 """Seconds between two queries of the terminal's cursor position."""
 
 MAX_OPEN_QUERIES = 8
-"""Maximum queries to a terminal without an answer; more answers would only reach the shell at the end."""
+"""Maximum number of unanswered queries to a terminal. Answers that come after the end would be read by the shell."""
 
 ANSWER_TIMEOUT = 60.0
 """Seconds after which a query to the terminal counts as lost."""
 
 FIRST_ANSWER_TIMEOUT = 12.0
-"""Seconds after which a local terminal counts as one that never answers, so its keys drive.
+"""Seconds after which a local terminal without any answer is assumed never to answer; keys then drive without one.
 
 Longer than the round trip of the slowest line, 5 s each way.
 """
 
 FIRST_ROW = 2
-"""Row of the first query: Shift-F3 looks like an answer of row 1."""
+"""Terminal row of the first query. It is not 1, since an answer with row 1 looks like the key Shift-F3."""
 
 
 class LineDelay:
     """Measures the delay of a terminal by cursor position reports; ``size`` returns its columns and rows.
 
     Each query moves the cursor to its own place, so each answer belongs to one query. ``remote`` is True if the
-    terminal may be on another machine; ``relay`` is a program that answers for it. With ``allow_unknown``, keys drive
-    even if the delay is unknown.
+    terminal may be on another machine. ``relay`` names a program such as tmux that answers in place of the terminal, or
+    is empty. With ``allow_unknown``, keys drive even if the delay is unknown.
     """
 
     def __init__(
@@ -170,7 +179,7 @@ class LineDelay:
 
     @property
     def is_late(self) -> bool:
-        """True if the line has answered, and is too slow."""
+        """True if the terminal has answered, but the query that it answered last was sent too long ago."""
         return self._answered_query_at > -inf and self._clock.now() - self._answered_query_at >= MAX_STATE_AGE
 
     def status_text(self) -> str:
@@ -193,9 +202,9 @@ def drive_by_hand(
     """Let a person drive, with the keys from ``read_key`` or with an open ``pad``, until a key ends it.
 
     ``read_key`` waits for at most the given seconds, and returns an empty text without a key; ``show`` displays a
-    status line. Keys that queued up while the process was suspended (SIGSTOP, a stalled line) do not drive. Keys over a
-    slow ``line`` neither drive nor turn the head; then all keys must be released once. At the end the base is released
-    in any case. Raises NotConnected when the pad disconnects.
+    status line. Keys that queued up while the process was suspended (SIGSTOP, a stalled line) do not drive. While
+    ``line`` reports a delay that is too long, keys neither drive nor turn the head; afterwards the person must first
+    release all keys. At the end the base is released in any case. Raises NotConnected when the pad disconnects.
     """
     hand = HeldKeys() if pad is None else pad
     before, late, refused = clock.now(), False, False
@@ -226,7 +235,10 @@ def drive_by_hand(
 
 
 def _flush_keys(key: str, read_key: Callable[[float], str]) -> str:
-    """Read the queued keys after ``key``; return the one that ends or latches, else STOP_KEY."""
+    """Read the queued keys after ``key``; return the first that ends driving, else LATCH_KEY if there is one.
+
+    Otherwise return STOP_KEY.
+    """
     found = STOP_KEY
     while key and key not in END_KEYS:
         found = LATCH_KEY if LATCH_KEY in (key, found) else STOP_KEY

@@ -25,7 +25,7 @@ SYN_DROPPED = 3
 
 SOUTH, EAST, C, Z, SHOULDER_LEFT, START = 0x130, 0x131, 0x132, 0x135, 0x136, 0x13B
 TRIGGER = 0x120
-"""First button of a joystick, and of a pad in its D mode, which numbers its buttons from here on."""
+"""Event code of the first button of a joystick. A pad in D mode numbers its buttons from this code on."""
 
 BUTTONS = range(0x100, 0x300)
 """Event codes that are buttons of an input device."""
@@ -188,7 +188,7 @@ class PadLayout:
             yield "one axis does two things"
 
     def control_keys(self) -> Mapping[Control, str]:
-        """Return the keys that controls stand for."""
+        """Return the controls that act like a key of the keyboard, with that key: for enable or latch."""
         return {self.enable: ENABLE_KEY, **dict.fromkeys(self.stops, LATCH_KEY)}
 
 
@@ -226,7 +226,7 @@ class PadModel:
 
     @property
     def key(self) -> str:
-        """Key of the model among the taught layouts; wireless and wired pads of a make differ in it."""
+        """Key of the model in the file of taught layouts; a maker's wireless and wired pads have different keys."""
         return f"{self.vendor:04x}:{self.product:04x} {self.name}".strip()
 
     def has_controls(self, layout: PadLayout) -> bool:
@@ -241,7 +241,10 @@ class UnknownPadError(NotConnected):
 
 
 def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout]) -> PadLayout:
-    """Return the layout of a pad: the taught one, else that of its model. Raises UnknownPadError."""
+    """Return the layout of the pad at ``path``: the taught one in ``saved``, else that of its model.
+
+    Without a ``model``, return ``UNIDENTIFIED_LAYOUT``. Raises UnknownPadError.
+    """
     if model is None:
         return UNIDENTIFIED_LAYOUT
     found = saved.get(model.key)
@@ -281,7 +284,7 @@ class PadState:
         self._pressed.clear()
 
     def on_event(self, event: PadEvent) -> str:
-        """Process an event; return the key that it stands for, or an empty text."""
+        """Process an event; return the keyboard key with the same effect, or an empty text."""
         found = ""
         if event.kind == ABS:
             self._values[event.code] = event.value

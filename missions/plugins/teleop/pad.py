@@ -138,7 +138,7 @@ HAT_KEYS: Mapping[tuple[int, int], str] = MappingProxyType(
         (events.HAT_Y, 1): "down",
     }
 )
-"""Keys that the directions of the hat stand for."""
+"""Keyboard keys with the same effect as the directions of the hat, by axis and value."""
 
 PAD_HELP = """\
 hold the left shoulder button and push the left stick; let go of the button to stop
@@ -215,7 +215,10 @@ class Pad:
             os.close(descriptor)
 
     def read_keys(self) -> list[str]:
-        """Return the keys of all events so far, without waiting. Raises NotConnected if the pad has disconnected."""
+        """Return the keyboard keys with the same effect as the events so far, without waiting.
+
+        Raises NotConnected if the pad has disconnected.
+        """
         found: list[str] = []
         while news := self.read_events():
             self._last_event_at = self._clock.now()
@@ -235,7 +238,7 @@ class Pad:
         return events.parse_events(data)
 
     def press(self, key: str, now: float) -> None:
-        """Require a new press of the hold button after the base was latched or enabled."""
+        """Handle a key: after one that latches or enables the base, the hold button must be pressed again."""
         del now
         if key in (LATCH_KEY, ENABLE_KEY):
             self._state.is_held = False
@@ -250,7 +253,7 @@ class Pad:
         return DriveInput(ahead=self._state.deflection(layout.ahead), left=self._state.deflection(layout.left))
 
     def _handle_event(self, event: PadEvent) -> str:
-        """Process an event; return the key that it stands for, or an empty text."""
+        """Process an event; return the keyboard key with the same effect, or an empty text."""
         if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
             self._state.clear()
             return ""
@@ -284,7 +287,7 @@ def make_pad(node: str, clock: Clock) -> Pad:
 
 
 def read_pad_model(descriptor: int) -> PadModel | None:
-    """Read the model of a pad from the kernel; None if it does not know it."""
+    """Read the model of a pad from the kernel; None if the kernel does not know the model."""
     try:
         vendor, product = events.parse_ids(fcntl.ioctl(descriptor, events.ID_REQUEST, bytes(8)))
         name = fcntl.ioctl(descriptor, events.name_request(256), bytes(256)).split(b"\0")[0].decode(errors="replace")
@@ -298,7 +301,7 @@ def read_pad_model(descriptor: int) -> PadModel | None:
 
 
 def find_pads(nodes: Path = Path("/sys/class/input")) -> list[str]:
-    """Return the game pads that are plugged in: first those with named buttons, then those with numbered ones."""
+    """Return the paths of the game pads that are plugged in: those with named buttons first, then all others."""
     found: tuple[list[str], list[str]] = [], []
     for node in sorted(nodes.glob("event*"), key=lambda found: (len(found.name), found.name)):
         with suppress(OSError, ValueError):
@@ -311,7 +314,7 @@ def find_pads(nodes: Path = Path("/sys/class/input")) -> list[str]:
 
 
 def find_pad(nodes: Path = Path("/sys/class/input")) -> str:
-    """Return the first game pad that is plugged in. Raises NotConnected if there is none."""
+    """Return the path of the first game pad that is plugged in. Raises NotConnected if there is none."""
     if found := find_pads(nodes):
         return found[0]
     raise NotConnected("pad: no game pad is plugged in", hint="ls /dev/input  (and name it: --pad /dev/input/eventN)")

@@ -66,7 +66,8 @@ class Movement:
 class PadTeacher:
     """Teaches a layout by questions through ``say`` and events of ``pad``.
 
-    ``ranges`` and ``values`` are those of its axes at the start. ``pause`` waits, and raises if the person ends it.
+    ``ranges`` and ``values`` are the ranges and initial values of the pad's axes. ``pause`` waits some seconds, and
+    raises an exception if the person cancels the teaching.
     """
 
     def __init__(
@@ -160,7 +161,7 @@ class PadTeacher:
         return Control(code, rest, end)
 
     def _stick_of(self, moved: Movement, taken: tuple[int, ...]) -> Stick | str:
-        """Return the axis that was pushed, or an error text."""
+        """Return the axis of the stick that was pushed, or an error text; the axes ``taken`` are already in use."""
         if moved.buttons:
             return "a button, not a stick"
         ranked = sorted(moved.axes.items(), key=lambda each: -each[1][2])
@@ -226,7 +227,10 @@ class PadTeacher:
         return abs(value - other) / (span.most - span.least)
 
     def _is_released(self, code: int, values: list[int]) -> bool:
-        """Return whether an axis is at its start, or at an end: a trigger may have reported its rest only now."""
+        """Return whether an axis is back at its first value, or at an end of its range after a movement over all of it.
+
+        The second case is a trigger: until it first moves, some pads report a wrong rest position.
+        """
         span = self._ranges[code]
         whole = self._share(code, max(values), min(values)) >= 1 - MAX_AXIS_NOISE
         at_end = min(self._share(code, values[-1], end) for end in (span.least, span.most)) <= MAX_AXIS_NOISE
@@ -240,7 +244,7 @@ class PadTeacher:
     # --- the dry run --------------------------------------------------------------------------------------------------
 
     def _dry_run(self, layout: PadLayout) -> None:
-        """Let the person try each control without a robot. Raises TeachingError after too many wrong ones."""
+        """Let the person try each control without a robot. Raises TeachingError after too many wrong controls."""
         state = PadState(layout, self._ranges, DRY_RUN_DEAD_ZONE)
         self._say("now a dry run: nothing moves")
         self._wait_for(state, "hold HOLD and push AHEAD", lambda _: _is_pushed(state, layout.ahead, layout.left))

@@ -1,4 +1,4 @@
-"""Listener that records the events of a run, and converts them to the events that tests name."""
+"""Listener that records the events of a run, in the form in which test files name events."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
@@ -38,7 +38,7 @@ NOTICE_VERBS = {"offline": "disconnects", "online": "reconnects", "fault": "comp
 class NodeRecord:
     """Results of one node of a mission: position in the file, statuses, counts of starts and ends, and failure reasons.
 
-    ``ends`` are its possible ends.
+    ``ends`` are the statuses with which the node can end.
     """
 
     file: str
@@ -90,7 +90,6 @@ class CaseHistory:
         self._velocity = velocity
 
     def __call__(self, event: Event) -> None:
-        """Record one event."""
         self.events.append(event)
         match event:
             case NodeChanged():
@@ -115,11 +114,11 @@ class CaseHistory:
                 pass
 
     def starts(self, name: str) -> int:
-        """Return how often the nodes with this word or name started."""
+        """Return how often nodes started that have ``name`` as their name or as their word, such as ``drive``."""
         return self._count(name, "starts")
 
     def outcomes(self, name: str) -> dict[str, int]:
-        """Return the counts of starts and ends of the nodes with this word or name."""
+        """Return the counts of starts and ends of nodes that have ``name`` as their name or word, such as ``drive``."""
         return {verb: count for verb in ("starts", "succeeds", "fails", "halts") if (count := self._count(name, verb))}
 
     def nodes(self, root: Node, tree: Step) -> tuple[NodeRecord, ...]:

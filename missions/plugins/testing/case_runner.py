@@ -145,7 +145,7 @@ def _result_from_events(events: list[Event]) -> Result | None:
 
 
 def _mission_returns(runner: Runner) -> dict[str, object]:
-    """Return the known results of the mission."""
+    """Return the results of the mission by name; None for a result that could not be computed."""
     found: dict[str, object] = {}
     for name, value in runner.plan.returns.items():
         try:

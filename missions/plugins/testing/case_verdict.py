@@ -62,9 +62,10 @@ def _check_said(expectation: Expectation, history: CaseHistory) -> Iterator[Miss
 
 
 def _check_sequence(did: str, texts: Sequence[str], expectation: Expectation) -> Iterator[Miss]:
-    """Compare expected partial texts with observed texts, in order; no expected text requires none observed.
+    """Yield a miss unless the observed ``texts`` contain the expected partial texts, in order.
 
-    An empty text matches only an empty text.
+    If no text is expected, none may be observed. An expected empty text matches only an empty text. ``did`` is the verb
+    of the message, such as "said".
     """
     if texts and not expectation.items:
         yield expectation.mark, f"it {did} {_quote_list(texts)}"
@@ -84,7 +85,10 @@ def _check_never_said(expectation: Expectation, history: CaseHistory) -> Iterato
 
 
 def _check_heard_by(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Compare each person's expected texts, in order, with the heard ones; an empty list requires none."""
+    """Yield a miss for each person who did not hear the expected texts in order.
+
+    An empty list requires that the person has heard nothing.
+    """
     for item in expectation.items:
         person, texts = item.value
         utterances = history.heard_by.get(person, [])
@@ -94,7 +98,7 @@ def _check_heard_by(expectation: Expectation, history: CaseHistory) -> Iterator[
 
 
 def _check_showed(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
-    """Compare expected texts with the screen's; an empty text matches only a cleared screen."""
+    """Compare the expected texts with those that the screen showed; an empty text matches only a cleared screen."""
     words = history.showed if expectation.items else [text for text in history.showed if text]
     yield from _check_sequence("showed", words, expectation)
 

@@ -20,10 +20,11 @@ NodeError = Callable[[str], str]
 
 @dataclass(frozen=True, slots=True)
 class ObservedEvent:
-    """An event ``time`` seconds after a run's start: an action of a node, part or other source with any of ``names``.
+    """An event of a run, ``time`` seconds after its start: the action ``verb`` of a node, a part or another source.
 
-    ``text`` is an utterance, a failure reason, a part's fault, or a reflex's detail. ``key`` is the node's key in the
-    tree, with a dot appended for events that the node's behaviour caused itself.
+    ``names`` are the names of the source that a test file can use. ``text`` is an utterance, a failure reason, a part's
+    fault, or a reflex's detail. ``key`` is the node's key in the tree, with a dot appended for events that the node's
+    behaviour caused itself.
     """
 
     time: float

@@ -18,12 +18,15 @@ from missions.plugins.testing.event_specs import NodeError, read_event
 from missions.plugins.testing.phrases import Phrase
 
 MAY_BE_EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
-"""Keys of ``expect`` whose list may be empty: the case then expects none of them."""
+"""Keys of ``expect`` whose list may be empty. An empty list requires that the run has no event of this kind."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedItem:
-    """Item of an expectation with its position in the file. ``value`` is the result of the key's reader."""
+    """Item of an expectation with its position in the file.
+
+    ``value`` is the parsed item, as its function in READERS returns it.
+    """
 
     mark: Mark
     value: Any
@@ -51,7 +54,7 @@ class PoseTarget:
 
 @dataclass(frozen=True, slots=True)
 class CaseNames:
-    """Names that a case has for expectations: nodes, results, the robot's joints, the world's people."""
+    """Names that the expectations of a case can use: nodes, results, the robot's joints, the world's people."""
 
     node_error: NodeError
     returns: Sequence[str]
@@ -63,7 +66,7 @@ ReadItems = Callable[[Fields, Node, CaseNames], Iterator[ExpectedItem]]
 
 
 def read_expectations(case: Fields, keys: ExpectKeys | None, names: CaseNames) -> tuple[Expectation, ...]:
-    """Return the section ``expect`` of a case, for the keys that are valid by themselves."""
+    """Return the expectations in the section ``expect`` of a case; keys with an invalid value are skipped."""
     expect, found = case.node_of("expect"), []
     if keys is None or not isinstance(expect, Mapping):
         return ()

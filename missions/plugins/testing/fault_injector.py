@@ -25,9 +25,10 @@ BACKUP_DISTANCE = 0.025
 """Metres that a base with a backup limit backs up: an inch, as users report of a Create 3."""
 
 HAND_VELOCITY = Velocity(0.15, 0.4)
-"""Velocity at which a person drives the base, and the interval in seconds of the commands."""
+"""Velocity (m/s, rad/s) with which a simulated person drives the base."""
 
 HAND_COMMAND_INTERVAL = 0.1
+"""Seconds between two drive commands of a simulated person."""
 
 STOPPED_BY = "a mishap"
 """Name of the source of a simulated stop."""
@@ -58,7 +59,7 @@ def _switch_drive(base: BaseTwin, fault: FaultSpec, now: float, *, on: bool) -> 
 class FaultInjector:
     """Injects faults into the twins of one run. Raises TypeError for a run that is not in simulated time.
 
-    Fault times go on while the run is paused or stopped, so that such a fault can end.
+    The times of faults go on while the run is paused or stopped, so that a fault that pauses the run can end.
     """
 
     def __init__(self, runner: Runner, history: CaseHistory) -> None:

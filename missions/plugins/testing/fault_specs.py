@@ -29,7 +29,7 @@ FAULT_STATES: dict[str, tuple[str, ...]] = {
 """Fault states by kind of part, and of the run itself; other kinds can only be ``UNPLUGGED``."""
 
 RUN = "run"
-"""Name for faults of the tick loop, in place of a part."""
+"""Word that stands in place of a part in a fault of the tick loop: "run stalled"."""
 
 SIDES = ("left", "centre", "right")
 PERMANENT_STATES = ("battery", "overloaded", "turned")
@@ -47,9 +47,9 @@ JOINT_STATES = {
     "silent": "elbow",
     "pushed": "elbow to 30 deg",
 }
-"""Fault states of one arm joint, and their notations.
+"""Fault states of one arm joint, each with an example of its words in a test file.
 
-A stiff joint resists a turn by hand; a push holds the joint there by force.
+``turned`` is a turn by hand, which a stiff joint resists. ``pushed`` holds the joint at an angle by force.
 """
 
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})

@@ -80,7 +80,10 @@ class LiveFaults:
         self._injector: FaultInjector | None = None
 
     def examples_answer(self) -> Mapping[str, object]:
-        """Return the answer to the command `faulty`."""
+        """Return the answer to the command `faulty`: examples of faults that can be injected into this run.
+
+        Outside simulated time, also return the command that runs the same mission in simulated time.
+        """
         found = {"examples": list(examples(self._runner))}
         return found if self._runner.twins else {**found, "command": simulated_command(self._runner.request)}
 

@@ -38,11 +38,11 @@ class MissionRun:
     history: CaseHistory
 
     def starts(self, name: str) -> int:
-        """Return how often the nodes with this word or name started."""
+        """Return how often nodes started that have ``name`` as their name or as their word, such as ``drive``."""
         return self.history.starts(name)
 
     def ends(self, name: str) -> list[str]:
-        """Return the ends of the nodes with this word or name, in order: success or failure."""
+        """Return the ends, in order, of nodes that have ``name`` as their name or word: success or failure."""
         words = {"succeeds": "success", "fails": "failure"}
         found = [each for each in self.history.observed_events if name in each.names]
         return [words[each.verb] for each in found if each.verb in words]

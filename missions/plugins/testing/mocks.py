@@ -122,8 +122,8 @@ FACE_FIELDS = tuple(field.name for field in fields(Face) if field.name not in {"
 class MockSpec:
     """A mock in a test file: its target (see ``matches_step``) and its script.
 
-    ``result`` is the value stored by ``as`` or returned by a mission: quantities in SI units by name, or a phrase. None
-    if the file has none.
+    ``result`` holds the values that a mocked leaf stores with ``as`` or that a mocked mission returns, by name and in
+    SI units. For a leaf that listens it is the phrase heard. It is None if the file gives none.
     """
 
     target: str
@@ -206,7 +206,6 @@ class MockSubstitution:
 
 
 def _mock_leaf(leaf: Leaf, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
-    """Return a mock in place of ``leaf``."""
     # A class of its own, since the claims of a leaf are class attributes.
     own = {"tag": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "output_doc": leaf.output_doc,
            "arguments": leaf.arguments}  # fmt: skip
@@ -243,7 +242,7 @@ def _make_result(mock: Mock, leaf: Leaf, result: Mapping[str, object] | str | No
 
 
 def _make_face(mock: Mock, known: Mapping[str, object]) -> Face:
-    """Return a face seen now with the given fields; the others have default values."""
+    """Return a face seen now with the fields ``known``; its other fields have default values."""
     made_up = {**dict.fromkeys(FACE_FIELDS, 0.0), "id": 1, "distance": 1.5, "name": ""}
     values: dict[str, Any] = {**made_up, **known}
     return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

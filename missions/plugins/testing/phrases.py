@@ -75,14 +75,17 @@ class Phrase:
             self.add_fault(f"{what} cannot be {quoted_value(self.word)}", suggest_from(self.word, known))
 
     def take_quoted(self, what: str) -> str:
-        """Consume a text in double quotes."""
+        """Consume a text in double quotes and return it without them; ``what`` names the text in an error."""
         if len(self.word) >= 2 and self.word[0] == self.word[-1] == '"':
             return self.take()[1:-1]
         self.add_fault(f"{what} needs a text in double quotes", 'such as "Hello"')
         return ""
 
     def take_quantity(self, what: str, dimension: str, *, low: float = 0.0, high: float = math.inf) -> float:
-        """Consume a number with its unit ("2s" or "2 s"); return it in SI units, between ``low`` and ``high``."""
+        """Consume a number with its unit ("2s" or "2 s"); return it in SI units, between ``low`` and ``high``.
+
+        ``what`` names the value in an error.
+        """
         text = self.word
         apart = not re.search(r"[A-Za-z%°]", text) and bool(re.match(r"[A-Za-z%°]", self.following_word))
         apart = apart and self.following_word not in JOINING_WORDS
@@ -99,7 +102,7 @@ class Phrase:
         return value
 
     def take_count(self, what: str) -> int:
-        """Consume a whole number of at least 1."""
+        """Consume a whole number of at least 1 and return it; ``what`` names the number in an error."""
         if not re.fullmatch(r"[1-9][0-9]{0,5}", self.word):
             self.add_fault(f"{what} needs a whole number, got {quoted_value(self.word)}")
             return 1

@@ -1,4 +1,4 @@
-"""Reports of verdicts: text, coverage, coverage page, JSON and JUnit XML."""
+"""Reports of test cases: text, coverage, coverage page, JSON and JUnit XML."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

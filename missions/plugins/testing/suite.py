@@ -103,7 +103,6 @@ def _read_phrase(fields: Fields, node: Node, key: Scalar, setting: CaseSetting) 
 
 
 def _mocked_steps(key: Scalar, setting: CaseSetting) -> list[Step]:
-    """Return the steps that a mock replaces."""
     return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if matches_step(key.text, step)]
 
 
@@ -240,7 +239,7 @@ def read_suite(
 
 
 def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], context: SuiteContext) -> Case:
-    """Read the keys of a case; skip those with errors at the places ``wrong``."""
+    """Return a case, read from its keys; keys whose places are in ``wrong`` have an error already and are skipped."""
     fields = Fields(suite.source, node, [], subject="a case")
     fields.diagnostics, fields.wrong_places = suite.diagnostics, wrong
     setting = context.read_setting(fields, keys)

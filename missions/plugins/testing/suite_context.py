@@ -60,7 +60,7 @@ class CaseSetting:
         )
 
     def steps(self, name: str) -> list[Step]:
-        """Return the mission's steps with this word or name; modifiers are not steps of their own."""
+        """Return the steps of the mission that have ``name`` as their name or word, such as ``drive``; no modifiers."""
         tree = () if self.plan is None else self.plan.tree.walk()
         return [step for step in tree if name in (step.kind, step.name) and step.kind not in MODIFIERS]
 
@@ -83,7 +83,10 @@ class SuiteContext:
     behaviours: Sequence[Path] = ()
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
     robot: str | None = None
-    """Default robot and world of the cases: those of `mission run`; in shipped tests, fixed ones."""
+    """Default robot of the cases; None for that of `mission run`. Shipped tests name a robot.
+
+    The same holds for ``world``.
+    """
     world: str | None = None
     plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)
     """Valid mission plans by robot and params, shared by the cases."""

@@ -37,8 +37,9 @@ def run_parallel(
 ) -> Generator[R, None, None]:
     """Call ``work`` for each of ``items`` in up to ``jobs`` processes; yield each result when it is ready.
 
-    When the generator is closed or interrupted, all work ends at once. Work that ends its process also takes down work
-    of other processes; all of it is repeated, each alone, to find the cause, whose result is ``on_lost(item)``.
+    When the generator is closed or interrupted, all work ends at once. If one process dies, the unfinished work of all
+    processes is lost. It is then repeated, each item in a process of its own. For an item whose process dies again, the
+    result is ``on_lost(item)``.
     """
     lost: list[T] = []
     others = active_children()
@@ -84,7 +85,7 @@ def _prepare() -> None:
 
 @contextmanager
 def _ignore_interrupts() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C inside the context: this process ends them."""
+    """Make processes that are started in the context ignore Ctrl-C: this process handles it, and ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -27,7 +27,7 @@ MAX_COUNT = 3
 """Largest whole number that is kept exactly, so that a counting mission has finitely many states."""
 
 MIN_UNBOUNDED_ROUNDS = 2
-"""Minimum rounds of a count beyond MAX_COUNT; the number of further rounds is a choice."""
+"""Minimum rounds of a loop that has more than MAX_COUNT rounds. Beyond the minimum, each further round is a choice."""
 
 MAX_TEXT_LENGTH = 20
 """Maximum length of a text that is kept exactly, in characters."""
@@ -218,7 +218,8 @@ def widen(found: object) -> object:
 def may_fail(value: Value) -> bool:
     """Return whether computing a value can raise. A conversion can, except to a truth value.
 
-    Variables follow the rules of ``check``. Sensor data may be missing, which ``==``, ``not``, ``and``, ``or`` accept.
+    For variables, the rules are those of `mission check`. Sensor data may be missing, which is no error only for
+    ``==``, ``not``, ``and`` and ``or``.
     """
     formula = value.template
     if formula is None:

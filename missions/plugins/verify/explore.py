@@ -23,7 +23,7 @@ MAX_TIMED_VARIANTS = 10
 
 
 MAX_TRANSITIONS_PER_STATE = 40
-"""Transitions allowed per state of the bound: many parallel leaves give each state many transitions."""
+"""Limit on transitions, as a multiple of the bound on states: many parallel leaves give each state many transitions."""
 
 
 @dataclass(slots=True)
@@ -47,7 +47,10 @@ class ExploredState:
 
 @dataclass(frozen=True, slots=True)
 class FirstViolation:
-    """First violation of a rule: by a step from the state ``place`` with this script; a halt if ``halted``."""
+    """First violation of a rule: in the step from the state number ``place`` with the choices ``script``.
+
+    The step is a halt if ``halted``, otherwise a tick.
+    """
 
     violation: Violation
     place: int
@@ -268,7 +271,10 @@ PROVED, REFUTED, UNDECIDED = "proved", "refuted", "not decided"
 
 @dataclass(frozen=True, slots=True)
 class RuleFinding:
-    """Position of a broken rule, and a shortest trace to it; without a trace for a behaviour that no run shows."""
+    """Position of a broken rule, and a shortest trace to it.
+
+    There is no trace if the rule demands something that happens in no run, such as that a node is reached.
+    """
 
     fault: Diagnostic
     run: RunTrace | None = None
@@ -276,7 +282,7 @@ class RuleFinding:
 
 @dataclass(frozen=True, slots=True)
 class RuleVerdict:
-    """Verdict on one rule; for an undecided rule, ``so_far`` describes the certain part."""
+    """Verdict on one rule. If it is undecided, ``so_far`` describes the result for the part that was explored."""
 
     rule: str
     outcome: str

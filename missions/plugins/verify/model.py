@@ -99,7 +99,6 @@ def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: fro
 
 
 def _reads_sensor(value: Value) -> bool:
-    """Return whether a value depends on sensor data."""
     return value.template is not None and any(map(reads_sensor, value.template.reads))
 
 
@@ -240,7 +239,10 @@ def _reducible_leaf(node: Node, observed: frozenset[Node]) -> StandIn | None:
 
 
 def _is_independent(child: Node, leaf: StandIn) -> bool:
-    """Return whether a leaf stores nothing, stops at once, and may both run on and end with ``child`` succeeding."""
+    """Return whether a leaf stores nothing, stops at once, and can both keep running and end.
+
+    Its end must be one with which ``child``, the leaf with its modifiers, succeeds.
+    """
     statuses = {outcome.status for outcome in leaf.outcomes}
     if leaf.sensor:  # it fails by itself when the sensor is silent for too long
         return False
@@ -401,7 +403,10 @@ class MissionModel:
 
 
 class Shuffler(Random):
-    """Random source of random composites: a choice among all orders, if there are few; otherwise among some."""
+    """Random source of random composites: the oracle of the exploration chooses the order of the children.
+
+    It chooses among all orders, or among some if there are more than ``MAX_ORDERED_CHILDREN`` children.
+    """
 
     def __init__(self, oracle: Oracle) -> None:
         super().__init__(0)
@@ -409,7 +414,7 @@ class Shuffler(Random):
         self.is_sampled = False
 
     def shuffle(self, x: MutableSequence[Any]) -> None:
-        """Reorder ``x`` in place; the order is a choice."""
+        """Reorder ``x`` in place, in an order that the oracle of the exploration chooses."""
         before = list(x)
         if len(before) <= MAX_ORDERED_CHILDREN:
             orders = [list(order) for order in permutations(before)]

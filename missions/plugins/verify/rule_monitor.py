@@ -93,7 +93,6 @@ def _nodes_named(name: str, nodes: Sequence[Node]) -> list[Node]:
 
 
 def _leaves_named(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:
-    """Return the leaves of a name."""
     named = _nodes_named(name, nodes)
     return frozenset(
         leaf
@@ -141,12 +140,13 @@ class Monitor(Protocol):
 
 @dataclass
 class RuleMonitor:
-    """Monitors one step, given the past: memory of the monitors, and actuators left moving.
+    """Monitors one step of an exploration, given the past: memory of the property monitors, and actuators left moving.
 
     ``rounds`` are the nodes under a ``repeat: forever``; the success of one sets ``completed_round``. ``timed_nodes``
-    are the nodes that wait for a time, with the status that shows its end; ``expired`` those that ever reached it.
-    ``reached`` are the nodes reached by any run while all sensors report. ``reads`` has the variables that nodes need
-    at their start. ``stand_ins`` caches the classes of leaves.
+    are the nodes that wait for a time, each with the status that it has when the time is over; ``expired`` are those of
+    them whose time was over in any run. ``reached`` are the nodes reached by any run while all sensors report.
+    ``reads`` has, for each node, the variables that must be set when it starts. ``stand_ins`` caches the classes of
+    leaves.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -231,7 +231,7 @@ class RuleMonitor:
         self.moving |= leaf.drives
 
     def add_violation(self, leaf: "StandIn", message: str) -> None:
-        """Add a violation: a leaf that was not started and ended exactly once each."""
+        """Record a violation of the rule that a leaf is stopped once after each start; ``message`` describes it."""
         self.violations.append(Violation(REST_AFTER_END, f"{leaf.label} {message}", leaf))
 
     # --- after the step -----------------------------------------------------------------------------------------------

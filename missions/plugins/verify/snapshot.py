@@ -1,4 +1,4 @@
-"""Snapshots of nodes and variables: hashable, and equal if the future is equal."""
+"""Snapshots of a model's nodes and variables: hashable, and equal if the model goes on in the same way."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -78,9 +78,9 @@ class Snapshots:
         ] = []  # by row number: plain values, and instants
 
     def take(self) -> tuple[Rows, dict[int, float]]:
-        """Return the rows, and the zone indices of the instants in them, in the order of their numbers.
+        """Return the rows of all nodes, and the instants in the rows, each with the longest wait from it in seconds.
 
-        Each instant maps to the longest wait from it, in seconds.
+        An instant is given by its index in the zone. A row refers to an instant by its place in the returned mapping.
         """
         instants: dict[int, float] = {}
         running: list[bool] = []
@@ -101,7 +101,10 @@ class Snapshots:
         return tuple(rows), instants
 
     def _row(self, part: NodeFields, place: int, instants: dict[int, float], *, runs: bool) -> int:
-        """Return the number of a node's present row."""
+        """Return the number of a node's present row; ``place`` is the index of the node's status.
+
+        ``runs`` tells whether the node runs. Instants in the row are added to ``instants``.
+        """
         node = part.node
         row: list[object] = [place]
         for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
@@ -130,7 +133,10 @@ class Snapshots:
 
 
 def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the attributes declared by a class and its bases: for one run, and beyond a run."""
+    """Return the names of the attributes that a class and its bases declare as their state.
+
+    The first set is reset when the node ends (``run_state``), the second lasts beyond that (``lasting_state``).
+    """
     declared = [vars(each) for each in kind.__mro__]
     running, lasting = (
         frozenset().union(*(each.get(name, ()) for each in declared)) for name in ("run_state", "lasting_state")
@@ -146,12 +152,18 @@ def _status_index(status: Status) -> int:
 
 
 def _recomputes_result(node: Node) -> bool:
-    """Return whether a leaf computes its result at each tick before it is read, like all leaves that stop at once."""
+    """Return whether a leaf computes its result again at each tick, so that its old result has no effect.
+
+    All leaves that stop at once do so.
+    """
     return isinstance(node, StandIn) and not node.lingers
 
 
 def _row_value(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
-    """Return a value in a row: instants by number, counts capped where larger ones have the same effect."""
+    """Return a value as a row stores it: instants by their numbers, and counts only up to a maximum.
+
+    Counts above the maximum have the same effect as the maximum.
+    """
     if isinstance(value, Instant):
         wait = _wait_seconds(node, name)
         if wait is None:
@@ -170,8 +182,9 @@ def _row_value(value: object, node: Node, name: str, instants: dict[int, float])
 def _wait_seconds(node: Node, name: str) -> float | None:
     """Return how long ``node`` waits from a stored instant on; None if that is known only at its start.
 
-    A suspended node waits for the sensor timeout, and so does a timeout that gave up. Other modifiers wait for their
-    setting, which they drop at rest even during a cooldown; a leaf stores the end of its wait itself.
+    A suspended node waits for the sensor timeout. After a `timeout` around a suspended node has failed, its wait is
+    ``MAX_RETICK_INTERVAL``. Other modifiers wait for the duration in the mission. A leaf stores the end of its wait, so
+    the result for a leaf is 0.
     """
     if name == "_silent_since":
         return node.run.sensor_timeout
@@ -189,7 +202,7 @@ def _rounds(node: RetryModifier | RepeatModifier | ForEach) -> object:
 
 
 def _max_count(node: RetryModifier | RepeatModifier | ForEach) -> int:
-    """Return the largest count that must be distinguished."""
+    """Return the largest number of rounds that a state stores: larger numbers have the same effect."""
     rounds = _rounds(node)
     return rounds.min_rounds if isinstance(rounds, UnboundedCount) else 0
 

@@ -38,8 +38,8 @@ FIXED_STATUSES = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
 class StandIn(Leaf):
     """Leaf that may run, succeed or fail, as listed in ``outcomes``; it has the claims of the real leaf.
 
-    If ``merges_ends``, it never fails, since failure has the same effect as success; with a ``leader``, it runs as long
-    as that (see missions.plugins.verify.model).
+    If ``merges_ends``, it never fails, since failure would have the same effect as success. With a ``leader``, another
+    stand-in, it runs while the leader runs and ends in the same tick (see missions.plugins.verify.model).
     """
 
     run_state: ClassVar[tuple[str, ...]] = ("live",)

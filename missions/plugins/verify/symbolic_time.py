@@ -155,7 +155,6 @@ class Instant(float):
     offset: float
 
     def __new__(cls, timing: SymbolicClock, place: int, offset: float = 0.0) -> Self:
-        """Create an instant; a float takes its value at creation."""
         instant = super().__new__(cls, 0.0)
         instant.timing, instant.place, instant.offset = timing, place, offset
         return instant
@@ -184,7 +183,6 @@ class SymbolicDuration(float):
     more: float
 
     def __new__(cls, timing: SymbolicClock, later: int, earlier: int, more: float) -> Self:
-        """Create a duration; a float takes its value at creation."""
         duration = super().__new__(cls, 0.0)
         duration.timing, duration.later, duration.earlier, duration.more = timing, later, earlier, more
         return duration

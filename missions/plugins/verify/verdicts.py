@@ -245,7 +245,6 @@ def _seconds(step: Step) -> float | None:
 
 
 def _steps_by_key(step: Step, key: str) -> Iterable[tuple[str, Step]]:
-    """Return the steps by the keys of their nodes."""
     yield key, step
     for place, child in enumerate(step.children, start=1):
         yield from _steps_by_key(child, f"{key}.{place}")

@@ -1,4 +1,4 @@
-"""Terminal application of the view: shows messages of a run, and sends orders for keys."""
+"""Terminal application of the view: shows the messages of a run, and sends a command when the user presses a key."""
 
 import json
 from asyncio import StreamReader
@@ -36,7 +36,7 @@ OrderSender = Callable[[str], None]
 class ViewApp(App[None]):
     """Shows the messages from ``messages`` until they end.
 
-    ``send`` sends orders. With ``plain`` only ASCII is used, except in texts of the mission.
+    ``send`` sends a command of the user to the run. With ``plain`` only ASCII is used, except in texts of the mission.
     """
 
     CSS_PATH = Path(__file__).with_name("view.tcss")
@@ -180,11 +180,11 @@ class ViewApp(App[None]):
         self.nodes.focus()
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Move the cursor to the first match."""
+        """Move the cursor to the first node that contains the search text."""
         self._search(event.value, further=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Move the cursor to the next match."""
+        """Move the cursor to the next node that contains the search text."""
         self._search(event.value, further=True)
 
     def _search(self, words: str, *, further: bool) -> None:

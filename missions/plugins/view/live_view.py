@@ -25,17 +25,17 @@ from missions.trees.drawing_builder import drawing_of
 from missions.trees.feed import ViewFeed
 
 MAX_KEPT_EVENTS = 20_000
-"""Events kept for the lines afterwards; older ones are dropped."""
+"""Maximum number of events that are kept to be written as lines after the view has ended; older ones are dropped."""
 
 EVENTS_WITHOUT_LINES = (Ticked, CommandSent, PerceptSeen, VariableSet)
 """Events that are not shown as lines."""
 
 
 class LiveView:
-    """Event listener that replaces a ``watcher``, whose lines are held back while there is a view.
+    """Event listener that shows a run in a view, in place of the ``watcher``, which writes a line for each event.
 
-    They are written at the end, or when the view has died; then the watcher takes over. The terminal is restored by the
-    end of the ``with`` at the latest.
+    The lines are written when the view has ended or died; from then on, the watcher writes each event at once. The
+    terminal is restored by the end of the ``with`` at the latest.
     """
 
     def __init__(self, runner: Runner, watcher: RunDisplay) -> None:

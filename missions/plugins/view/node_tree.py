@@ -23,7 +23,7 @@ MAX_UNFOLDED_NODES = 60
 
 
 class NodeTree(Tree[TreeBox], inherit_bindings=False):
-    """Tree of a mission; its cursor follows the running node until the user moves it."""
+    """Tree widget of a mission; its cursor follows the running node until the user moves it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "go('cursor_up')"),
@@ -131,7 +131,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
         return False
 
     def action_go(self, where: str) -> None:
-        """Move the cursor, and stop following the running node."""
+        """Move the cursor, and stop following the running node; ``where`` is a cursor action such as ``page_up``."""
         self.follows_running = False
         getattr(self, f"action_{where}")()
 

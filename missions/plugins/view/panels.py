@@ -23,7 +23,7 @@ DIM, GOOD, POOR, BAD = "#8a8a8a", "#4fc08d", "#e0c060", "bold #f08a5d"
 
 
 class LevelSign(NamedTuple):
-    """Sign and colour of a level."""
+    """Sign and colour for the level of a part, such as WARN; ``ascii`` is the sign without Unicode."""
 
     sign: str
     ascii: str

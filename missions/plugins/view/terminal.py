@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from typing import Any, BinaryIO, TextIO
 
 WRITE_TIMEOUT = 1.0
-"""Seconds for a terminal to accept data; one that accepts none is left alone."""
+"""Seconds to wait until a terminal accepts the escape sequences that restore it; after that they are not sent."""
 
 RESTORE_SEQUENCE = (
     b"\x1b[?2026l"  # what is drawn shows at once again

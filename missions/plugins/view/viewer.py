@@ -93,7 +93,7 @@ class Viewer:
             self._done.set()
 
     def _exchange_messages(self, ours: socket.socket) -> None:
-        """Send news and execute orders, until either side closes."""
+        """Send changes of the run to the view process and execute its commands, until one side closes the socket."""
         left, heard = _encode_message(self._first_message), b""
         with suppress(ConnectionError):
             while not self._closing.wait(SEND_INTERVAL):

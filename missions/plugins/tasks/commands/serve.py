@@ -35,7 +35,7 @@ from missions.plugins.tasks.task import TaskError
 from missions.plugins.tasks.task_server import TaskServer
 
 ORPHAN_TIMEOUT = 60.0
-"""Seconds for a run whose server has ended to come to rest; it needs a few."""
+"""Seconds to wait for the run of an ended server to come to rest; normally a few are enough."""
 
 DISK_CHECK_INTERVAL = 2.0
 """Seconds between two checks whether a full disk has space again."""
@@ -132,7 +132,11 @@ def _open_recovered(path: Path, *, wait_for_space: bool) -> sqlite3.Connection:
 
 
 def _wait_for_orphan(path: Path, closed: ExitStack) -> int:
-    """Hold the lock that each run inherits; first wait until a run whose server has ended is at rest."""
+    """Take the lock that each run of this server inherits; return its file descriptor.
+
+    If a run of an ended server holds the lock, wait until that run is at rest. Leaving ``closed`` releases the lock.
+    Raises TaskError after ``ORPHAN_TIMEOUT``.
+    """
     try:
         return closed.enter_context(hold_lock(path))
     except LockHeldError:

@@ -38,7 +38,7 @@ from missions.request import RunRequest, Simulate
 
 
 def list_row(task: Task) -> Mapping[str, str]:
-    """Return the cells of a task in the list, by heading."""
+    """Return the cells of a task in the table of `mission task list`, by column heading."""
     return {
         "task": str(task.id),
         "state": _state(task),
@@ -58,7 +58,7 @@ def _state(task: Task) -> str:
 
 
 def describe_attempt(attempt: Attempt) -> str:
-    """Return the line of an attempt in the log."""
+    """Return the line about an attempt in the output of `mission task log`."""
     if attempt.ended is None:
         return f"{clock_text(attempt.began)}  attempt {attempt.number} begins"
     reason = f": {attempt.reason}" if attempt.reason else ""
@@ -67,7 +67,7 @@ def describe_attempt(attempt: Attempt) -> str:
 
 
 def describe_notice(queued: QueuedNotice) -> str:
-    """Return the line of a notice in the log."""
+    """Return the line about a notice in the output of `mission task log`."""
     if queued.delivered is not None:
         return f"{clock_text(queued.delivered)}  delivered to {queued.channel}: {queued.notice.text}"
     why = f" ({queued.tries} tries; {queued.last_error})" if queued.tries else ""
@@ -113,7 +113,8 @@ AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
 MAX_CLOCK_ERROR = 60.0
-"""Seconds that a task may have been added ahead of the clock; clock corrections are of this size."""
+"""Seconds by which the time of adding a task may be ahead of the clock before a warning; clocks are set by this much.
+"""
 
 
 @click.group(
@@ -242,7 +243,10 @@ def _check(request: RunRequest) -> Plan:
 
 
 def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
-    """Return the first due time and the repetition of a task; time 0 means as soon as its turn comes."""
+    """Return the first due time and the repetition of a task.
+
+    The due time is 0 for a task without one, which runs after the tasks added before it. ``time`` is the present time.
+    """
     zone = local_zone()
     try:
         due = 0.0 if at is None else read_at(at, time, zone)
@@ -255,7 +259,7 @@ def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
 
 
 def _options(request: RunRequest) -> Iterator[str]:
-    """Yield further options of `mission run`."""
+    """Yield the options of `mission run` that a task stores in ``options``: simulation, world, eyes and behaviours."""
     if request.simulate is not None:
         yield f"--simulate={request.simulate}"
     if isinstance(request.world, str):

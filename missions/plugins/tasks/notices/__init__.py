@@ -11,9 +11,10 @@ from missions.plugins.tasks.notices.webhook import WebhookChannel
 
 
 def channel_of(text: str, print_line: Callable[[str], None], environment: Mapping[str, str] = os.environ) -> Channel:
-    """Return the channel that ``config.notices.encode_notice`` wrote; ``print_line`` is the terminal.
+    """Return the channel of a ``text`` written by ``config.notices.encode_notice``.
 
-    Raises ValueError for one that is not known.
+    ``print_line`` prints a line on the terminal; ``environment`` holds the secrets. Raises ValueError for an unknown
+    text.
     """
     match decode_notice(text):
         case TerminalNotice():

@@ -40,7 +40,10 @@ class Deadline:
             each.close()
 
     def watch_socket(self, connection: socket.socket) -> None:
-        """Shut down this socket too, also if it is wrapped later; at once if the deadline has expired."""
+        """Shut down this socket too when the deadline expires, even after it was wrapped in TLS.
+
+        If the deadline has expired already, shut the socket down at once.
+        """
         with self._lock:
             self._sockets.append(connection.dup())
         if self.expired:

@@ -119,7 +119,7 @@ def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> No
 
 
 class LineReader:
-    """Reads whole lines from a file descriptor; yields no lines at the end of the file, or with None."""
+    """Reads whole lines from a file descriptor; yields no more lines after the end of the file."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor

@@ -27,7 +27,7 @@ CENTRED_ERROR = radians(2)
 """Largest error in radians at which the face counts as centred."""
 
 MIN_CENTRED_TIME = 0.5
-"""Minimum seconds for which the face must stay centred before something unforeseeable happens."""
+"""Minimum seconds for which the face must stay centred before its motion becomes unforeseeable."""
 
 _TIME_STEP = 0.0005
 
@@ -36,11 +36,12 @@ _TIME_STEP = 0.0005
 class Score:
     """Score of a controller in a trial of face tracking.
 
-    ``centred`` is the time in seconds from which the face stayed centred, None if it never did; ``bound`` its lower
-    limit if the face's motion is known from the first picture, ``known`` if it must be observed. ``overshoot`` is the
-    first overshoot, ``rms`` the error of following, both in radians; a ``lost`` face has no ``rms``. ``swings`` counts
-    the changes of side beyond ``CENTRED_ERROR``. ``delay_error`` is the final error of the camera's delay, None if
-    unknown, ``worst_known`` the largest error while it was known; both in seconds.
+    ``centred`` is the time in seconds from which the face stayed centred, None if it never did. ``bound`` is the
+    earliest possible time if the face's motion is known from the first picture on, ``known`` that time if the motion
+    must first be observed. ``overshoot`` is the first overshoot and ``rms`` the mean error while following, both in
+    radians; a ``lost`` face has no ``rms``. ``swings`` counts how often the error changes its sign beyond
+    ``CENTRED_ERROR``. ``delay_error`` is the final error of the measured camera delay, None if the delay is unknown;
+    ``worst_known`` is the largest error while it was known; both in seconds.
     """
 
     centred: float | None
@@ -192,17 +193,23 @@ def _rule_base_lines(name: str, controller: Controller) -> Iterator[str]:
 
 
 def _term_centre(full: float, until: float) -> float:
-    """Return the middle of a fuzzy term's plateau; for a shoulder (an outermost term), the inner end of the plateau."""
+    """Return the middle of a fuzzy term's plateau, which reaches from ``full`` to ``until``.
+
+    For a shoulder (an outermost term, with one infinite end), return the other end.
+    """
     if math.isinf(full):
         return until
     return full if math.isinf(until) else (full + until) / 2
 
 
 DEFAULT_CONTROLLERS = ("course", "pd", "mamdani", "face")
-"""Controllers benchmarked by default: the course's tracker, a PD controller, and ours with both inferences."""
+"""Controllers benchmarked by default: the course's tracker, a PD controller, and MissionTree's rules.
+
+The rules are tried with Mamdani's inference (`mamdani`), and with the inference that missions use (`face`).
+"""
 
 DELAY_CONTROLLERS = ("course", "pd", "pd_ahead", "face")
-"""Controllers benchmarked with unknown delays, compared with no motion."""
+"""Controllers benchmarked with unknown delays. ``NO_MOTION`` is added for comparison."""
 
 MAX_DELAY_ERROR = 0.015
 """Error in seconds within which a delay counts as known."""
@@ -258,7 +265,10 @@ def table_lines(rows: Sequence[BenchRow]) -> Iterator[str]:
 
 
 def delay_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
-    """Yield the lines of a table over several seeds: ratios to both bounds, and RMS errors; median and worst."""
+    """Yield the lines of a table over several seeds: times to centre the face and RMS errors, as median and worst.
+
+    The times are ratios to the two bounds of a ``Score``: ``bound`` and ``known``.
+    """
     names = list(dict.fromkeys(row.controller for row in rows))
     yield f"{'':<24} {'':<5}" + "".join(f" {name:>37}" for name in names)
     blocks: dict[tuple[str, TrackingBody], dict[str, list[Score]]] = {}
@@ -295,7 +305,11 @@ def stamp_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
 
 
 def _summary_cell(scores: Sequence[Score]) -> str:
-    """Return the ratios to both bounds (median, worst or failures) and the RMS error in degrees (or losses)."""
+    """Return the summary of one controller in a scenario: two ratios and the RMS error in degrees, as median and worst.
+
+    The ratios are ``Score.ratio`` and ``Score.ratio_known``. The number of failures or of lost faces replaces a value
+    that some trials lack.
+    """
     ratios = sorted(score.ratio for score in scores if score.ratio is not None)
     known = sorted(score.ratio_known for score in scores if score.ratio_known is not None)
     errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)

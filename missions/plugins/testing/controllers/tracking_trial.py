@@ -46,7 +46,7 @@ LEARNING_ANGLE, LEARNING_HOLD_TIME, LEARNING_STILL_TIME = radians(12), 0.75, 1.0
 """While a robot learns, a face is this far to a side (radians), for so many seconds each; in the end it stands."""
 
 LEARNING_TIME = LEARNING_STILL_TIME + 4 * LEARNING_HOLD_TIME
-"""Seconds for the robot to measure its delays, three of them with a moving face."""
+"""Seconds for the robot to measure its delays: 3 s in which the face jumps from side to side, then 1 s at rest."""
 
 
 class TrackingBody(StrEnum):
@@ -61,14 +61,15 @@ class TrackingBody(StrEnum):
 class Scenario:
     """A face visible from time 0 at the bearing ``path(time)``, in radians left of the robot's first gaze.
 
-    Its motion is foreseeable until ``foreseeable_until`` seconds: centring counts until then. The camera takes 20
-    pictures a second; a share ``drop_share`` of them is lost, the others arrive ``latency`` seconds later. From
-    ``settled_from`` on, the error counts as that of following.
+    The face's motion can be foreseen until ``foreseeable_until`` seconds; later errors do not count for the time to
+    centre. The camera takes 20 pictures a second; a share ``drop_share`` of them is lost, the others arrive ``latency``
+    seconds later. Errors from ``settled_from`` seconds on count for the RMS error.
 
     Unknown to the robot: pictures are stamped ``stamp_delay`` seconds after exposure, their latency varies by
     ``jitter`` seconds to both sides, and the base starts to move ``base_lag`` seconds after a command. Before time 0
-    the robot has ``learning_time`` seconds, in all but the last of which the face jumps to and fro. ``other_path`` is
-    that of a second face. ``stamp_noise`` is added to each stamp, ``delay_change`` (seconds) to those from time 0 on.
+    the robot has ``learning_time`` seconds to measure its delays: the face jumps from side to side, and is at rest in
+    the last second. ``other_path`` is that of a second face. ``stamp_noise`` is added to each time stamp, and
+    ``delay_change`` (seconds) to those from time 0 on.
     """
 
     name: str
@@ -122,7 +123,7 @@ def running_path(time: float) -> float:
 
 
 def crossing_path(time: float) -> float:
-    """Return the bearing of a face that crosses the path of a walking one, one second after time 0."""
+    """Return the bearing of a face that walks against the direction of ``walking_path``; they meet after one second."""
     return WALK_RATE * (2.0 - time)
 
 
@@ -273,7 +274,10 @@ class FilteredSight(NewestView):
         return Box(x - half, y - half, 2 * half, 2 * half) if half <= x <= LENS.width - half else None
 
     def see(self, stamp: float, boxes: Sequence[Box], looked: float) -> None:
-        """Process a picture with time stamp ``stamp``; ``looked`` is the camera's true direction in radians."""
+        """Process a picture with time stamp ``stamp``; ``boxes`` are the faces found in it.
+
+        ``looked`` is the camera's true direction in radians.
+        """
         times = stamp - GRID
         yaws = np.array([self._gaze(time).yaw for time in times])
         if self._before is None:
@@ -350,9 +354,9 @@ class TrackingTrace:
 
 
 class TrackingTrial:
-    """A robot that follows a face with ``rules``, by ``body``, in a ``scenario``. Equal seeds give equal traces.
+    """A robot that follows the face of a ``scenario`` by the controller ``rules``; ``body`` tells which joints turn.
 
-    ``lag`` is the base's lag in seconds that the behaviour assumes.
+    Equal seeds give equal traces. ``lag`` is the base's lag in seconds that the behaviour assumes.
     """
 
     def __init__(

@@ -1,1 +1,1 @@
-"""Reaction of a base to faults, with reasons: the product's own classes, simulated step by step."""
+"""Reactions of a base to faults, with the reasons, simulated with the classes that drive real bases."""

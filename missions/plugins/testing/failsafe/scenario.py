@@ -200,7 +200,7 @@ TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
 """Seconds between two commands of missions and of people, and from a base report to the next command."""
 
 LOOK_PHASE = 0.018
-"""Seconds from a base report to the sample of its effect: enough for a serial connection."""
+"""Seconds from a report of the base to the moment that is recorded; by then the commands sent before have an effect."""
 
 WAITING = "waits"
 """Feedback to a source that commands an unplugged base."""
@@ -208,11 +208,12 @@ WAITING = "waits"
 
 @dataclass(frozen=True, slots=True)
 class ScenarioMoment:
-    """Base state from ``t`` seconds after the fault began on (negative: before); compared without ``t`` and ``ahead``.
+    """State of a base from ``t`` seconds after the start of the fault on, until the next moment.
 
-    ``source`` is the commanding source ("" for none), ``setpoint`` and ``limited`` are speeds (m/s, rad/s), ``reason``
-    is the reason of their difference, and ``latched`` the reason of the latch, from the driver. ``mission`` and
-    ``person`` are the feedback to these sources. ``ahead`` is the distance in metres from the pose at the fault.
+    ``t`` is negative before the fault. ``source`` is the commanding source ("" for none), ``setpoint`` and ``limited``
+    are speeds (m/s, rad/s), ``reason`` is the reason of their difference, and ``latched`` the reason of the latch, from
+    the driver. ``mission`` and ``person`` are the feedback to these sources. ``ahead`` is the distance in metres from
+    the pose at the fault. A new moment is recorded when any field except ``t`` and ``ahead`` changes.
     """
 
     t: float

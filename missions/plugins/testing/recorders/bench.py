@@ -121,7 +121,6 @@ class RecordedBase(Spy):
         return self.steers
 
     def play(self, tune: Tune) -> None:
-        """Record the tune."""
         self.record(tune)
 
     def tone(self, frequency: float, seconds: float) -> None:
@@ -246,7 +245,6 @@ class RecordedJoints(Spy):
         self.record_always(RELAX if joints is None else (RELAX, *joints))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Record the couplings."""
         self.record(tuple(couplings))
 
     def recover(self) -> tuple[str, ...]:
@@ -299,7 +297,6 @@ class RecordedRos2(Spy):
         return self.goal_progress
 
     def call(self, *arguments: str) -> int:
-        """Record a call."""
         return self._record_request("call", arguments)
 
     def begin(self, *arguments: str) -> int:
@@ -307,7 +304,7 @@ class RecordedRos2(Spy):
         return self._record_request("begin", arguments)
 
     def navigate(self, *arguments: object) -> int:
-        """Record the places."""
+        """Record a request to drive to one or more places."""
         return self._record_request("navigate", arguments)
 
     def _record_request(self, word: str, arguments: tuple[object, ...]) -> int:
@@ -339,17 +336,14 @@ class RecordedScreen(Spy):
         self.now = ScreenContent()
 
     def mood(self, mood: Mood) -> None:
-        """Record the mood."""
         self.record_always(mood)
         self.now = ScreenContent(mood, self.now.text, self.now.mouth)
 
     def show(self, text: str) -> None:
-        """Record the text."""
         self.record_always(text)
         self.now = ScreenContent(self.now.mood, text, self.now.mouth)
 
     def mouth(self, opening: float) -> None:
-        """Record the mouth opening."""
         self.record_always(opening)
         self.now = ScreenContent(self.now.mood, self.now.text, opening)
 
@@ -362,10 +356,11 @@ L = TypeVar("L", bound=Leaf)
 
 
 class LeafTestBench:
-    """A run on a robot of recorders: ``safe_stops`` has the parts stopped for leaves, ``status_changes`` the changes.
+    """Test bench of a leaf: a run on a robot of recorders.
 
-    The assignment to ``robot`` lets mypy check the recorders against the protocols. ``others`` are plain spies for the
-    parts without a recorder, by field of ``Robot``.
+    ``safe_stops`` lists the sets of parts that the run stopped for leaves, ``status_changes`` the name and new status
+    of nodes. The assignment to ``robot`` lets mypy check the recorders against the protocols. ``others`` are plain
+    spies for the parts without a recorder, by field of ``Robot``.
     """
 
     def __init__(self, clock: ManualClock | None = None) -> None:

@@ -38,10 +38,11 @@ def none() -> Reading[T]:
 
 
 class Spy:
-    """A part that records its commands. If ``trouble`` is set, every command that may raise raises it, unrecorded.
+    """A part that records its commands.
 
-    A command of the ``protocol`` without a method here is recorded as its name, or as a tuple of its name and
-    arguments: ``("chirp", 0.5)``. A query or property without one raises NotConnected until the test sets it.
+    If the test sets the exception ``trouble``, commands that can fail raise it instead. A command of the ``protocol``
+    that has no method in the class is recorded as its name, or as a tuple of its name and arguments: ``("chirp",
+    0.5)``. A query or property that has no method raises NotConnected until the test sets a value.
     """
 
     protocol: ClassVar[type] = Device
@@ -54,7 +55,7 @@ class Spy:
         self.trouble: Exception | None = None
 
     def record(self, command: C) -> C:
-        """Record a command, or raise the trouble."""
+        """Record a command and return it; raise the exception ``trouble`` instead if the test has set it."""
         if self.trouble is not None:
             raise self.trouble
         return self.record_always(command)
@@ -113,7 +114,7 @@ class RecordedUtterance:
         self._voice = voice
 
     def done(self) -> bool:
-        """Whether the test or a cancellation has ended it."""
+        """Whether the utterance has ended or was cancelled."""
         return self.ended
 
     def cancel(self) -> None:
@@ -138,20 +139,18 @@ class RecordedVoice(Spy):
     def say(
         self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL
     ) -> RecordedUtterance:
-        """Record the text."""
         usual = manner == DEFAULT_STYLE and priority is Priority.NORMAL
         self.record(text if usual else (text, manner, priority))
         self.said.append(RecordedUtterance(self))
         return self.said[-1]
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> RecordedUtterance:
-        """Record the path."""
         self.record(path if priority is Priority.NORMAL else (path, priority))
         self.said.append(RecordedUtterance(self))
         return self.said[-1]
 
     def speaking(self) -> RecordedUtterance | None:
-        """Return the first utterance that has not ended."""
+        """Return the first utterance that has not ended; None if all have ended."""
         return next((words for words in self.said if not words.ended), None)
 
 
@@ -218,7 +217,7 @@ class RecordedHearing:
         return self.unknown
 
     def listened(self) -> float | None:
-        """Return the time set by the test, by default now."""
+        """Return ``heard_until``, the time until which it has listened; now if the test has not set it."""
         return self._clock.now() if self.heard_until is None else self.heard_until
 
     def level(self) -> float:

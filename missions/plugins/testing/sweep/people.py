@@ -69,7 +69,7 @@ def set_facing(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> 
 
 
 def set_speed(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Set a person's walking speed: along their path, or to and fro across the robot's view. At 0 they stand."""
+    """Set a person's walking speed: along their path, or back and forth across the robot's view. At 0 they stand."""
     if float(value) < MIN_WALK_SPEED:
         person.pop("walk", None)
         return

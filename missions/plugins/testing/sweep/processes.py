@@ -106,7 +106,7 @@ def _submit(pool: ProcessPoolExecutor, work: Work, sweep: SweepPlan, chunk: Chun
 
 
 def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[SweepRow]:
-    """Do the work, but exit at a signal that would otherwise end only one run."""
+    """Do the work, but end the worker at an interrupt, which would otherwise end only the run that is going on."""
     try:
         return work(sweep, chunk)
     except KeyboardInterrupt:

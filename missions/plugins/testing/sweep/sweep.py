@@ -189,7 +189,11 @@ class VariationError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """Request of a sweep: ``vary`` has the values by name, the rest as in ``missions.request.RunRequest``."""
+    """Request for a sweep. ``vary`` has the varied values as text, by name: ``a..b`` or ``a,b,c``.
+
+    ``limit`` is the time limit of a run in simulated seconds; the other fields are as in
+    ``missions.request.RunRequest``.
+    """
 
     mission: str
     vary: Mapping[str, str]

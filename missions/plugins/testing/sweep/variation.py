@@ -16,7 +16,7 @@ ANGULAR_KINDS = ("angle", "turn rate")
 """Dimensions for which a number without a unit is refused."""
 
 DECIMALS = 4
-"""Decimals of drawn numbers: tables and files show the exact value."""
+"""Decimals to which drawn numbers are rounded, so that tables and files show exactly the value of the run."""
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
@@ -57,7 +57,7 @@ class ValueList:
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """A parameter that a sweep varies. Numbers are in ``unit``, the first one of their dimension, if any."""
+    """A parameter that a sweep varies, by name. ``unit`` is the unit of its values; empty for values without a unit."""
 
     name: str
     unit: str
