@@ -126,7 +126,7 @@ def _people(robot: str | None) -> Iterable[str]:
 
 
 def complete_runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the runs of this machine by process number, to complete `mission stop`."""
+    """Return the runs of this user by process number, to complete `mission stop`."""
     del ctx, param
     from missions.control.run_search import search_runs  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""``mission stop``: stop all robots of this machine at once, and release them."""
+"""``mission stop``: stop all runs of this user on this computer, and release them."""
 
 import os
 import sys
@@ -15,7 +15,7 @@ NO_RUNS = "no mission is running"
 
 @click.command(epilog="Example: mission stop --release --resume")
 @click.argument("which", metavar="[RUN]...", nargs=-1, shell_complete=complete_runs)
-@click.option("--list", "only_list", is_flag=True, help="List the runs without stopping them.")
+@click.option("--list", "only_list", is_flag=True, help="List the runs and their states, without stopping them.")
 @click.option("--release", is_flag=True, help="Release a stop; the mission stays paused.")
 @click.option("--resume", is_flag=True, help="Resume a paused mission; with --release, also a stopped one.")
 @click.option("--end", is_flag=True, help="Stop, and end the run.")

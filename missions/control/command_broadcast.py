@@ -1,4 +1,4 @@
-"""Stops or releases every run of this machine at once, and ends each command that moves a robot.
+"""Stops or releases every run of this user on this computer at once, and ends each command that moves a robot.
 
 A run counts as stopped once it has confirmed the latch, or once its process has ended. Anything else is a warning.
 """
@@ -169,7 +169,7 @@ class CommandBroadcast:
         if run_info and not self._claim_run(process, link):
             return
         try:
-            words = [self._execute(process, link, command) for command in self.commands]
+            words = [self._execute(process, link, command) for command in self.commands] or [(True, _state_of(link))]
         except BaseException:
             self._claimed_runs.discard(_run_key(link))  # it may be reachable by another address
             raise
@@ -193,7 +193,7 @@ class CommandBroadcast:
     def _execute(self, process: FoundProcess, link: RunConnection, command: JsonCommand) -> tuple[bool, str]:
         """Send one command; return whether it succeeded, and the text. Raises OSError if the run does not reply."""
         if command["do"] == "release":
-            command = {**command, "stop": link.last_stop()}
+            command = {**command, "stop": link.scene_state()["stops"]}
         elif command["do"] == "stop":
             command = {**command, "press": self._press}
         for _ in range(STOP_TRIES):
@@ -303,6 +303,12 @@ def _is_still_found(process: FoundProcess, search: SearchResult) -> bool:
 def _run_key(link: RunConnection) -> object:
     """Return a key that identifies a run by its own description."""
     return link.process, *(link.run_info.get(each) for each in ("pid", "run", "began"))
+
+
+def _state_of(link: RunConnection) -> str:
+    """Return the state of a run for people. Raises OSError if it does not reply."""
+    state = link.scene_state()
+    return str(state["stopped"]) or ("paused" if state["paused"] else "running")
 
 
 def _description_of(link: RunConnection) -> str:

@@ -98,7 +98,7 @@ class PictureShownCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopCommand(RunCommand):
-    """Latch every actuator and pause the mission until `release`. Without a run, stop all runs of this machine."""
+    """Latch every actuator and pause the mission until `release`. Without a run, stop all runs of this user."""
 
     word: ClassVar[str] = "stop"
     role: ClassVar[Role] = "viewer"

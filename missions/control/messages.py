@@ -97,7 +97,7 @@ class RunMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunsMessage:
-    """The runs of this machine, after each change: each as a `run`. A run that cannot be reached has `trouble`."""
+    """This user's runs here, after each change: each as a `run`. A run that cannot be reached has `trouble`."""
 
     word: ClassVar[str] = "runs"
     runs: Annotated[Sequence[Mapping[str, object]], "Newest first."]

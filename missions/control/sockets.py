@@ -243,12 +243,13 @@ class RunConnection:
         line, _, self._received = self._received.partition(b"\n")
         return parse_object(line)
 
-    def last_stop(self) -> int:
-        """Return the number of the last stop of the run. Raises OSError."""
+    def scene_state(self) -> Mapping[str, Any]:
+        """Return the ``state`` of a new scene of the run. Raises OSError."""
         self.connection.sendall(b'{"do": "watch"}\n')
         while (message := self.receive()).get("say") != "scene":
             pass
-        return int(message["state"]["stops"])
+        state: Mapping[str, Any] = message["state"]
+        return state
 
     def close(self) -> None:
         """Close the connection."""

@@ -1,4 +1,4 @@
-"""The robot of this machine: telemetry from its runs, and stop and release of all of them."""
+"""The robot of this computer: telemetry from its runs, and stop and release of all of them."""
 
 from collections.abc import Mapping
 from contextlib import suppress

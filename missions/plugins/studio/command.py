@@ -1,4 +1,4 @@
-"""``mission studio``: a page in the browser to see, start, drive and stop the runs of this machine."""
+"""``mission studio``: a page in the browser to see, start, drive and stop the runs of this user."""
 
 import ipaddress
 import os

@@ -163,9 +163,10 @@ def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: py
     with run_of(tmp_path, DRIVING) as (process, base):
         wait_until(lambda: base.seen().top > 0.15)
         name = f"{process.process.pid}: driving on turtlebot2"
-        assert command(capsys, "stop", "--list").out == f"{name}\n"
+        assert command(capsys, "stop", "--list").out == f"{name}: running\n"
         stopped = command(capsys, "stop")
         assert (stopped.code, stopped.out) == (0, f"{name}: stopped (base)\n")
+        assert command(capsys, "stop", "--list").out.startswith(f"{name}: stopped by mission stop (process ")
         wait_until(lambda: not base.seen().moving)
         released = command(capsys, "stop", "--release", "--resume", "driving")
         assert (released.code, released.out) == (0, f"{name}: released, and paused: resumed\n")

@@ -78,7 +78,7 @@ export class Stop extends HTMLElement {
     return this.#latched.size > 0;
   }
 
-  /** Stop every run of this machine; repeated until it is answered. */
+  /** Stop all runs of this user; repeated until it is answered. */
   stop() {
     this.#pending = true;
     this.#doubt = "";
