@@ -268,6 +268,7 @@ KEY_SYNONYMS: Mapping[str, str] = {
     "expect": "expected expects assert asserts then",
     "given": "mocks mock setup when",
     "case": "name title test",
+    "said": "sayed say says speech speaks spoken",
     "tests": "mission",
     "cases": "scenarios",
     "behaviours": "behaviors leaves plugins",

@@ -111,6 +111,13 @@ def parse_quantity(text: str) -> Quantity | None:
     return Quantity(value, dimension, text.strip()) if math.isfinite(value) else None
 
 
+def corrected_quantity(text: str) -> str:
+    """Return ``text`` with our spelling of its unit, "10 s" for "10 sec"; empty if it is no misspelt quantity."""
+    match = _WRITTEN.fullmatch(text.strip())
+    unit = match and match[2] not in _DIMENSION_OF and _UNIT_SYNONYMS.get(match[2].lower())
+    return f"{match[1]} {unit}" if match and unit else ""
+
+
 def is_unit(word: str) -> bool:
     """Return True for a unit and for its other spellings."""
     return word in _DIMENSION_OF or word.lower() in _UNIT_SYNONYMS

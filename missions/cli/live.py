@@ -85,6 +85,7 @@ class RunDisplay:
         self._lines = lines_on(out)
         self._drawn_at = -REFRESH_INTERVAL
         self._started: dict[str, float] = {}
+        self._halted: list[tuple[NodeChanged, float]] = []  # leaves and their run times, until the cause is known
         self._online_parts: list[str] = []  # parts that are shown until the first tick
         self._faulty_parts: set[str] = set()  # parts with a printed problem that may have ended
         self._ready = False
@@ -106,6 +107,11 @@ class RunDisplay:
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
+        if self._halted and not (isinstance(event, NodeChanged) and event.status == "idle"):
+            self._print_halted(event)
+        self._show(event)
+
+    def _show(self, event: Event) -> None:
         match event:
             case Started():
                 self._lines.print(("mission ", "bold"), event.mission, f" on {event.robot}")
@@ -150,9 +156,21 @@ class RunDisplay:
         began = self._started.pop(event.node, None)
         if began is None or event.node not in self._leaves:
             return
+        if event.status == "idle":
+            self._halted.append((event, event.t - began))
+        else:
+            self._print_leaf(event, event.t - began, event.reason if event.status == "failure" else "")
+
+    def _print_halted(self, event: Event) -> None:
+        """Print the halted leaves; ``event`` follows them: if it is the failure of a timeout, that has halted them."""
+        is_timeout = isinstance(event, NodeChanged) and event.kind == "timeout" and event.status == "failure"
+        for leaf, seconds in self._halted:
+            self._print_leaf(leaf, seconds, "timed out" if is_timeout else "halted")
+        self._halted.clear()
+
+    def _print_leaf(self, event: NodeChanged, seconds: float, note: str) -> None:
         sign, style = STATUS_SIGNS[event.status]
-        note = "halted" if event.status == "idle" else event.reason if event.status == "failure" else ""
-        took = (f"  ({event.t - began:.1f} s{', ' + note if note else ''})", "dim")
+        took = (f"  ({seconds:.1f} s{', ' + note if note else ''})", "dim")
         self._lines.print(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}", took)
 
     def _fault(self, event: FaultRaised) -> None:

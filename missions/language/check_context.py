@@ -147,8 +147,17 @@ class CheckContext:
             self.expression_fault(node, error, label)
             return INVALID_VALUE
         if filled is None:
-            return self.convert_constant(node, node.value, label, convert, certain=True, hint=hole_hint(node.text))
+            constant = self.convert_constant(node, node.value, label, convert, certain=True, hint=hole_hint(node.text))
+            if constant is not INVALID_VALUE:
+                self._check_shell_variable(node, label)
+            return constant
         return self.read_formula(node, filled, label, convert, wanted_kind)
+
+    def _check_shell_variable(self, node: Scalar, label: str) -> None:
+        """Report ``$word`` in a text, in which ``word`` is a param or variable: it would be said as it is written."""
+        for name in re.findall(r"\$(\w+)", node.text):
+            if name in self.params or name in self.variables:
+                self.fault(node.mark, f"{label}: '${name}' is not an expression", f"write ${{{name}}} for its value")
 
     def convert_constant(
         self, node: Node, value: object, label: str, convert: Convert, *, certain: bool = False, hint: str = ""

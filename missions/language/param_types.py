@@ -12,7 +12,7 @@ from functools import partial
 
 from behaviours.leaf import REQUIRED, Argument, Leaf
 from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
-from config.units import NUMBER, UNITS, Quantity, parse_quantity, quoted_value, with_article
+from config.units import NUMBER, UNITS, Quantity, corrected_quantity, parse_quantity, quoted_value, with_article
 from config.yaml_nodes import Listing, Mapping, Node, Plain, Scalar, compose, plain_value
 from drivers.api.fast_dataclass import dataclass
 from missions.language.arguments import TEXT_KINDS, converter, default_value, read_argument
@@ -164,6 +164,10 @@ def param_kind(word: str) -> Kind:
 def infer_type(context: CheckContext, name: str, node: Node) -> ParamType | None:
     """Return the type of a param with only a default; None if it has an error."""
     if isinstance(node, Scalar):
+        if not node.quoted and (quantity := corrected_quantity(node.text)):
+            hint = f"write '{quantity}', or put it in quotes for a text"
+            context.fault(node.mark, f"param '{name}': unknown unit in {quoted_value(node.text)}", hint)
+            return None
         return _make_type(context, Argument(name, type_of_value(default_value(node)), ""))
     kind = _common_kind(context, name, node) if isinstance(node, Listing) else None
     return None if kind is None else _make_type(context, Argument(name, kind, ""), many=True)

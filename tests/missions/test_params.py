@@ -310,3 +310,20 @@ def test_a_named_type_is_looked_up_and_kept_as_a_name() -> None:
     text = "mission: m\nparams: {how: {type: gesture, default: wave}}\ntree:\n  gesture: ${how}\n"
     assert check(text).params == {"how": "wave"}
     assert the_fault(text, {"how": "wvae"}).message.startswith("'how' needs a gesture: ")
+
+
+def test_a_default_with_another_spelling_of_a_unit_is_an_error_at_its_line() -> None:
+    fault = the_fault("mission: nap\nparams:\n  patience: 10 sec\ntree: {wait: 1 s}\n")
+    assert (fault.mark.line, fault.mark.column) == (3, 13)
+    assert fault.message == "param 'patience': unknown unit in '10 sec'"
+    assert fault.suggestion == "write '10 s', or put it in quotes for a text"
+    assert check("mission: nap\nparams:\n  label: '10 sec'\n  many: 10 apples\ntree: {wait: 1 s}\n").params
+
+
+def test_a_param_with_a_dollar_but_no_braces_is_an_error() -> None:
+    fault = the_fault("mission: talk\nparams: {word: hello}\ntree: {say: $word}\n")
+    assert (fault.message, fault.suggestion) == (
+        "'say': '$word' is not an expression",
+        "write ${word} for its value",
+    )
+    assert check("mission: talk\nparams: {word: hello}\ntree: {say: That is $5 or $other}\n")

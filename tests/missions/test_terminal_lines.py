@@ -1,11 +1,13 @@
 """What a run tells on the terminal, line by line."""
 
 from io import StringIO
+from pathlib import Path
 
 import pytest
 
 from missions.cli.live import RunDisplay
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, Notified, Started, Ticked
+from tests.missions.command import command
 
 
 @pytest.mark.parametrize(
@@ -72,3 +74,14 @@ def test_until_the_first_tick_a_terminal_shows_what_is_ready(monkeypatch: pytest
         watcher(FaultRaised(4.0, "arm", "online", ""))
         assert "getting ready: base, head" in told
         assert "getting ready" not in out.getvalue()[len(told) :]
+
+
+@pytest.mark.parametrize(
+    ("tree", "note"), [("{wait: 5 s, timeout: 1 s}", "timed out"), ("{race: [{wait: 1 s}, {wait: 5 s}]}", "halted")]
+)
+def test_a_halted_leaf_says_whether_a_timeout_has_halted_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], tree: str, note: str
+) -> None:
+    mission = tmp_path / "nap.yaml"
+    mission.write_text(f"mission: nap\ntree: {tree}\n", encoding="utf-8")
+    assert f"- wait  (1.0 s, {note})\n" in command(capsys, "run", str(mission), "--simulate", "fast").out

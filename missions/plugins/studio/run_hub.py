@@ -37,7 +37,7 @@ MAX_PENDING_PRESSES = 3
 
 
 class RunHub:
-    """Connections to all runs of this user on this computer, kept open so that a stop need not connect first. A context manager.
+    """Connections to all runs of this user here, kept open so that a stop need not connect first. A context manager.
 
     ``on_change`` is called when a run has come, gone, been stopped or been released; it must return at once.
     """

@@ -283,3 +283,13 @@ def test_a_report_that_cannot_be_written_is_told(folder: Path, capsys: pytest.Ca
     outcome = command(capsys, "test", "-k", "second", "--junit", "nowhere/report.xml")
     assert outcome.code == USAGE
     assert "nowhere/report.xml: there is no folder" in outcome.err
+
+
+def test_the_first_example_of_the_docs_passes_as_printed_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    docs = (Path(__file__).parents[3] / "docs" / "testing.md").read_text(encoding="utf-8")
+    file, printed = docs.split("```yaml\n", 1)[1].split("```")[0], docs.split("```text\n", 1)[1].split("```")[0]
+    write(tmp_path, {"greet.test.yaml": file})
+    monkeypatch.chdir(tmp_path)
+    assert printed in command(capsys, "test", "greet.test.yaml", "--jobs", "1").out
