@@ -89,7 +89,10 @@ def _find_user_file(kind: str, name: str) -> Path | None:
     if kind == "robots" and name == OWN_ROBOT:
         mine = load_defaults().robot
         if not mine or mine == OWN_ROBOT:
-            raise UnknownNameError("no default robot is set on this computer: set one with `mission robot use NAME`")
+            raise UnknownNameError(
+                "no default robot is set on this computer: set one with `mission robot use NAME`, "
+                "or make one with `mission robot new`"
+            )
         try:
             return find_file(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
         except UnknownNameError as error:

@@ -101,7 +101,8 @@ def test_a_computer_without_a_robot_is_looked_at_alone(mission: Mission, desk: R
     told = mission("--root", str(desk.root))
     assert told.code == 0
     assert told.out.startswith("computer\n  ok      program: MissionTree ")
-    assert "robot: no default robot is set on this computer\n            try: mission robot use NAME\n" in told.out
+    assert "robot: no default robot is set on this computer\n" in told.out
+    assert "try: mission robot use NAME, or: mission robot new\n" in told.out
     assert re.search(r"^0 wrong, \d+ warnings, \d+ ok$", told.out.splitlines()[-1])
 
 

@@ -326,4 +326,4 @@ def test_a_param_with_a_dollar_but_no_braces_is_an_error() -> None:
         "'say': '$word' is not an expression",
         "write ${word} for its value",
     )
-    assert check("mission: talk\nparams: {word: hello}\ntree: {say: That is $5 or $other}\n")
+    assert check("mission: talk\nparams: {word: hello}\ntree: {say: That is $5 or $other}\n").params

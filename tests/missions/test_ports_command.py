@@ -98,7 +98,7 @@ def test_where_nothing_is_plugged_in_nothing_can_be_found(
     capsys: pytest.CaptureFixture[str], desk: RecordedMachine
 ) -> None:
     assert identify_device(desk.machine, lambda: None) == 1
-    assert "no device to unplug" in capsys.readouterr().err
+    assert "no device is plugged in" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("as_json", [False, True])

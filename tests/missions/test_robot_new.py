@@ -643,11 +643,38 @@ def test_a_driver_of_another_distribution_is_offered(
     assert "'head.lame' cannot be used: head.lame = sample_robot.nowhere:LAME cannot be imported" in out
 
 
-def test_a_neck_without_an_arm_is_left_out(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
-    answers = {"name of the robot": "kit", r"similar\?": "none", "other parts": "head.dynamixel", "joint": "neck"}
+def test_the_arm_of_a_neck_is_added(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    answers = {
+        "name of the robot": "kit",
+        r"similar\?": "none",
+        "other parts": "head.dynamixel",
+        "how many servos": "2",
+        "servo 1 ": "pan",
+        "servo 2 ": "tilt",
+        "head.pan joint": "pan",
+        "head.tilt joint": "tilt",
+        "arm baud": "57600",
+    }
     bench.session(Person(answers, stays=MOST))
-    assert load_robot(find_file("robots", "kit")).parts == {"voice"}
-    assert "this robot has no arm" in capsys.readouterr().out
+    config = load_robot(find_file("robots", "kit"))
+    assert config.parts == {"voice", "arm", "head"}
+    assert config.sections["arm"].keys.baud == 57600
+    out = capsys.readouterr().out
+    assert "head.dynamixel needs an arm: arm.dynamixel is added" in out
+    assert "  mission servo calibrate --robot kit   (the limits of its joints, by hand)\n" in out
+    assert "  mission doctor --robot kit\n" in out
+
+
+def test_a_neck_of_unknown_joints_is_left_out(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    answers = {"name of the robot": "kit", r"similar\?": "none", "other parts": "head.dynamixel", "joint:": "neck"}
+    bench.session(Person(answers, stays=MOST))
+    assert load_robot(find_file("robots", "kit")).parts == {"voice", "arm"}
+    assert "the same error again" not in capsys.readouterr().out
+
+
+def test_without_a_device_all_defaults_write_no_robot(bench: Workbench) -> None:
+    with pytest.raises(click.UsageError, match="no device of a robot found"):
+        bench.session(Person(), yes=True)
 
 
 def test_answers_that_cannot_be_kept_are_said_to_be_lost_once(

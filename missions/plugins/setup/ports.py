@@ -167,7 +167,8 @@ def identify_device(machine: HostMachine, pause: Pause) -> int:
     with interruptible():
         before = scan_hardware(machine)
         if not before.paths:
-            click.echo("no device to unplug", err=True)
+            click.echo("no device is plugged in, so none can be unplugged", err=True)
+            click.echo("  try: plug it in, then: mission ports", err=True)
             return FAILURE
         click.echo(f"{len(before.paths)} devices; now unplug the one that you want to identify", err=True)
         while not (gone := before.paths - (after := scan_hardware(machine)).paths):

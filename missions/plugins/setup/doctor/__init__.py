@@ -117,7 +117,8 @@ def _find_robot(robot: str | None) -> tuple[RobotConfig | None, Finding]:
     try:
         mine = load_defaults().robot
         if not mine:
-            return None, Finding("robot", "no default robot is set on this computer", fix="mission robot use NAME")
+            fix = "mission robot use NAME, or: mission robot new"
+            return None, Finding("robot", "no default robot is set on this computer", fix=fix)
         config = load_robot(find_file("robots", OWN_ROBOT))
     except (UnknownNameError, InvalidFileError) as error:
         message = f"this computer's own robot, set in {config_folder() / DEFAULTS_FILE}, cannot be used: {error}"

@@ -2,9 +2,10 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import click
@@ -75,8 +76,15 @@ class Dialogue:
                 self.save_answer(key, answer)
             return answer
 
-    def ask_choice(self, key: str, question: str, choices: Sequence[str], default: str | None) -> str:
-        """Return one of ``choices``, which the user selects by its text or number.
+    def ask_choice(
+        self,
+        key: str,
+        question: str,
+        choices: Sequence[str],
+        default: str | None,
+        notes: Mapping[str, str] = MappingProxyType({}),
+    ) -> str:
+        """Return one of ``choices``, which the user selects by its text or number; ``notes`` describe choices.
 
         Enter alone selects ``default``; if that is None, an answer is required.
         """
@@ -85,7 +93,8 @@ class Dialogue:
             _match_choice(answer, choices)
 
         if key not in self._answers and not self.yes:
-            self.print(*(f"  {number}  {word}" for number, word in enumerate(choices, 1)))
+            for number, word in enumerate(choices, 1):
+                self.print(f"  {number}  {word}{f': {notes[word]}' if notes.get(word) else ''}")
         return _match_choice(self.ask_text(key, question, default, check), choices)
 
     def ask_yes_no(self, key: str, question: str, *, default: bool) -> bool:

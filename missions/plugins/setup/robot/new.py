@@ -1,6 +1,6 @@
 """``mission robot new``: create a robot file from connected devices and questions; can be interrupted and continued."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -151,6 +151,8 @@ def run_dialogue(
     table = DriverTable()
     desk, found = scan_devices(talk, machine, table, extra_timeout=extra_timeout)
     model = choose_reference(talk, found)
+    if talk.yes and model is None and not found and not desk.cameras:
+        raise click.UsageError("no device of a robot found: connect it, or leave out --yes to name its parts")
     parts = choose_parts(talk, table, desk, found, model)
     summary = talk.ask_text("summary", "what is it, in one line?", f"{', '.join(parts) or 'no parts'}.")
     config = _fill_sections(talk, machine, name, summary, parts, extra_timeout)
@@ -284,9 +286,23 @@ def _write_files(
     elif (mine := load_defaults().robot) != called:
         talk.print(f"this computer's robot stays {mine or 'none'}; to change that: mission robot use {called}")
     talk.forget_answers()
-    talk.print("next:", f"  mission robot check {called}")
+    talk.print("next:", f"  mission robot check {called}", f"  mission doctor --robot {called}")
+    talk.print(*(f"  {line}" for line in _calibration_commands(config, called)))
     mission = suggest_mission(config)
     if mission:
         talk.print(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
         talk.print(f"  mission run {mission} --robot {called}")
     return SUCCESS
+
+
+def _calibration_commands(config: RobotConfig, called: str) -> Iterator[str]:
+    """Yield a command for each arm with joints without limits in the robot file."""
+    arms = {part: section for part, section in config.sections.items() if section.driver.kind == "arm"}
+    for part, section in arms.items():
+        keys = section.keys
+        if not isinstance(keys, DynamixelKeys) or getattr(keys, "calibration", False):
+            continue
+        if any(joint.limits is None and joint.ticks is None for joint in keys.joints.values()):
+            command = "home" if section.driver.name == "feetech" else "calibrate"
+            arm = f" --arm {part}" if len(arms) > 1 else ""
+            yield f"mission servo {command} --robot {called}{arm}   (the limits of its joints, by hand)"

@@ -89,7 +89,7 @@ def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> Referen
     else:
         proposed = fitting[0].name if fitting and _likeness(devices, fitting[0]) > 0 else NONE
     question = "which of these robots is similar? its names, limits and values are used"
-    chosen = talk.ask_choice("like", question, names, proposed)
+    chosen = talk.ask_choice("like", question, names, proposed, {model.name: model.summary for model in fitting})
     return next((model for model in fitting if model.name == chosen), None)
 
 
@@ -288,10 +288,19 @@ def _choose_other_parts(talk: Dialogue, table: DriverTable, parts: RobotParts) -
     question = "other parts? none, or some of these, separated by commas"
     for place, word in enumerate(_split_answer(talk.ask_text("others", question, NONE, check))):
         driver = table.find(*names[word])
+        _add_needed_parts(talk, table, parts, driver)
         if driver.kind in parts and KINDS[driver.kind].allows_several:
             _add_part(talk, parts, f"name {place} {word}", driver, RobotPart(driver))
         else:
             parts[driver.kind] = RobotPart(driver)
+
+
+def _add_needed_parts(talk: Dialogue, table: DriverTable, parts: RobotParts, driver: Driver) -> None:
+    """Add the parts without which a driver cannot work, if it has namesakes of their kinds: the arm of a neck."""
+    for need in driver.needs:
+        if need not in parts and driver.name in table.names(need):
+            talk.print(f"{driver.kind}.{driver.name} needs an {need}: {need}.{driver.name} is added")
+            parts[need] = RobotPart(table.find(need, driver.name))
 
 
 def _split_answer(answer: str) -> list[str]:

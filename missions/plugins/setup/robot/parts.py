@@ -121,6 +121,9 @@ def ask_figures(talk: Dialogue, kind: str, part: RobotPart) -> None:
     if issubclass(cls, SerialKeys) and "port" not in part.section:
         port = next(key for key in declared_keys(cls) if key.word == "port")
         part.section = {"port": _ask_key(talk, kind, port, "/dev/ttyUSB0"), **part.section}
+        for key in declared_keys(cls):
+            if key.word == "baud" and not key.required:
+                _ask_optional(talk, kind, key, part.section)
     _ask_required(talk, kind, cls, part.section)
     if kind == "camera":
         for key in declared_keys(cls):
