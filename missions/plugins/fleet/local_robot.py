@@ -27,7 +27,7 @@ STOP_TIMEOUT = 0.8
 
 
 class LocalRobot:
-    """A FleetRobot for the runs of this user, which it follows while it is entered."""
+    """The robot of this computer as a FleetRobot, which follows the runs of this user while its context is entered."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self._clock = clock or SystemClock()

@@ -274,7 +274,6 @@ class FleetMember:
         return FleetAnswer(ok=good, reason=words)
 
     def _current_state(self) -> RobotState:
-        """Return the present state of the robot."""
         seen, doing = self.fleet_robot.read_telemetry(), self.current_activity()
         return replace(
             self._state,

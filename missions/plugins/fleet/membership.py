@@ -81,7 +81,7 @@ def _make_sender(member: FleetMember, timeouts: FleetTimeouts) -> SendRequest:
 
 
 NUMBER_FILE = "fleet_number"
-"""Name of the file with the robot's number, beside its tasks."""
+"""Name of the file that stores the number in the robot's fleet address, in the folder of its tasks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,10 @@ def membership(options: FleetOptions) -> Callable[[Path, FleetLatch], AbstractCo
 
 @contextmanager
 def join_fleet(config: MembershipConfig, folder: Path, latch: FleetLatch) -> Iterator[FleetMember]:
-    """Be a member of a fleet while the context is entered. Raises TaskError, and the errors of a robot file."""
+    """Make this computer's robot a member of a fleet while the context is entered.
+
+    ``folder`` is the folder of its tasks. Raises TaskError, and the errors of a robot file.
+    """
     from missions.plugins.fleet.commands.fleet_tasks import fleet_of  # noqa: PLC0415 - not needed without a fleet
     from missions.plugins.fleet.local_robot import LocalRobot  # noqa: PLC0415
 
@@ -157,7 +160,10 @@ def join_fleet(config: MembershipConfig, folder: Path, latch: FleetLatch) -> Ite
 
 
 def robot_number(folder: Path) -> str:
-    """Return the number of the robot whose tasks are in ``folder``, drawing it at the first call."""
+    """Return the random number in the fleet address of the robot whose tasks are in ``folder``.
+
+    The number is drawn and stored at the first call.
+    """
     path = folder / NUMBER_FILE
     if not path.exists():
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -74,7 +74,7 @@ class Address:
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Parse the output of ``str``. Raises CodecError."""
+        """Parse an address in the form that ``str`` of an address returns. Raises CodecError."""
         name, _, number = text.partition("/")
         if not NAME_PATTERN.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
             raise CodecError(f"no address of a robot: {ascii(text)[:80]}")
@@ -132,7 +132,10 @@ class FleetRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetStop(FleetRequest):
-    """Latch every actuator and begin no task until release; a retry has the same ``press``."""
+    """Request to latch every actuator, and to begin no task until a release.
+
+    ``press`` is a random text for one press of a stop button; a repeated request has the same.
+    """
 
     word: ClassVar[str] = "stop"
     press: str = ""
@@ -140,7 +143,7 @@ class FleetStop(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetRelease(FleetRequest):
-    """End the latched stop with the number ``stop``; with ``resume``, missions continue."""
+    """Request to end the latched stop with the number ``stop``; with ``resume``, missions continue."""
 
     word: ClassVar[str] = "release"
     stop: int
@@ -173,7 +176,10 @@ class KeepTask(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcceptTask(FleetRequest):
-    """Accept a task and report on it; begin only after a confirmation. ``repeatable`` allows a second run."""
+    """Request to accept a task and to report on it; it may begin only after the allocator has confirmed it.
+
+    ``repeatable`` means that the task may run a second time, on another robot.
+    """
 
     word: ClassVar[str] = "accept"
     task: str

@@ -40,7 +40,7 @@ MAX_WAIT = 5.0
 """Maximum seconds of a discovery, since new robots may appear without end."""
 
 FIRST_ROBOT_TIMEOUT = 2.0
-"""Seconds to wait for the first robot."""
+"""Seconds for which a discovery waits for the first robot of the fleet."""
 
 STOP_TIMEOUT = 1.0
 """Seconds for a robot to confirm a stop; the request is repeated in that time."""
@@ -88,7 +88,7 @@ class Operator:
         return self.roster.members()
 
     def discover(self) -> None:
-        """Wait until the roster is stable, and request the peers of some robots."""
+        """Wait until no further robots appear, then ask some of them which robots they have seen."""
         wait_until_stable(self.roster, self.clock)
         there = [address for address, each in self.members().items() if each.is_online][:MAX_WITNESSES]
         for answer in self._request_each(there, lambda _: ListPeers(), 1.0).values():

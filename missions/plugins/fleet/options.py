@@ -7,7 +7,7 @@ from missions.request import Simulate
 
 @dataclass(frozen=True, kw_only=True)
 class FleetOptions:
-    """Fleet and robot of a task server."""
+    """Options of a task server that is a member of a fleet: the fleet, the robot's name there, and its robot file."""
 
     fleet: str | None = option("Join this fleet and run its tasks: docs/fleet.md.", metavar="NAME")
     as_name: str | None = option(

@@ -54,7 +54,10 @@ class AssignmentQueue(TaskQueue):
     """The robot's own queue, with a table of the tasks accepted from the fleet."""
 
     def accept(self, request: AcceptTask, robot: str, options: tuple[str, ...], now: float) -> None:
-        """Add a task, which waits for ``approve``. Raises sqlite3.IntegrityError for a task already accepted."""
+        """Add an accepted fleet task to the queue; it begins only after ``approve``.
+
+        Raises sqlite3.IntegrityError if this task is already accepted.
+        """
         policy = RetryPolicy("give-up", most=1)  # its manager decides about retries
         new = NewTask(
             mission=request.mission,
@@ -90,7 +93,7 @@ class AssignmentQueue(TaskQueue):
 
 @dataclass(slots=True)
 class _ReportState:
-    """State of the reports on one accepted task: the last report, its times, and the time of the last confirmation."""
+    """State of the reports on one accepted task: the last report, its times, and the last confirmation."""
 
     reported: tuple[TaskState, AttemptEnd] | None = None
     sent_at: float = float("-inf")

@@ -37,7 +37,10 @@ DUPLICATE_MEMORY = 15.0
 
 @dataclass(frozen=True, slots=True)
 class RosterEntry:
-    """A robot of the fleet: its connection, the roster time of the last change, and its last state."""
+    """A robot of the fleet: its address, its connection, the time of its last change, and its last state.
+
+    ``since`` is in seconds on the roster's clock.
+    """
 
     address: Address
     connection: Connection

@@ -94,8 +94,8 @@ Match = tuple[TreeBox | None, TreeBox | None]
 def _align(left: Sequence[TreeBox], right: Sequence[TreeBox], likenesses: Sequence[Likeness]) -> Iterator[Match]:
     """Yield pairs of matching boxes in order; a box without a match is paired with None.
 
-    Boxes match for which the first function of ``likenesses`` returns the same value. Between those matches, the next
-    function is tried.
+    Two boxes match if the first function of ``likenesses`` returns the same value for both. Boxes between these matches
+    are compared by the next function.
     """
     if not likenesses or not left or not right:
         yield from ((old, None) for old in left)
@@ -148,7 +148,10 @@ def _subtree_facts(box: TreeBox) -> Hashable:
 
 
 def _node_facts(box: TreeBox) -> dict[Fact, str]:
-    """Return the compared facts of a node itself; modifiers in their order, arguments in any."""
+    """Return the properties of a node that are compared, without those of its children.
+
+    The order of its modifiers counts, that of its arguments does not.
+    """
     named = "" if box.name in (box.kind, box.mission) else box.name
     own = {"name": named, "mission": box.mission, "case": box.case, "as": box.keep_as}
     facts = {("node", name, 0): text for name, text in own.items() if text}

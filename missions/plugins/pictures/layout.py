@@ -113,7 +113,7 @@ def _advance(letter: str, bold: bool) -> float:
 Part = Literal["symbol", "kind", "name", "sign", "line", "argument", "badge", "reason", "change", "folded"]
 
 SIZES: Mapping[Part, int] = {"symbol": 14, "kind": 13, "name": 13, "sign": 13, "line": 10}
-"""Font sizes in pixels of the larger parts of a card; the parts that are missing have ``SMALL_FONT_SIZE``."""
+"""Font sizes in pixels of the larger parts of a card; all other parts have ``SMALL_FONT_SIZE``."""
 
 SMALL_FONT_SIZE = 11
 
@@ -418,7 +418,6 @@ class _LayoutCollector:
         self._right = self._collect(root, None, False)
 
     def layout(self) -> TreeLayout:
-        """Return the layout."""
         bottoms = [each.y + each.height for each in self._placed] + [each.y + each.height for each in self._panels]
         panels = tuple(reversed(self._panels))
         return TreeLayout(tuple(self._placed), tuple(self._links), panels, self._right, max(bottoms))

@@ -120,7 +120,6 @@ class Movie:
         self.pictures += not self.error
 
     def _write_picture(self, picture: Image) -> None:
-        """Write a picture to the folder."""
         done, packed = cv2.imencode(".jpg", picture)
         try:
             save_file(
@@ -170,7 +169,6 @@ class Movie:
 
 
 def _free_bytes(folder: Path) -> int:
-    """Return the free bytes of the disk of a folder."""
     disk = os.statvfs(folder)
     return disk.f_bavail * disk.f_frsize
 

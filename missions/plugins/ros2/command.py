@@ -72,7 +72,10 @@ def open_node(robot: str, router: str | None, domain: int | None) -> Iterator[An
 
 
 def _print_line(text: str) -> None:
-    """Print a line with foreign names, whose line breaks are escaped; the console escapes all else."""
+    """Print a line that may contain names from other programs.
+
+    Line breaks in it are escaped here, other control characters by the console.
+    """
     click.echo(text.replace("\r", "\\r").replace("\n", "\\n"))
 
 

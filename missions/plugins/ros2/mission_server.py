@@ -21,11 +21,11 @@ ACTION_NAME = "/run_mission"
 
 
 class MissionServer:
-    """Server of ``/run_mission``: each goal is a `mission run` of its own, with ``options``, one at a time.
+    """Server of the ROS 2 action ``/run_mission``: each goal is a `mission run` of its own, one at a time.
 
-    Feedback is the output of the run, line by line; a cancelled goal is stopped as by Ctrl-C. ``is_known`` returns True
-    for accepted names: those of the library, no paths. A run has a leash, as those of `mission task serve`: it stops
-    when this process ends for any reason.
+    ``options`` are further options of these runs. Feedback is the output of the run, line by line; a cancelled goal is
+    stopped as by Ctrl-C. ``is_known`` returns True for accepted missions: names in the library, not paths. A run stops
+    when this process ends for any reason, since a pipe between the two then closes.
     """
 
     def __init__(
@@ -66,7 +66,10 @@ class MissionServer:
         return True
 
     def _start(self, name: str, words: Sequence[str]) -> tuple["subprocess.Popen[str]", int]:
-        """Start a run; return it, and our end of its leash. Raises OSError, ValueError."""
+        """Start a run of a mission; return its process, and the end of a pipe that stops the run when it is closed.
+
+        Raises OSError, ValueError.
+        """
         reading, writing = os.pipe()
         params = [f"--param={word}" for word in words]
         run = [sys.executable, "-m", "missions", "run", "--json", f"--leash={reading}", *params, *self._options]

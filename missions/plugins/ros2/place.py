@@ -22,7 +22,7 @@ POSE_TIMEOUT = 5.0
 """Seconds to wait for the robot's pose."""
 
 BODY_FRAMES = ("base_link", "base_footprint")
-"""Names of the robot's own frame."""
+"""Names that robots usually give their own coordinate frame."""
 
 FramePose = tuple[float, float, float]
 
@@ -146,7 +146,7 @@ class FrameTree:
         self._namespace = f"{namespace.strip('/')}/"
         self._above: dict[str, tuple[str, FramePose]] = {}
         self.fault = ""
-        """Fault of the newest unusable message."""
+        """Error in the newest transform that could not be used; empty without one."""
 
     def add_transform(self, frame: str, child: str, told: Any) -> None:
         """Store the pose of the frame ``child`` in ``frame``, from the ROS message ``told`` of type Transform.

@@ -30,7 +30,10 @@ OTHER_KIND_KEYS = (*(key for key in KIND_KEYS if key != "mission"), "move")
 
 
 def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
-    """Return the JSON Schema (draft-07) of missions with these ``leaves``, which name ``things``."""
+    """Return the JSON Schema (draft-07) of missions that use these ``leaves``.
+
+    ``things`` are the names of gestures, missions and other files that the missions may use, by kind.
+    """
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",

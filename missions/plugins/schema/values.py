@@ -242,7 +242,10 @@ def _arguments_schema(leaf: type[Leaf], things: Things) -> Schema:
 
 
 def _value_alone_schema(leaf: type[Leaf], things: Things) -> Schema:
-    """Return the schema of a leaf's value without the name of an argument."""
+    """Return the schema of a leaf's value in its short form, such as 2 s in ``wait: 2 s``.
+
+    A leaf without a short form needs an object, or takes no value.
+    """
     principal = _principal_argument(leaf)
     if leaf.open_ended:
         return {"type": "object", "errorMessage": "needs names and values, such as {count: 1}"}

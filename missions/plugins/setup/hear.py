@@ -213,6 +213,5 @@ def _level_bar(level: float) -> str:
 
 
 def _print_fault(notice: DeviceStatus) -> None:
-    """Print a fault of the microphone."""
     if notice.kind == "fault":
         click.echo(f"mission: {notice.message}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

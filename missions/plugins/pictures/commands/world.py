@@ -54,7 +54,6 @@ def _plan(config: WorldConfig, time: float) -> str:
 
 
 def _plan_png(svg: str, output: Path) -> bytes:
-    """Return a plan as a PNG."""
     try:
         return png(svg, zoom=PNG_ZOOM)
     except ImportError as error:

@@ -77,7 +77,7 @@ def _item(pair: NodePair, key: str, times: tuple[float | None, float | None], le
 
 
 def _pair_side(box: TreeBox | None, time: float | None, *, hidden: bool = False) -> Markup:
-    """Return the card of the node in one mission of a comparison; None means that this mission lacks the node.
+    """Return the card of the node in one mission of a comparison; ``box`` is None if this mission lacks the node.
 
     ``time`` is that of the shown run (s), or None. A ``hidden`` card is hidden from screen readers, since the other
     mission has the same node.

@@ -146,7 +146,6 @@ def unfold_button() -> Markup:
 
 
 def _legend(drawing: TreeDrawing) -> Markup:
-    """Return the legend of the signs in the drawing."""
     used = {box.symbol for box in drawing.root.walk()}
     rows = [(sign, word, what) for sign, word, what in legend() if sign in used]
     rows += [(sign, status, STATUSES[status]) for status, sign in SIGNS.items() if drawing.time is not None]

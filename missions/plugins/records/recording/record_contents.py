@@ -25,7 +25,7 @@ from missions.trees.drawing_builder import drawing_of
 from perception.model_files import MAX_MODEL_BYTES
 
 FILE_KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
-"""Kinds of the YAML files of a run: a file is of the first kind that is one of its top-level keys."""
+"""Kinds of the YAML files of a run; a file's kind is the first of these words that is a top-level key of the file."""
 
 
 class RecordedRequest(Protocol):

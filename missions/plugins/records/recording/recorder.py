@@ -131,7 +131,7 @@ MAX_BATCH_ITEMS = 150
 """Maximum number of items in a batch to the writer process: packing holds the GIL for about a millisecond."""
 
 MAX_QUEUED_ITEMS = 20_000
-"""Maximum number of items queued for the writer process; a run makes as many in 30 s or more."""
+"""Maximum number of items queued for the writer process; at least 30 s of a run fit into the queue."""
 
 MAX_QUEUED_PICTURE_BYTES = 64_000_000
 """Maximum size in bytes of the pictures queued for the writer process."""
@@ -360,7 +360,6 @@ class Recorder:
         self._writer.finish()
 
     def _record_health(self, health_check: HealthCheck) -> None:
-        """Record the health of the devices."""
         with suppress(Exception):  # an exception of a driver must not end the record
             self._enqueue(HealthItem(0.0 if self._clock is None else self._clock.now(), health_check()))
 

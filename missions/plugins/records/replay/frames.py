@@ -103,7 +103,7 @@ def resample_frames(pictures: Iterator[tuple[float, Image]], rate: float) -> Ite
 
 
 def labelled_boxes(view: View) -> Iterator[tuple[Box, str]]:
-    """Yield box and label of the percepts that are visible in a view, without remembered ones."""
+    """Yield box and label of the percepts in a view, without those that are remembered but no longer visible."""
     found = [
         *((face, f"face {face.id}") for face in view.faces),
         *((thing, thing.name) for thing in view.things),

@@ -174,7 +174,7 @@ def _matching_stamp(stamps: Sequence[float], stamp: float) -> float | None:
 
 
 def _visible_percepts(view: View) -> Iterable[Percept]:
-    """Return the percepts visible in a view, without remembered ones."""
+    """Return the percepts in a view, without those that are remembered but no longer visible."""
     return (each for each in (*view.faces, *view.things, *view.markers) if each.stamp == view.looked)
 
 

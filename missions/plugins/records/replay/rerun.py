@@ -118,9 +118,9 @@ class ReplayedPart:
         return self._answers.answer(self._part, name)
 
     def _command(self, what: str, otherwise: Callable[..., object], *given: object, **named: object) -> Any:
-        """Return the recorded result of the command ``what``; if the record has another command, that of ``otherwise``.
+        """Return the recorded result of a command, or the result of ``otherwise`` if the record has another command.
 
-        The proxy passes all arguments of the command, in the order of the protocol.
+        ``what`` is the name of the command. The proxy passes all its arguments, in the order of the protocol.
         """
         arguments = (*given, *named.values())
         return self._answers.command(self._part, what, partial(otherwise, self, *arguments), *arguments)
@@ -155,7 +155,7 @@ class ReplayedVoice(ReplayedPart):
 
 
 class _RecordedUtterance:
-    """An utterance of the recorded run, by its number."""
+    """An utterance of the recorded run, identified by its number in the record."""
 
     def __init__(self, answers: RecordedAnswers, number: int) -> None:
         self._number = number

@@ -91,11 +91,11 @@ class StatusDifference:
 
 
 class StatusComparison:
-    """Compares the status ``changes`` in a record with those of the current tree, of which it receives the events.
+    """Compares the status ``changes`` in a record with those of the current tree, tick by tick.
 
-    ``recorded`` is the drawing of the recorded tree, ``current`` that of the current tree, whose root node is ``root``.
-    Nodes that only one of the trees has are not compared. ``reworded_count`` is the number of equal statuses with
-    different reasons; ``first_reworded`` is the first of these.
+    It is called with each event of the current tree. ``recorded`` is the drawing of the recorded tree, ``current`` that
+    of the current tree, whose root node is ``root``. Nodes that only one of the trees has are not compared.
+    ``reworded_count`` is the number of equal statuses with different reasons; ``first_reworded`` is the first of these.
     """
 
     def __init__(self, changes: Iterable[NodeChanged], recorded: TreeDrawing, current: TreeDrawing, root: Node) -> None:

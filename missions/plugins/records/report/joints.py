@@ -42,9 +42,9 @@ MIN_CHART_TRAVEL = 0.5
 
 
 class JointLogSample(NamedTuple):
-    """State of a joint at time ``t`` (s): rad, rad/s, ``load`` in -1..1 of the stall torque, ``temperature`` in degC.
+    """State of a joint at time ``t`` (s): angles in rad, ``velocity`` in rad/s, ``temperature`` in degC.
 
-    ``goal`` is None without a goal or with torque off.
+    ``load`` is -1..1 of the stall torque. ``goal`` is None without a goal or with torque off.
     """
 
     t: float

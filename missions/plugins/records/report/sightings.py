@@ -56,7 +56,7 @@ class SightingSummary:
 
 
 def select_pictures(record: RunRecord, views: Views, max_count: int) -> list[ReportPicture]:
-    """Return at most ``max_count`` pictures: up to half before failures, the others evenly spread."""
+    """Return at most ``max_count`` pictures: up to half of them just before failures, the others evenly spread."""
     stamps = [stamp for stamp, _ in record.frames()] if max_count else []
     wanted = choose_frames(stamps, max_count, {failure.t for failure in record.failures()})
     if not wanted:
@@ -73,7 +73,10 @@ def select_pictures(record: RunRecord, views: Views, max_count: int) -> list[Rep
 
 
 def choose_frames(stamps: Sequence[float], max_count: int, failures: Collection[float]) -> set[int]:
-    """Return the indices of at most ``max_count`` frames: up to half before failures, the others evenly spread."""
+    """Return the indices of at most ``max_count`` frames, of which ``stamps`` are the times (s).
+
+    Up to half of them are the last ones before ``failures`` (times in s), the others are evenly spread.
+    """
     places = sorted({bisect_right(stamps, time) - 1 for time in failures} - {-1})
     found = {places[number] for number in spread_evenly(len(places), max_count // 2)}
     others = [number for number in range(len(stamps)) if number not in found]
@@ -131,7 +134,7 @@ def _merge_by_name(sightings: Iterable[SightingSummary]) -> list[SightingSummary
 
 
 def _visible_percepts(view: View | None) -> Iterator[Percept]:
-    """Yield the percepts visible in a view, without remembered ones."""
+    """Yield the percepts in a view, without those that are remembered but no longer visible."""
     if view is not None:
         yield from (each for each in (*view.faces, *view.things, *view.markers) if each.stamp == view.looked)
 

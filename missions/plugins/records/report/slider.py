@@ -48,7 +48,7 @@ class SliderTimes:
 
 
 class TextTable:
-    """Numbered texts without duplicates."""
+    """Texts of the report page, each stored only once, and referred to by its number."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}

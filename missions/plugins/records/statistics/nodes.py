@@ -155,7 +155,10 @@ def _group_by_tick(
 
 
 def _is_in_tick(change: NodeChanged, tick_record: TickRecord, following: TickRecord | None) -> bool:
-    """Return whether a change belongs to ``tick_record``: the final halt of a run may have the same tick number."""
+    """Return whether a status change belongs to the tick of ``tick_record``.
+
+    The tick number alone does not tell: the final halt of a run may have the number of the last tick.
+    """
     return change.tick <= tick_record.tick and (
         following is None or following.tick > tick_record.tick or change.t < following.t
     )

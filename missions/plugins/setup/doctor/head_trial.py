@@ -100,7 +100,6 @@ class PictureLog:
         self._pictures: deque[tuple[float, Image]] = deque(maxlen=MAX_PICTURES)
 
     def __call__(self, frame: Frame, _: object) -> None:
-        """Store a picture."""
         self._pictures.append((frame.stamp, reduce_picture(frame.image)))
 
     def within(self, start: float, end: float) -> Image | None:

@@ -132,7 +132,7 @@ def _limit_contrast(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.fl
 
 
 def _remove_brightness(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
-    """Return a picture with less noise and without brightness."""
+    """Return a picture with less noise, from which the brightness around each pixel is subtracted."""
     smooth = cv2.GaussianBlur(image, (0, 0), 1.5).astype(np.float32)
     return np.asarray(smooth - cv2.GaussianBlur(smooth, (0, 0), 20), np.float32)
 

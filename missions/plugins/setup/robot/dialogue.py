@@ -122,7 +122,10 @@ class Dialogue:
         return agreed
 
     def measure_once(self, key: str, measure: Callable[[], Any]) -> Any:
-        """Return the saved measurement, or the result of ``measure`` as JSON."""
+        """Return the measurement saved under ``key``; without one, save and return the result of ``measure``.
+
+        The measurement must be JSON data.
+        """
         if key not in self._answers:
             self.save_answer(key, measure())
         return self._answers[key]

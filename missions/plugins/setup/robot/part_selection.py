@@ -224,7 +224,7 @@ def _choose_device(
 
 
 def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part: RobotPart, at: str = "") -> None:
-    """Ask for the name of a further part of a kind, as missions will use it."""
+    """Ask for the name of a further part of a kind, as missions will use it; add the part, unless the user declines."""
     kind = driver.kind
     reserved, such = {each.word for each in declared_keys(RobotKeys)} | set(KINDS), EXAMPLE_VALUES[kind]
 

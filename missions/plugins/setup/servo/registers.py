@@ -150,7 +150,7 @@ def _register_row(model: ServoModel, register: Register, value: int) -> list[str
 
 
 def meaning(model: ServoModel, register: Register, value: int) -> str:
-    """Return the meaning of a register's value, such as "12.0 V"; empty if it is a plain number or a mask."""
+    """Return the meaning of a register's value, such as "12.1 V"; empty if it is a plain number or a mask."""
     if register.name == "model_number":
         return model.name
     if register.name == "firmware" and register.size == 2:
@@ -192,7 +192,6 @@ def _read_joint(bus: ServoBus, joint: Joint) -> JointReport:
 
 
 def _joint_table(snapshots: Iterable[JointReport]) -> str:
-    """Return the states of joints as a table."""
     return format_columns(
         JOINT_HEADINGS, [_joint_row(each) for each in snapshots], left=frozenset({"joint", "torque", ""})
     )
