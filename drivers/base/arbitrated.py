@@ -41,10 +41,12 @@ NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 
 class BaseSettings(TypedDict, total=False):
-    """Settings of a base: speeds (m/s, rad/s), accelerations (m/s^2, rad/s^2; braking is 1.2 times as hard), callbacks.
+    """Settings of a base: speed limits (m/s, rad/s), acceleration limits (m/s^2, rad/s^2) and callbacks.
 
-    ``on_change`` is called when a contact, a hazard or a button changes, ``on_steering`` with each change of steering.
-    ``guard`` is the section of the robot file, for the range guard.
+    Braking is 1.2 times as hard as the acceleration limits. ``away`` is the reconnect policy. ``guard`` is the base's
+    section of the robot file, from which the range guard takes its settings. ``report`` receives each status of the
+    base. ``changed`` is called when a contact, a hazard or a button changes, ``steered`` when the source or the
+    velocity of the base changes.
     """
 
     max_linear: float
@@ -60,26 +62,29 @@ class BaseSettings(TypedDict, total=False):
 
 
 class BaseCallbacks(Protocol):
-    """Callbacks of a base: ``drivers.api.driver.DriverContext`` and ``drivers.sim.context.SimContext`` have them."""
+    """Callbacks that a base calls.
+
+    ``drivers.api.driver.DriverContext`` and ``drivers.sim.context.SimContext`` implement this protocol.
+    """
 
     @property
     def report(self) -> StatusCallback:
-        """Receives each status of the device."""
+        """Callback that receives each status of the base, such as a fault or a disconnect."""
         ...
 
     @property
     def on_change(self) -> Callable[[], None]:
-        """Called when a contact, a hazard or a button changes."""
+        """Callback without arguments that the base calls when a contact, a hazard or a button changes."""
         ...
 
     @property
     def on_steering(self) -> SteeringCallback:
-        """Receives each change of steering."""
+        """Callback that receives source, setpoint and permitted velocity of the base when one of them changes."""
         ...
 
 
 def settings_of(keys: BaseKeys, callbacks: BaseCallbacks) -> BaseSettings:
-    """Return the settings of a base from its section of a robot file."""
+    """Return the settings of a base: limits from ``keys``, its section of a robot file, and the given ``callbacks``."""
     return BaseSettings(
         max_linear=keys.max_speed,
         max_angular=keys.max_turn,
@@ -95,10 +100,11 @@ def settings_of(keys: BaseKeys, callbacks: BaseCallbacks) -> BaseSettings:
 
 
 class ArbitratedBase(ABC):
-    """Base class of drivers and twins: a ``drivers.api.Base`` whose commands pass a velocity multiplexer.
+    """Base class of drivers and twins of bases: a ``drivers.api.Base`` whose commands pass a velocity multiplexer.
 
-    A subclass adds the actuators and the state. Commands are thread-safe. ``instruments`` names the sensors of the
-    motion. Raises ValueError for a limit that is not positive.
+    A subclass adds the actuators and the measured state. Commands are thread-safe. ``instruments`` names the sensors
+    that measure the motion, for messages. The constructor raises ValueError if a speed or acceleration limit is not
+    positive.
     """
 
     name = "base"
@@ -106,7 +112,7 @@ class ArbitratedBase(ABC):
     lights: Lights | None = None
     legs: Legs | None = None
     has_witnesses = True
-    """Whether range finder and IMU can check the motion of this base."""
+    """Whether a range finder and an IMU of the robot can check the reported motion of this base."""
 
     def __init__(self, clock: Clock, instruments: Instruments | None = None, **settings: Unpack[BaseSettings]) -> None:
         self._clock = clock
@@ -142,7 +148,11 @@ class ArbitratedBase(ABC):
         return self._limits
 
     def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
-        """Limit every velocity by the scans of ``ranger``; see ``drivers.api.Guardable``."""
+        """Limit every velocity of the base by the scans of ``ranger``, so that it stops before obstacles.
+
+        ``blind`` are the sectors that the range finder does not see, each two bearings in radians. See
+        ``drivers.api.Guardable``.
+        """
         keys = self._guard_keys or BaseKeys()
         if isinstance(keys.range_guard, str):
             return
@@ -162,7 +172,10 @@ class ArbitratedBase(ABC):
         )
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """Compare the motion of the base with these sensors; see ``drivers.api.WitnessedBase``."""
+        """Compare the odometry with the scans of ``ranger`` and the yaw of ``imu``, to detect motion faults.
+
+        A sensor that is None is not used. See ``drivers.api.WitnessedBase``.
+        """
         if not self.has_witnesses:
             return
         # Imported here: they need numpy, a robot without either does not.
@@ -174,11 +187,11 @@ class ArbitratedBase(ABC):
         witnesses += [] if imu is None else [ImuWitness(imu)]
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Request a velocity for ``COMMAND_TIMEOUT``; return the velocity that limits and reflexes permit of it.
+        """Request a velocity for ``COMMAND_TIMEOUT``; return it as reduced by the limits and reflexes.
 
-        The base approaches it by its acceleration limits. Raises BadRequest for a value that is not finite and for
-        ``Source.SAFETY``, DeviceFault while it is latched, and NotConnected while no reports arrive: a base without
-        reports is stopped.
+        The base approaches it within its acceleration limits. Raises BadRequest for a value that is not finite and for
+        ``Source.SAFETY``, DeviceFault while the base is latched, and NotConnected while no reports arrive. A base
+        without reports is also stopped.
         """
         check(self.name, velocity, source)
         now = self._clock.now()
@@ -215,7 +228,7 @@ class ArbitratedBase(ABC):
         return self._mux.latched
 
     def steering(self) -> Steering:
-        """Return source, setpoint and permitted velocity of the last control cycle."""
+        """Return the steering of the last control cycle: source in command, setpoint, permitted velocity."""
         return self._mux.steering
 
     def heading_at(self, stamp: float) -> float | None:
@@ -224,7 +237,7 @@ class ArbitratedBase(ABC):
         return found[0] if found else None
 
     def rest(self) -> None:
-        """Stop: a base has no other rest."""
+        """Stop the base."""
         self.stop()
 
     # --- for subclasses -----------------------------------------------------------------------------------------------
@@ -236,7 +249,7 @@ class ArbitratedBase(ABC):
     @property
     @abstractmethod
     def _last_state(self) -> BaseState | None:
-        """The state by which reflexes judge a new command; None before the first report."""
+        """Last reported state of the base, by which the reflexes judge a new command; None before the first report."""
 
     @abstractmethod
     def _offline_error(self, now: float) -> NotConnected | None:
@@ -248,9 +261,9 @@ class ArbitratedBase(ABC):
 
     @contextmanager
     def _stopping_on_error(self) -> Iterator[None]:
-        """Stop the actuators if a report or a renewal fails, and raise the error again: else the base drives on.
+        """Context that stops the actuators if an exception other than NotConnected occurs in it, and raises it again.
 
-        Earlier setpoints are dropped: the content of the report, such as a contact or a restart, is lost.
+        Setpoints are dropped. Without this the base would go on with its last velocity.
         """
         try:
             yield
@@ -262,7 +275,7 @@ class ArbitratedBase(ABC):
             raise
 
     def _remember(self, stamp: float, pose: Pose2D) -> None:
-        """Store the pose that was measured at ``stamp``."""
+        """Add a pose that was measured at ``stamp`` to the pose history of the base."""
         self._poses.add(stamp, (pose.heading, pose.x, pose.y))
 
     def _near_dock(self) -> bool:
@@ -274,7 +287,7 @@ class ArbitratedBase(ABC):
         return state.docked or bool((dock.left | dock.centre | dock.right) & NEAR_BEAMS)
 
     def _report_steering(self, steering: Steering) -> None:
-        """Report a new steering, and a new motion fault."""
+        """Report a changed steering to the callback, and a new motion fault as a status of the base."""
         fault = self._mux.fault
         if fault is not self._reported_fault and fault is not None:
             self._reported_fault = fault
@@ -290,7 +303,10 @@ class ArbitratedBase(ABC):
             self._report(DeviceStatus(self.name, "online", message))
 
     def _report_changes(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
-        """Report the changes of contacts, buttons and hazards from state to state."""
+        """Report new hazards from state to state as faults; call the callback if contacts or buttons changed.
+
+        ``before`` is the state before the first of ``states``, or None.
+        """
         changed = False
         for state in states:
             change = compare(before, state)

@@ -38,7 +38,7 @@ RENEWAL_INTERVAL = 0.04
 """Seconds between two commands while no report arrives."""
 
 STOP_TIME = 0.5
-"""Seconds for which a stop is repeated at each renewal: a command may be lost on the wire."""
+"""Seconds for which a stop command is repeated every ``RENEWAL_INTERVAL``, since one may be lost on the wire."""
 
 LATCHED_INTERVAL = 0.2
 """Longest interval in seconds between two stop commands to a latched base."""
@@ -47,7 +47,7 @@ GREETING_INTERVAL = 0.5
 """Seconds between two greetings of a base that does not report."""
 
 FINAL_STOPS = 5
-"""Number of stop commands before the port is closed. No later command would repair a damaged one."""
+"""Number of stop commands sent just before the port is closed, since single commands may be damaged on the wire."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,9 @@ class DiffDriveTiming:
 class ParsedReports:
     """Content of the bytes received from a base.
 
-    ``states`` are the reported states, oldest first. ``reply`` is to be sent. ``faults`` are pairs of a fault and a
-    hint. ``restarted`` is such a pair if the base has restarted: then it must not execute commands from before.
+    ``states`` are the reported states, oldest first. ``reply`` are bytes that must be sent to the base. ``faults`` are
+    faults to report, each as a message and a hint. ``restarted`` is a message and a hint if the base has restarted,
+    else None: a restarted base must not execute earlier commands.
     """
 
     states: list[BaseState] = field(default_factory=list)
@@ -81,7 +82,7 @@ class ParsedReports:
 
 
 class SoundProtocol(Protocol):
-    """Commands of a sounder, without I/O."""
+    """Protocol of the sounder of a base: its methods return the bytes of a command, and send nothing."""
 
     def play(self, tune: Tune) -> bytes:
         """Return the command that plays a tune."""
@@ -93,7 +94,7 @@ class SoundProtocol(Protocol):
 
 
 class LightProtocol(Protocol):
-    """Commands of two lights, without I/O."""
+    """Protocol of the two lights of a base: its methods return the bytes of a command, and send nothing."""
 
     def light(self, number: int, colour: Lamp) -> bytes:
         """Return the command that switches light 1 or 2."""
@@ -126,34 +127,40 @@ class DiffDriveProtocol(ABC):
 
     @abstractmethod
     def greet(self) -> bytes:
-        """Return the start of a connection: settings, and a request for reports. Repeated while the base is silent."""
+        """Return the bytes that start a connection: settings of the base, and a request for reports.
+
+        ``DiffDriveBase`` sends them again while the base does not report.
+        """
 
     @abstractmethod
     def parse(self, data: bytes, now: float) -> ParsedReports:
-        """Parse bytes received from the base, split anywhere; ``now`` is the time of the measurements in them."""
+        """Parse a chunk of bytes from the base, which arrived at ``now``. It may begin and end within a message."""
 
     @abstractmethod
     def drive(self, velocity: Velocity, now: float) -> bytes:
         """Return the command that drives at ``velocity``."""
 
     def stop(self, now: float) -> bytes:
-        """Return the command that stops the wheels, repeated if the wire may swallow one."""
+        """Return the command that stops the wheels. A protocol whose wire may lose commands repeats it."""
         return self.drive(ZERO_VELOCITY, now)
 
     def query(self, now: float) -> bytes:  # noqa: ARG002
-        """Return the query to the base that is due now."""
+        """Return the bytes of a query, such as for the firmware version, if one is due at ``now``; else no bytes."""
         return b""
 
     def is_ready(self, now: float) -> bool:  # noqa: ARG002
-        """Return False while the base reports but cannot be driven."""
+        """Return False while the base sends reports but cannot be driven, such as a topic without a subscriber."""
         return True
 
     def counters(self) -> Mapping[str, int]:
-        """Return totals for ``drivers.api.Health``."""
+        """Return the protocol's counters, such as the number of malformed messages, for ``drivers.api.Health``."""
         return MappingProxyType({})
 
     def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:  # noqa: ARG002
-        """Return why an open port brings no reports, and a hint. ``where`` names part and port."""
+        """Return the reason why an open port brings no reports of the base, and a hint.
+
+        ``where`` names part and port. ``silent`` is True if no bytes arrive at all.
+        """
         if silent:
             reason = f"{where}: open but silent; is the {self.noun} switched on?"
             return reason, f"switch the {self.noun} on; then check its cable"
@@ -161,7 +168,7 @@ class DiffDriveProtocol(ABC):
 
 
 Send = Callable[[Callable[[], bytes]], None]
-"""Sends the bytes that a function returns. Raises NotConnected."""
+"""Function that calls its argument for the bytes of a command, and sends them. Raises NotConnected."""
 
 
 class SoundsOnWire:
@@ -195,11 +202,11 @@ class LightsOnWire:
 
 
 class DiffDriveBase(ArbitratedBase):
-    """Driver of a base with ``protocol`` over ``link``, both of which it owns: a ``drivers.api.Base``.
+    """Driver of a base that speaks ``protocol`` over the serial ``link``: a ``drivers.api.Base``.
 
-    ``on_stop`` is called when all sources are stopped or the base is latched, to stop other nodes that drive it.
-    Callbacks are called from the link's thread, and must return at once. The link also calls the methods of
-    ``drivers.transport.link.LinkHandler`` from there.
+    It owns both. ``on_stop`` is called when all sources are stopped or the base is latched, so that other nodes that
+    drive the base can be stopped too. The callbacks in the settings run on the link's thread, and must return at once.
+    The link calls the ``on_...`` methods (``drivers.transport.link.LinkHandler``) on this thread as well.
     """
 
     def __init__(
@@ -241,14 +248,17 @@ class DiffDriveBase(ArbitratedBase):
         return latest if fresh else replace(latest, quality=Quality.STALE)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Request a velocity; see ``ArbitratedBase``. A base at rest is woken."""
+        """Request a velocity, as ``ArbitratedBase.drive`` does.
+
+        If the base rests, its thread is woken to send the velocity at once.
+        """
         accepted = super().drive(velocity, source=source)
         if self._dozing and accepted != ZERO_VELOCITY:
             self._link.wake()
         return accepted
 
     def stop(self, *, source: Source | None = None) -> None:
-        """Stop; see ``ArbitratedBase``. Also stop other nodes that drive the base, unless ``source`` alone is meant."""
+        """Stop the base, as ``ArbitratedBase.stop`` does; if ``source`` is None, also call ``on_stop``."""
         super().stop(source=source)
         if source is None and not self._closing:
             self._on_stop()
@@ -274,7 +284,7 @@ class DiffDriveBase(ArbitratedBase):
     # --- drivers.transport.link.LinkHandler ---------------------------------------------------------------------------
 
     def on_connected(self) -> None:
-        """Greet the base on a port that was just opened. Commands from before are dropped."""
+        """Greet the base on a port that was just opened, and drop the setpoints from before the connection."""
         now = self._clock.now()
         with self._lock:
             self._mux.stop()
@@ -299,7 +309,10 @@ class DiffDriveBase(ArbitratedBase):
             self._link.write(parsed.reply)
 
     def on_poll(self) -> float | None:
-        """Renew the command, send due queries, and detect silence; return how many seconds reports may wait."""
+        """Renew the command, send due queries, and report a base that has become silent.
+
+        Returns the seconds for which reports may stay in the buffer, None if they must be read at once.
+        """
         now = self._clock.now()
         if now - self._renewed_at >= RENEWAL_INTERVAL:
             self._renew(now)
@@ -320,7 +333,7 @@ class DiffDriveBase(ArbitratedBase):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _take(self, states: list[BaseState], now: float) -> None:
-        """Process newly reported states of the base, oldest first. Raises NotConnected."""
+        """Store newly reported states (oldest first), apply reflexes, send the next velocity. Raises NotConnected."""
         before, stamp = self._latest.value, now - self.protocol.timing.report_delay
         self._latest = Reading(states[-1], stamp, Quality.GOOD)
         self._remember(stamp, states[-1].pose)
@@ -334,7 +347,7 @@ class DiffDriveBase(ArbitratedBase):
         self._report_changes(before, states)
 
     def _is_idle(self, now: float) -> bool:
-        """Return whether the base rests and nothing depends on a single report."""
+        """Return whether the base has been at rest for a while, so that several reports may be read at once."""
         # A base that counts as disconnected after a short silence needs each report.
         doze = self.protocol.timing.idle_poll_interval
         may_doze = doze > 0.0 and self._mux.absence.min_absence > 3 * doze

@@ -15,7 +15,10 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PathPoses:
-    """Poses along a path, relative to the current pose: arrays of shape (k,), in metres and radians."""
+    """Poses of a base along a path: arrays ``x``, ``y`` (metres) and ``heading`` (radians) of shape (k,).
+
+    They are relative to the current pose of the base.
+    """
 
     x: Floats
     y: Floats
@@ -23,7 +26,10 @@ class PathPoses:
 
 
 class BaseOutline(Protocol):
-    """Outline about the middle of a base; ``radius`` in metres is that of the enclosing circle."""
+    """Outline of a base on the floor, in metres about the middle of the base.
+
+    ``radius`` is the radius of the circle that encloses it. ``round`` is True if the outline is a circle.
+    """
 
     radius: float
     round: bool
@@ -31,7 +37,10 @@ class BaseOutline(Protocol):
     """Points on the outline, in metres: shape (m, 2)."""
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """Return the distance of n points from the outline at k poses: shape (n, k), negative inside."""
+        """Return the distances in metres of the n points ``x``, ``y`` from the outline at the k poses of ``path``.
+
+        The result has the shape (n, k), and is negative for a point inside the outline.
+        """
         ...
 
 
@@ -46,7 +55,10 @@ class RoundOutline:
         self.rim: Floats = radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """Return the distance of n points from the circle at k poses: shape (n, k), negative inside."""
+        """Return the distances of n points from the circle at the k poses of ``path``: shape (n, k).
+
+        They are negative inside the circle.
+        """
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         distances: Floats = np.sqrt(ahead * ahead + aside * aside) - self.radius
         return distances
@@ -72,7 +84,10 @@ class PolygonOutline:
         self.rim: Floats = (hull + shares * edges).reshape(-1, 2)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """Return the distance of n points from the polygon at k poses: shape (n, k); beyond a corner, less."""
+        """Return the distances of n points from the polygon at the k poses of ``path``: shape (n, k).
+
+        They are negative inside the polygon. The distance of a point that is nearest to a corner is underestimated.
+        """
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         cos, sin = np.cos(path.heading), np.sin(path.heading)
         nearest: Floats = np.full(ahead.shape, -np.inf)

@@ -1,28 +1,34 @@
-"""Bias of a gyro, learnt while the base stands still.
+"""Bias of a gyro, learnt while the base is at rest.
 
-The raw rate alone does not show whether the base stands: a bias looks like a slow turn. A bias that is learnt in a slow
-turn makes the heading drift afterwards (pybricks/support#1840). So it is learnt only while the base is not commanded
-and its encoders do not count. A base without encoders must have an even rate instead. Before the bias is known, a slow
-turn by hand is then learnt as bias; afterwards it is recognised.
+A constant rate of the gyro may be its bias or a slow turn. A bias that is learnt during a slow turn makes the heading
+drift afterwards (pybricks/support#1840). Therefore the bias is learnt only while the base is not commanded and its
+encoders report no motion. If the base has no encoders, the rate must be steady instead. A slow turn by hand is mistaken
+for the bias only as long as no bias is known.
 """
 
 MIN_STILL_TIME = 0.3
 """Seconds at rest, by command and encoders, after which the bias of the gyro is learnt."""
 
 MIN_LEARNING_TIME = 0.5
-"""Seconds at rest after which the learnt bias of the gyro is accurate enough for a turn."""
+"""Seconds at rest after which the learnt bias of the gyro is accurate enough for a leaf to start a turn."""
 
 MAX_SETTLING_TIME = 3.0
-"""Seconds at rest after which leaves stop waiting for a gyro bias that cannot be learnt."""
+"""Maximum seconds at rest for which leaves wait for the bias of a gyro whose rate is not steady."""
 
 MAX_BIAS_CHANGE = 0.12
-"""Deviation from the bias in rad/s above which a base turns although its encoders stand still: it was lifted."""
+"""Deviation of the rate from the bias in rad/s above which a base turns although its encoders report no motion.
+
+Such a base is turned by hand, off the floor.
+"""
 
 KNOWN_AFTER, KNOWN_GATE = 2.0, 0.02
 """Seconds of learning after which a base without encoders turns if its rate deviates by so many rad/s."""
 
 RELEARN_AFTER = 60.0
-"""Seconds of an even rate that differs from the bias, after which it is the new bias: no turn lasts so long."""
+"""Seconds of a steady rate that differs from the known bias, after which the bias is learnt again.
+
+No turn lasts this long, so the bias has changed.
+"""
 
 MAX_DRIFT = 0.01
 """Turn rate of a gyro at rest in rad/s above which leaves wait until its bias is known."""
@@ -31,24 +37,28 @@ AVERAGING_TIME = 2.0
 """Time constant in seconds by which a known gyro bias is updated: it follows the temperature."""
 
 MAX_RATE_CHANGE = 0.02
-"""Change in rad/s between two reports up to which the rate of a base without encoders is steady."""
+"""Maximum change in rad/s between two reports of a gyro whose rate counts as steady, on a base without encoders."""
 
 SPAN, EVEN, ROUGH = 1.0, 0.005, 3
 """Length of a span in seconds, difference of the means of two spans in rad/s up to which a noisy or rounded rate is
 even, and the number of unsteady reports in a span that make a rate noisy."""
 
 SMOOTHING_TIME = 0.2
-"""Time constant in seconds of the mean rate: messages that arrive in pairs have no rate one by one."""
+"""Time constant in seconds of the mean rate of a gyro. Averaging is needed for reports that arrive in pairs."""
 
 
 class GyroBias:
-    """Corrects turns and rates of a gyro. Without ``encoders``, a base is at rest only while its rate is even."""
+    """Removes the bias from turns and rates of a gyro, and learns the bias while the base is at rest.
+
+    ``encoders`` is False for a base without wheel encoders; it counts as at rest only while the rate of the gyro is
+    steady.
+    """
 
     def __init__(self, *, encoders: bool = True) -> None:
         self.rate = 0.0
         """Bias in rad/s."""
         self.settling = False
-        """True while the base is at rest with a rate that may be an unknown bias, for ``MAX_SETTLING_TIME`` at most."""
+        """True while the base is at rest and the bias may not be learnt yet, for ``MAX_SETTLING_TIME`` at most."""
         self._encoders = encoders
         self._learnt_for = 0.0
         self._stood_for = 0.0  # with an even rate or not
@@ -63,7 +73,7 @@ class GyroBias:
     def correct(self, turn: float, rate: float, seconds: float, *, still: bool) -> tuple[float, float]:
         """Return ``turn`` (rad) within ``seconds`` and ``rate`` (rad/s) without the bias; both are 0 at rest.
 
-        ``still`` is True if the base is not commanded and no encoder counts.
+        ``still`` is True if the base is not commanded and its encoders report no motion.
         """
         if seconds <= 0.0:
             return turn, rate - self.rate
@@ -84,7 +94,10 @@ class GyroBias:
         return 0.0, 0.0
 
     def _stand(self, turn: float, seconds: float, *, steady: bool) -> None:
-        """Average the turns of a base that is not commanded."""
+        """Add a turn in rad within ``seconds`` to the averages of a base that is not commanded.
+
+        ``steady`` is False if the rate has changed since the last report.
+        """
         share = min(seconds / SMOOTHING_TIME, 1.0) if self._stood_for else 1.0
         self._mean += share * (turn / seconds - self._mean)
         self._stood_for += seconds
@@ -97,13 +110,12 @@ class GyroBias:
             self._span_before = mean
 
     def _restart(self) -> None:
-        """Restart the averages: the base moves."""
         self._stood_for = 0.0
         self._span, self._even = (0.0, 0.0, 0), False
         self._span_before = None
 
     def _rests(self, measured: float, rate: float, seconds: float) -> bool:
-        """Return whether the base is at rest, so that the measured rate is the bias."""
+        """Return whether the base is at rest, so that the ``measured`` rate (rad/s) is the bias of the gyro."""
         if self._still_for < MIN_STILL_TIME:
             self._beside_for = 0.0
             return False

@@ -1,4 +1,4 @@
-"""Check-up of a gyro: its drift at rest."""
+"""Finding of a checkup on the drift of a gyro at rest."""
 
 from math import degrees
 
@@ -8,11 +8,11 @@ DRIFT_WARNING, DRIFT_WRONG = 0.3, 5.0
 """Drift at rest in deg/s from which on there is a warning, or an error."""
 
 TURN_SPEED = 40.0
-"""Turn rate in deg/s of the example in the finding on a gyro's drift."""
+"""Turn rate in deg/s of the example in the text of the finding: the error of a turn by 90 degrees."""
 
 
 def drift(turned: float, seconds: float) -> Finding:
-    """Return the finding on a gyro that turned by ``turned`` radians while the base stood for ``seconds``."""
+    """Return the finding of a checkup for a gyro that reported ``turned`` radians in ``seconds`` at rest."""
     rate = degrees(turned) / seconds if seconds else 0.0
     off = abs(rate) * 90 / TURN_SPEED
     if abs(rate) < DRIFT_WARNING:

@@ -16,7 +16,7 @@ MAX_TONE_DURATION = 0.255
 
 
 def check(part: str, velocity: Velocity, source: Source) -> None:
-    """Raise BadRequest for a velocity that is not finite, and for ``Source.SAFETY``."""
+    """Raise BadRequest if ``velocity`` is not finite or ``source`` is ``Source.SAFETY``; ``part`` names the base."""
     if not (isfinite(velocity.linear) and isfinite(velocity.angular)):
         raise BadRequest(
             f"{part}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
@@ -27,7 +27,7 @@ def check(part: str, velocity: Velocity, source: Source) -> None:
 
 
 def require(part: str, latched: str) -> None:
-    """Raise DeviceFault if the base is latched: if ``latched``, the reason, is not empty."""
+    """Raise DeviceFault if the base is latched; ``latched`` is the reason, empty if it is not latched."""
     if latched:
         raise DeviceFault(f"{part}: stopped: {latched}", hint="remove the cause, then enable the base")
 
@@ -39,7 +39,7 @@ def check_light(part: str, number: int) -> None:
 
 
 def check_tone(part: str, frequency: float, seconds: float) -> None:
-    """Raise BadRequest for a tone outside the range of frequencies in Hz and durations."""
+    """Raise BadRequest for a tone whose frequency (Hz) or duration (seconds) a base cannot play."""
     if not (MIN_TONE_FREQUENCY <= frequency <= MAX_TONE_FREQUENCY and 0 < seconds <= MAX_TONE_DURATION):
         raise BadRequest(
             f"{part}: no tone of {frequency} Hz for {seconds} s",
@@ -97,7 +97,10 @@ class VelocityLimits:
 
 
 def _share(current: float, wanted: float, step: float) -> float:
-    """Return the share of the change from ``current`` to ``wanted`` that one step permits; it may exceed 1."""
+    """Return the step divided by the change from ``current`` to ``wanted``: 1 or more if one step is enough.
+
+    A change towards zero may be ``BRAKING_RATIO`` times as fast.
+    """
     change = wanted - current
     if change == 0.0:
         return 1.0

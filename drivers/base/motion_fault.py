@@ -16,7 +16,7 @@ BACKUP_LIMIT = "backup limit"
 STALL = "stall"
 OBJECT_NEAR = "object near"
 UNKNOWN = "hazard of type"
-"""Prefix of the name of a hazard whose type this version does not know; the type's number follows."""
+"""Prefix of the name of a hazard of an unknown type; the number of the type follows."""
 
 _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -28,11 +28,11 @@ _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
         UNKNOWN: ("not known to this version", "`mission ros2 echo /hazard_detection` shows the message"),
     }
 )
-"""Effect and hint of each hazard that is reported as a fault; a near object is not."""
+"""Effect and hint of each hazard that is reported as a fault. Near objects are not reported."""
 
 
 def describe(hazard: str) -> tuple[str, str] | None:
-    """Return a message on the hazard with its effect, and a hint; None if it is not a fault."""
+    """Return a message on a hazard of a base and a hint; None if the hazard is not reported as a fault."""
     for name, (effect, hint) in _ADVICE.items():
         if hazard.startswith(name):
             return f"{hazard}: {effect}", hint
@@ -44,10 +44,10 @@ ON_THE_FLOOR = "stand the base on the floor, away from the edge"
 
 @dataclass(frozen=True, slots=True)
 class StateChange:
-    """Change between two states of a base.
+    """Difference between two states of a base.
 
-    ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``inputs_changed`` is True if a
-    contact, button or hazard changed.
+    ``faults`` are new faults, each a message and a hint: the base now refuses some motion. ``inputs_changed`` is True
+    if a contact, button or hazard changed.
     """
 
     faults: tuple[tuple[str, str], ...]
@@ -55,7 +55,7 @@ class StateChange:
 
 
 def compare(before: BaseState | None, after: BaseState) -> StateChange:
-    """Compare two states of a base; ``before`` is None for the first, which has no contacts before it."""
+    """Compare two states of a base; ``before`` is None if ``after`` is the first state."""
     faults = []
     if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
         faults.append((f"wheel drop {drop}: it does not drive", ON_THE_FLOOR))
@@ -68,7 +68,7 @@ def compare(before: BaseState | None, after: BaseState) -> StateChange:
 
 
 def _risen(before: Sides, after: Sides) -> str:
-    """Return the names of the sides of a sensor that became active."""
+    """Return the names of the sides of a sensor that became active, such as "left and centre"."""
     names = ("left", "centre", "right")
     return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
 
@@ -81,7 +81,7 @@ def _contacts(state: BaseState | None) -> tuple[Sides, Sides, Sides, frozenset[i
 
 @dataclass(frozen=True, slots=True)
 class MotionFault:
-    """Reason for which a base was stopped, with the likely cause, and a hint."""
+    """Fault for which a base was stopped: ``reason`` is a message with the likely cause, ``hint`` is what to do."""
 
     reason: str
     hint: str
@@ -102,7 +102,7 @@ LINEAR_CAUSES: Mapping[str, tuple[str, str]] = {
         "swap the wires of both motors, or of both encoders; `mission doctor --move` shows which",
     ),
 }
-"""Likely cause and hint for each deviation in driving."""
+"""Likely cause and hint by the deviation of a driving base: "none", "less", "more" or "opposite" motion."""
 
 ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
     "none": (
@@ -119,11 +119,11 @@ ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
         "swap left and right; `mission doctor --move` shows which",
     ),
 }
-"""Likely cause and hint for each deviation in turning."""
+"""Likely cause and hint by the deviation of a turning base: "none", "less", "more" or "opposite" motion."""
 
 
 def describe_command(velocity: Velocity) -> str:
-    """Return the commanded velocity as text: "commanded 0.2 m/s"."""
+    """Return a commanded velocity as text, such as "commanded 0.2 m/s"."""
     parts = []
     if velocity.linear or not velocity.angular:
         parts.append(f"{velocity.linear:.2g} m/s")
@@ -133,24 +133,24 @@ def describe_command(velocity: Velocity) -> str:
 
 
 def describe_instrument(instrument: str) -> str:
-    """Return the start of a message on a report of an instrument."""
+    """Return the first words of a message on measured motion, such as "the encoders report"."""
     return f"{instrument} {'report' if instrument.endswith('s') else 'reports'}"
 
 
 def describe_overcurrent(state: BaseState) -> str:
-    """Return the overloaded wheels as text."""
+    """Return the wheels whose motors are overloaded, as text."""
     wheels = "wheels" if state.overcurrent.left and state.overcurrent.right else "wheel"
     return f"overcurrent on the {state.overcurrent} {wheels}"
 
 
 def describe_causes(state: BaseState) -> str:
-    """Return other reports of the base that may be the cause, as text."""
+    """Return overcurrents and hazards in ``state`` that may have caused a motion fault, as text; empty if none."""
     found = [describe_overcurrent(state)] if state.overcurrent else []
     return "".join(f"; {each}" for each in (*found, *sorted(state.hazards)))
 
 
 def hint_of(state: BaseState) -> str:
-    """Return the hints for the hazards that the base reports."""
+    """Return the hints for all hazards in ``state``, joined to one text."""
     told = (describe(hazard) for hazard in sorted(state.hazards))
     return "; ".join(dict.fromkeys(hint for _, hint in filter(None, told)))
 
@@ -158,31 +158,35 @@ def hint_of(state: BaseState) -> str:
 # Hold after a motion fault: the source in command is refused until it lets go; repeated faults latch the base.
 
 RELEASE_TIMEOUT = 2 * COMMAND_TIMEOUT
-"""Seconds without a command after which a source held for a motion fault is released."""
+"""Seconds without a command of a source after which its commands are no longer refused for a motion fault."""
 
 MAX_FAULTS = 3
-"""Motion faults within ``FAULT_WINDOW`` seconds after which the base is latched: another attempt would not help."""
+"""Number of motion faults within ``FAULT_WINDOW`` seconds after which the base is latched."""
 
 FAULT_WINDOW = 60.0
 
 
 class MotionHold:
-    """Refuses the source that was in command at a motion fault. Not thread-safe.
+    """After a motion fault, refuses the commands of the source that drove the base. Not thread-safe.
 
-    The source is released when it stops the base, commands zero, commands the opposite direction, or is silent for
-    ``RELEASE_TIMEOUT``. So renewed commands of the same motion never restart the base. A leaf stops the base as it
-    fails, so the next leaf may move it at once. A stop of the mission does not release an operator.
+    The refusal ends when the source stops the base, commands zero or the opposite direction, or sends nothing for
+    ``RELEASE_TIMEOUT``. So a source that repeats its command does not drive against an obstacle again. A leaf stops the
+    base when it fails, so the next leaf can drive at once. A stop of the mission does not end the refusal of an
+    operator's commands.
     """
 
     def __init__(self) -> None:
         self.fault: MotionFault | None = None
         self._held: dict[Source, float] = {}  # with the time of the last command
         self.wanted = ZERO_VELOCITY
-        """Setpoint of the held source at the fault."""
+        """Velocity that the refused source requested when the motion fault occurred."""
         self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
 
     def begin(self, fault: MotionFault, source: Source | None, wanted: Velocity, now: float) -> str:
-        """Hold ``source`` with its setpoint; return the reason to latch the base, empty if there is none."""
+        """Refuse the commands of ``source`` from now on. Return the reason to latch the base, empty if it need not be.
+
+        ``wanted`` is the setpoint of the source at the fault.
+        """
         self.wanted = wanted
         self._held = {} if source is None or source is Source.SAFETY else {source: now}
         self.fault = fault if self._held else None
@@ -193,7 +197,10 @@ class MotionHold:
         return ""
 
     def refuses(self, source: Source, wanted: Velocity, now: float) -> bool:
-        """Return whether a new command is refused: its source, or an operator, is held."""
+        """Return whether a command is refused: its source, or the operator, was in command at the motion fault.
+
+        A command that ends the refusal is not refused.
+        """
         if source not in self._held:
             return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
         if wanted == ZERO_VELOCITY or now - self._held[source] > RELEASE_TIMEOUT or _opposite(wanted, self.wanted):
@@ -203,11 +210,11 @@ class MotionHold:
         return True
 
     def reason(self, source: Source | None) -> str:
-        """Return the reason for which a source is held; empty if it is not."""
+        """Return the fault for which the commands of ``source`` are refused; empty if they are not."""
         return self.fault.reason if self.fault is not None and source in self._held else ""
 
     def release(self, source: Source | None) -> None:
-        """Release a source, or all sources if None."""
+        """End the refusal of the commands of a source, or of all sources if None."""
         if source is None:
             self._held.clear()
         else:
@@ -216,7 +223,7 @@ class MotionHold:
             self.fault = None
 
     def holder(self, now: float) -> Source | None:
-        """Return the held source; None after its release."""
+        """Return the source whose commands are refused at ``now``; None if there is none."""
         for source, at in list(self._held.items()):
             if now - at > RELEASE_TIMEOUT:
                 self.release(source)
@@ -224,7 +231,7 @@ class MotionHold:
 
 
 def _opposite(one: Velocity, other: Velocity) -> bool:
-    """Return whether two velocities have opposite directions of travel, or of turning."""
+    """Return whether ``one`` drives in the opposite direction to ``other``, or turns so if ``other`` does not drive."""
     if other.linear:
         return one.linear * other.linear < 0.0
     return one.angular * other.angular < 0.0

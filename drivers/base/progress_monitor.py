@@ -1,9 +1,9 @@
-"""Progress monitor of a base: detects a stall by comparing commanded with measured motion. Times are passed in.
+"""Progress monitor of a base: detects a blocked base by comparing commanded with measured motion.
 
-Amount and sign are compared over about one second, for driving and turning separately. The tolerance covers dead time
-and ramp of a base, late and rare odometry, wheel slip of 20 %, slopes and carpet. A pose by dead reckoning is computed
-from the commands, so it is compared with range finder and IMU instead (``drivers.base.witnesses``). Without these only
-the time limit of each motion is left.
+Distance, turn and their signs are compared over about one second. The tolerance covers delay and ramp of the base,
+odometry that arrives late or seldom, wheel slip of 20 %, slopes and carpet. Dead reckoning computes the pose from the
+commands, so it cannot show a fault. For such a base, range finder and IMU are compared instead
+(``drivers.base.witnesses``); without them only the motion limits are left. The clock is not read: times are arguments.
 """
 
 from collections import deque
@@ -32,9 +32,10 @@ from drivers.base.motion_fault import (
 
 @dataclass(frozen=True, slots=True)
 class MotionSums:
-    """Commanded and measured motion of a base up to time ``at``, in metres and radians.
+    """Commanded and measured motion of a base from its start to time ``at``, in metres and radians.
 
-    ``low`` and ``high`` are the bounds of the commanded motion, ``displacement`` is the measured motion.
+    ``low`` and ``high`` are the smallest and largest motion that the commands may have caused, ``moved`` is the
+    measured motion.
     """
 
     at: float
@@ -43,7 +44,7 @@ class MotionSums:
     moved: Velocity = ZERO_VELOCITY
 
     def since(self, before: "MotionSums") -> "MotionSums":
-        """Return the motion since ``before``; its ``at`` is the duration in seconds."""
+        """Return the motion between ``before`` and these sums; ``at`` of the result is the duration in seconds."""
         return MotionSums(
             self.at - before.at,
             _minus(self.low, before.low),
@@ -53,7 +54,7 @@ class MotionSums:
 
 
 class SentVelocities:
-    """Velocities that were sent within the last ``lag`` seconds."""
+    """Velocities sent to a base within the last ``lag`` seconds: one of them may be in force."""
 
     def __init__(self, lag: float) -> None:
         self.lag = lag
@@ -61,7 +62,7 @@ class SentVelocities:
 
     @property
     def standing(self) -> bool:
-        """Whether only zero was sent within the lag."""
+        """Whether only zero was sent within the last ``lag`` seconds."""
         return len(self._sent) == 1 and self._sent[0][1] == ZERO_VELOCITY
 
     def add(self, now: float, velocity: Velocity) -> None:
@@ -70,7 +71,7 @@ class SentVelocities:
             self._sent.append((now, velocity))
 
     def bounds(self, now: float) -> tuple[Velocity, Velocity]:
-        """Return the lowest and the highest velocity in force within the lag before ``now``."""
+        """Return the lowest and the highest velocity that were in force within ``lag`` seconds before ``now``."""
         sent = self._sent
         while len(sent) > 1 and sent[1][0] <= now - self.lag:
             sent.popleft()
@@ -81,7 +82,7 @@ class SentVelocities:
 
 
 class MotionWindow:
-    """Motion sums of the last ``length`` seconds, stored every ``spacing`` seconds."""
+    """Motion of a base in the last ``length`` seconds: keeps one ``MotionSums`` for each ``spacing`` seconds."""
 
     def __init__(self, length: float, spacing: float) -> None:
         self._length, self._spacing = length, spacing
@@ -102,7 +103,7 @@ class MotionWindow:
 
 
 def displacement(before: Pose2D, after: Pose2D) -> Velocity:
-    """Return the motion between two poses: metres along the mean heading, and radians."""
+    """Return the motion from one pose to another: metres along the mean of both headings, and radians turned."""
     turn = after.heading - before.heading
     along = before.heading + remainder(turn, tau) / 2
     way = (after.x - before.x) * cos(along) + (after.y - before.y) * sin(along)
@@ -110,7 +111,7 @@ def displacement(before: Pose2D, after: Pose2D) -> Velocity:
 
 
 def add_velocities(one: Velocity, other: Velocity, times: float = 1.0) -> Velocity:
-    """Return ``one`` plus ``times`` times ``other``: velocities or motions."""
+    """Return ``one + times * other`` for two velocities, or two motions in metres and radians."""
     return Velocity(one.linear + times * other.linear, one.angular + times * other.angular)
 
 
@@ -131,28 +132,34 @@ NO_DATA_TIMEOUT = 1.0
 """Seconds without a new report after which a moving base is stopped."""
 
 GAP = 0.15
-"""Seconds without a renewal after which the watchdog of the base may have stopped it: this computer was stalled."""
+"""Seconds without a renewed command after which the watchdog of the base may have stopped it.
+
+This happens if this computer stalls.
+"""
 
 MIN_SHARE, MAX_SHARE = 0.6, 1.5
 """Smallest and largest share of the commanded motion that is measured; half of it is one of two encoders."""
 
 TOLERANCE = Velocity(0.02, 0.1)
-"""Additional tolerance between commanded and measured motion, in metres and radians."""
+"""Tolerated difference of commanded and measured motion in metres and radians, in addition to the other tolerances."""
 
 OPPOSITE = Velocity(0.015, 0.06)
-"""Motion against the command in metres and radians that is tolerated: backlash, a slope at the start."""
+"""Tolerated motion against the commanded direction in metres and radians, such as on a slope at the start."""
 
 TURN_PER_WAY = 0.5
-"""Tolerance of the turn in radians per metre: wheels that slip on one side."""
+"""Additional tolerance of the turn, in radians per metre travelled: the wheels of one side may slip."""
 
 WAY_PER_TURN = 0.03
-"""Tolerance of the distance in metres per radian: the centre of rotation is not that of the base."""
+"""Additional tolerance of the distance, in metres per radian turned.
+
+The base may not turn about its middle.
+"""
 
 MIN_MONITORED_SPEED = 0.05
-"""Speed in m/s below which friction may hold a base."""
+"""Commanded speed in m/s below which a base may stand still: friction may exceed the motor's force."""
 
 OVERCURRENT_TIMEOUT = 1.0
-"""Seconds of overcurrent after which a base is stopped, even if its encoders count: the wheels may slip."""
+"""Seconds of motor overcurrent after which a base is stopped, even if its wheels turn: they may slip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,14 +171,14 @@ class Instruments:
 
 
 class Witness(Protocol):
-    """A further instrument that measures motion; see ``drivers.base.witnesses``."""
+    """Instrument beside the odometry that measures the motion of a base; see ``drivers.base.witnesses``."""
 
     def restart(self) -> None:
-        """Drop all measurements."""
+        """Drop all measurements; the next motion begins."""
         ...
 
     def compare(self, now: float, state: BaseState) -> MotionFault | None:
-        """Return a fault if the measurements contradict the motion in ``state``; else None."""
+        """Return a motion fault if the measurements of the witness contradict the odometry in ``state``; else None."""
         ...
 
 
@@ -204,11 +211,14 @@ class ProgressMonitor:
 
     @property
     def watching(self) -> bool:
-        """True if a velocity was sent within the lag, so that each report counts."""
+        """True if a velocity other than zero was sent within the lag, so that reports must be compared."""
         return not self._sent.standing
 
     def update(self, now: float, sent: Velocity, state: BaseState | None) -> MotionFault | None:
-        """Update with the velocity ``sent`` and the newest state; return a fault if the base must stop."""
+        """Compare sent and measured motion once in a control cycle; return a fault if the base must stop, else None.
+
+        ``sent`` is the velocity sent from ``now`` on, ``state`` the newest state, None if unknown.
+        """
         if self.watching and now - self._updated_at > NO_DATA_TIMEOUT:  # the base was offline, or this computer stalled
             self.restart()
         if sent == ZERO_VELOCITY and self._sent.standing:
@@ -236,14 +246,14 @@ class ProgressMonitor:
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _rest(self, now: float, state: BaseState | None) -> None:
-        """Store the state at rest, from which the next motion starts."""
+        """Store the state of a resting base: the next motion is measured from it."""
         if state is not None and state is not self._state:
             self._interval = min(max(now - self._reported_at, 0.0), MAX_INTERVAL)
             self._state, self._pose, self._reported_at = state, state.pose, now
         self._overloaded_since = None
 
     def _begin(self, now: float, state: BaseState | None) -> None:
-        """Start the sums of a motion."""
+        """Reset the sums and the witnesses, since a motion begins."""
         self._state, self._pose = state, None if state is None else state.pose
         self._updated_at = self._reported_at = now
         self._sums = MotionSums(now)
@@ -265,7 +275,7 @@ class ProgressMonitor:
             )
 
     def _take(self, now: float, state: BaseState) -> None:
-        """Add the motion measured since the last report."""
+        """Add the motion between the previous report of the base and ``state``."""
         before, self._state, self._pose = self._pose, state, state.pose
         if before is not None:
             self._interval = min(max(now - self._reported_at, 0.9 * self._interval), MAX_INTERVAL)
@@ -330,9 +340,10 @@ class ProgressMonitor:
 
 
 def deviation(low: float, high: float, measured: float, tolerance: float, opposite: float) -> str | None:
-    """Return the deviation of a measured motion from the interval ``low`` to ``high``; None if it is tolerated.
+    """Return how ``measured`` motion deviates from the interval ``low`` to ``high``; None if it is tolerated.
 
-    Deviations are "none" (hardly any motion), "less", "more" and "opposite".
+    ``tolerance`` widens the interval, ``opposite`` is the tolerated motion against it. The result is "none" (hardly any
+    motion), "less", "more" or "opposite".
     """
     least, most = _least(low, high, tolerance, opposite), -_least(-high, -low, tolerance, opposite)
     if least <= measured <= most:
@@ -346,7 +357,7 @@ def deviation(low: float, high: float, measured: float, tolerance: float, opposi
 
 
 def _least(low: float, high: float, tolerance: float, opposite: float) -> float:
-    """Return the smallest motion that is tolerated."""
+    """Return the lower bound of the tolerated motion; see ``deviation``."""
     if low < 0.0:
         return MAX_SHARE * low - tolerance
     return max(MIN_SHARE * low - tolerance, -opposite) if high > 0.0 else -tolerance

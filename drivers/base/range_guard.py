@@ -1,9 +1,10 @@
 """Range guard of a base: a safety zone that slows or stops the base before obstacles that its range finder sees.
 
-The lidar or other range finder delivers scans. The guard checks the area that the body sweeps on the commanded arc
-until it stands: during the reaction time, and over the stop distance. The velocity is scaled as a whole, so that the
-arc stays. An obstacle that is nearer than the gap forbids only motion towards it, so that the base can turn or back
-off. A moving obstacle may meanwhile reach any place within its speed. Times are passed in; not thread-safe.
+The guard checks the area that the base covers until it has stopped, along the commanded arc: during its reaction time
+and its stop distance. If an obstacle is in it, both speeds are reduced in proportion, so that the base stays on the
+arc. An obstacle nearer than the configured gap forbids only motion towards it, so that the base can turn or back off. A
+moving obstacle may come from any direction, at its measured speed. The clock is not read: times are arguments. Not
+thread-safe.
 """
 
 from collections.abc import Callable
@@ -27,7 +28,7 @@ LATE_AFTER, MISSING_AFTER = 0.5, 2.0
 """Age in seconds of the newest scan, from its middle, from which on it is late, and missing."""
 
 BLIND_SPEED = 0.1
-"""Speed of the base's rim in m/s while scans are late, and in directions that the range finder does not see."""
+"""Maximum speed in m/s of any point of the base while scans are late, or in a direction without scans."""
 
 RENEWAL_INTERVAL = 0.04
 """Seconds until the range guard checks the velocity again."""
@@ -40,17 +41,19 @@ NOISE, GRAZING = 0.005, 0.15
 a wall may be nearer than the gap, down to ``MIN_GAP``."""
 
 OWN_PARTS = 0.02
-"""Depth in metres inside the base's outline from which on a scanned point is a part of the robot."""
+"""Depth in metres inside the outline of the base beyond which a scanned point belongs to the robot itself."""
 
 START_SPEED, MIN_SPEED = 0.03, 0.008
 """Permitted speed in m/s at which a stopped base starts, and below which it stops."""
 
 DOCKING_SPEED = 0.06
-"""Forward speed in m/s up to which a base that receives the near beams of its dock may touch it: both of the velocity
-and of the setpoint."""
+"""Maximum forward speed in m/s, commanded and current, at which a base may touch its dock.
+
+The base must receive the near beams of the dock.
+"""
 
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.42, 0.32, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04, 0.0)
-"""Shares of the commanded speed that the range guard tries for moving obstacles."""
+"""Shares of the commanded speed that the range guard tries, in this order, if an obstacle moves."""
 
 ROUNDING = 1e-4
 REPORT_INTERVAL = 10.0
@@ -59,9 +62,10 @@ REPORT_INTERVAL = 10.0
 class RangeGuard:
     """Reduces velocities for the obstacles in the scans of ``ranger``, for a base with this ``outline``.
 
-    ``poses`` is the history of heading, x and y. ``reaction`` is the time in seconds from a command to its effect.
-    ``near_dock`` returns whether the base receives the near beams of its dock, or is docked. ``stops`` is True while
-    the guard stops the base.
+    ``keys`` are its settings in the robot file. ``poses`` is the pose history of the base: heading, x and y.
+    ``reaction`` is the time in seconds from a command to its effect. ``near_dock`` returns whether the base receives
+    the near beams of its dock, or is docked. ``blind`` are the sectors that the range finder does not see. The
+    attribute ``stops`` is True while the guard keeps the base at rest.
     """
 
     def __init__(
@@ -88,9 +92,10 @@ class RangeGuard:
     def limit(
         self, going: Velocity, wanted: Velocity, limits: VelocityLimits, now: float, *, reflex: bool = False
     ) -> tuple[Velocity, str]:
-        """Return the permitted part of ``going``, which leads to ``wanted``, and the reason for the reduction.
+        """Return the velocity that obstacles permit, and the reason for a reduction (empty if there is none).
 
-        A ``reflex`` is permitted without scans, too: it leads away from an obstacle that the base has touched.
+        ``going`` is the velocity of the next cycle, ``wanted`` the setpoint that the ramp approaches. With ``reflex``
+        it is a back-off, which is permitted even without scans: it leads away from an obstacle.
         """
         age = self._update_points(now)
         if age > MISSING_AFTER and not reflex:
@@ -122,18 +127,18 @@ class RangeGuard:
         return _scaled(going, share) if share else ZERO_VELOCITY, why
 
     def rest(self, now: float) -> None:
-        """Note that no source moves the base. Scans are still read: near obstacles may be invisible later."""
+        """Read the scans while no source drives the base, since near obstacles may become invisible later."""
         self.stops = False
         self._update_points(now)
 
     def _reach(self, velocity: Velocity) -> float:
-        """Return the speed in m/s at which the outline leaves its area: 0 for a round base that turns on the spot."""
+        """Return the highest speed in m/s of a point of the outline; 0 for a round base that turns on the spot."""
         if velocity.linear == 0.0 and self._outline.round:
             return 0.0
         return abs(velocity.linear) + abs(velocity.angular) * self._outline.radius
 
     def _update_points(self, now: float) -> float:
-        """Read the newest scan; return its age in seconds, infinity if there is none."""
+        """Read the newest scan; return its age in seconds, infinity if there is no valid one."""
         self._failure = ""
         try:
             scan = self._ranger.scan().value
@@ -154,7 +159,7 @@ class RangeGuard:
         return now - min(self._scan.stamp, self._came_at)
 
     def _allowed(self, going: Velocity, limits: VelocityLimits, now: float) -> tuple[float, str]:
-        """Return the share of ``going`` at which the base can stop in time, and the obstacle as text."""
+        """Return the share of ``going`` (0 to 1) at which the base stops before obstacles, and the nearest as text."""
         newest = self._poses.newest()
         if newest is None:
             return 0.0, SCANS_MISSING_REASON
@@ -193,7 +198,10 @@ class RangeGuard:
     def _near(
         self, pose: Placed, going: Velocity, length: float, seconds: float
     ) -> tuple[Floats, Floats, Floats] | None:
-        """Return the relevant points in the frame of ``pose``, and their speeds; None if there are none."""
+        """Return the positions of the points near ``pose``, in its frame, and their speeds; None if there are none.
+
+        ``length`` and ``seconds`` are the duration of the motion ``going`` for the base and for moving points.
+        """
         points = self._points
         heading, x, y = pose
         dx, dy = points.x - x, points.y - y
@@ -209,7 +217,7 @@ class RangeGuard:
         return dx * c + dy * s, dy * c - dx * s, points.speeds[near]
 
     def _leaves_sight(self, going: Velocity, limits: VelocityLimits) -> bool:
-        """Return whether the body moves in a direction that the range finder does not see."""
+        """Return whether the base would enter an area that its range finder does not see."""
         gaps = self._points.gaps
         if not gaps or self._keys.unseen == "free":
             return False
@@ -224,7 +232,7 @@ class RangeGuard:
         return any((np.remainder(bearings - first, 2 * np.pi) < width).any() for first, width in gaps)
 
     def _report_reason(self, why: str, now: float) -> str:
-        """Report the fault ``why`` of the scans, unless it was reported recently; return it."""
+        """Report that scans are late or missing, at most once in ``REPORT_INTERVAL``; return the reason ``why``."""
         if now - self._reported.get(why, -inf) >= REPORT_INTERVAL:
             self._reported[why] = now
             does = (
@@ -256,7 +264,11 @@ def _along(velocity: Velocity, times: Floats) -> PathPoses:
 
 
 def _share_until(margin: Floats, times: Floats, reaction: float, braking: float) -> tuple[float, int]:
-    """Return the share of the speed at which the base stops within all margins, and the index of the tightest."""
+    """Return the share of the speed at which the base stops before all points, and the index of the nearest point.
+
+    ``margin`` are the distances to spare of each point at ``times`` (seconds) along the path. ``braking`` are the
+    seconds to stop from the full speed.
+    """
     least = margin.min(axis=0)
     used = np.flatnonzero(least < -ROUNDING)
     if not len(used):
@@ -284,7 +296,10 @@ def _share_among_moving(
     age: float,
     found: tuple[float, int],
 ) -> tuple[float, int]:
-    """Return the result of ``_share_until`` for moving points; ``found`` is that of the others."""
+    """Return the speed share and the nearest point, as ``_share_until``, for points that move.
+
+    ``found`` is the result for resting points, ``age`` the age of the scan in seconds.
+    """
     moves = np.flatnonzero(speeds)
     if not len(moves):
         return found
@@ -309,7 +324,7 @@ def _share_among_moving(
 
 
 def _words(distance: float, x: float, y: float) -> str:
-    """Return the obstacle as text: its distance from the body, and its direction."""
+    """Return the text of an obstacle ``distance`` metres from the base, in the direction of ``x``, ``y``."""
     angle = degrees(atan2(y, x))
     side = "left" if angle > 0 else "right"
     if abs(angle) <= 30:

@@ -16,16 +16,17 @@ STALE_AFTER = 0.5
 """Seconds after which a scan without a successor is stale."""
 
 NOISE = 0.01
-"""Standard deviation of a measured distance, as a share of it, by the vendor's accuracy of the RPLIDAR A1."""
+"""Standard deviation of a distance measured by an RPLIDAR A1, as a share of the distance."""
 
 
 class RangerTwin:
     """Simulated range finder: a ``drivers.api.Ranger``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
 
-    It measures all beams of a turn at once, in its middle, by ``look``. Each distance has an error with the standard
-    deviation ``noise``, as a share of it, and has no echo with the probability ``dropouts`` (0..1), drawn from
-    ``seed``. The measuring range is ``least`` to ``most`` metres, ``rate`` is in turns per second; the defaults are
-    those of an RPLIDAR A1. Raises ValueError for impossible values.
+    All beams of a turn are measured at once, in the middle of the turn. ``look`` returns the distances at given
+    bearings. Each distance has an error of the standard deviation ``noise``, as a share of it. A beam has no echo with
+    the probability ``dropouts`` (0..1). ``seed`` seeds both. The measuring range is ``least`` to ``most`` metres,
+    ``rate`` is in turns per second; the defaults are those of an RPLIDAR A1. ``place`` and ``blind`` are as in
+    ``drivers.base.scan_mounting.Mounting``. Raises ValueError for values out of range.
     """
 
     name = "range"
@@ -71,7 +72,7 @@ class RangerTwin:
         return self._mounting.place
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the latest complete turn; stale after the time limit of the real driver."""
+        """Return the latest complete turn; it is stale ``STALE_AFTER`` seconds after its end."""
         now = self._clock.now()
         if self._latest is None:
             return Reading(None, now, Quality.NONE)
@@ -79,7 +80,7 @@ class RangerTwin:
         return Reading(self._latest, self._latest.stamp, Quality.GOOD if fresh else Quality.STALE)
 
     def open(self) -> None:
-        """Connect at once, unless unplugged; the first turn is complete after its duration."""
+        """Connect at once, unless the simulated plug is pulled. The first scan is complete one turn later."""
         self.plug.open()
 
     def rest(self) -> None:
@@ -110,7 +111,7 @@ class RangerTwin:
         self._changed()
 
     def _begin(self) -> None:
-        """Restart the turn of the range finder."""
+        """Drop the turn in progress."""
         self._measured, self._turned_at = None, -inf
 
     def _ranges(self, now: float) -> Ranges:

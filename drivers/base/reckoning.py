@@ -6,11 +6,11 @@ from drivers.api import ZERO_VELOCITY, BaseState, Odometers, Pose2D, Velocity
 from drivers.base.gyro_bias import GyroBias
 
 MIN_TURN = 1e-9
-"""Radians below which a path is straight."""
+"""Smallest turn in radians for which a path counts as an arc, and not as straight."""
 
 
 class Reckoning:
-    """Integrates velocities along arcs. Not thread-safe."""
+    """Pose of a base by integrating its velocity along arcs. Not thread-safe."""
 
     def __init__(self) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
@@ -18,7 +18,7 @@ class Reckoning:
         self._stamp: float | None = None
 
     def advance(self, now: float, velocity: Velocity | None = None) -> None:
-        """Integrate the current velocity until ``now`` (seconds); then replace it, unless ``velocity`` is None."""
+        """Integrate the current velocity until ``now`` (seconds); then replace it by ``velocity`` unless None."""
         if self._stamp is not None and now > self._stamp:
             self._roll(now - self._stamp)
         self._stamp = now
@@ -40,10 +40,10 @@ class Reckoning:
 
 
 class GyroOdometry:
-    """Odometry of two wheel encoders and a gyro. Not thread-safe.
+    """Odometry of a base from two wheel encoders and a gyro. Not thread-safe.
 
-    Distances come from the wheels, ``track`` metres apart, headings from the gyro without its bias. ``commanded`` is
-    whether the velocity that was last sent is not zero.
+    Distances come from the wheels, ``track`` metres apart, and headings from the gyro after removing its bias. Set the
+    attribute ``commanded`` to True while the velocity last sent to the base is not zero.
     """
 
     def __init__(self, track: float) -> None:
@@ -57,7 +57,7 @@ class GyroOdometry:
     def add(self, left: float, right: float, turn: float, rate: float, seconds: float) -> None:
         """Add the motion between two reports: travel of both wheels (m), turn (rad) and turn rate (rad/s) of the gyro.
 
-        ``seconds`` is the time between, by the clock of the base.
+        ``seconds`` is the time between the reports, by the clock of the base.
         """
         before = self.odometers
         counted, gyro = (before.left + left, before.right + right), (before.gyro or 0.0) + turn
@@ -72,9 +72,9 @@ class GyroOdometry:
 
 
 class TwoWheels:
-    """Kinematics of two wheels, or two pairs, ``track`` metres apart, which turn at ``fastest`` m/s at most.
+    """Kinematics of a base with two driven wheels (or wheel pairs), ``track`` metres apart.
 
-    Raises ValueError for values that are not positive.
+    ``fastest`` is the maximum speed of a wheel in m/s. Raises ValueError if a value is not positive.
     """
 
     def __init__(self, track: float, fastest: float) -> None:
@@ -83,7 +83,7 @@ class TwoWheels:
         self.track, self.fastest = track, fastest
 
     def within(self, velocity: Velocity) -> Velocity:
-        """Return ``velocity``, scaled down until both wheels can follow: the path keeps its shape."""
+        """Return ``velocity``, reduced until no wheel exceeds its maximum speed; the base stays on the same arc."""
         excess = max(1.0, *(abs(speed) / self.fastest for speed in self.rims(velocity)))
         return velocity if excess == 1.0 else Velocity(velocity.linear / excess, velocity.angular / excess)
 
@@ -98,9 +98,9 @@ class TwoWheels:
 
 
 class WheelOdometry:
-    """State of a base that reports at most its wheel speeds. Not thread-safe.
+    """State of a base that measures its wheel speeds, or nothing. Not thread-safe.
 
-    Without ``measured`` speeds, the pose is dead reckoning from the velocities that were sent.
+    ``measured`` is False for a base without encoders: its pose is dead reckoning from the velocities that were sent.
     """
 
     def __init__(self, wheels: TwoWheels, *, measured: bool) -> None:
@@ -116,7 +116,10 @@ class WheelOdometry:
         self._reported_at = -inf
 
     def send(self, velocity: Velocity, now: float) -> tuple[float, float]:
-        """Note a velocity that is sent; return the wheel speeds in m/s, both within their limit."""
+        """Store a velocity that is sent to the base; return the speeds of its left and right wheel in m/s.
+
+        Wheel speeds above the maximum are reduced, both in proportion.
+        """
         velocity = self.wheels.within(velocity)
         if not self.measured:
             self._reckoning.advance(now, velocity)
@@ -125,7 +128,10 @@ class WheelOdometry:
     def report(
         self, now: float, speeds: tuple[float, float] | None, *, volts: float = 0.0, percent: float = 100.0
     ) -> BaseState:
-        """Return the state after a report with these wheel ``speeds`` in m/s, None if they are not measured."""
+        """Return the state of the base after a report at ``now``.
+
+        ``speeds`` are the measured speeds of the left and right wheel in m/s, None if they are not measured.
+        """
         odometers = None if speeds is None else self._count(now)
         self._reckoning.advance(now, None if speeds is None else self.wheels.velocity(*speeds))
         return BaseState(
@@ -138,7 +144,7 @@ class WheelOdometry:
         )
 
     def _count(self, now: float) -> Odometers:
-        """Add the travel of both wheels since the last report, at the speeds of that report."""
+        """Return the travel of both wheels at ``now``, assuming the speeds of the last report since then."""
         left, right = self.wheels.rims(self._reckoning.velocity)
         seconds = max(now - self._reported_at, 0.0) if self._reported_at > -inf else 0.0
         before, self._reported_at = self._odometers, now

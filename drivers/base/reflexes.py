@@ -7,21 +7,27 @@ from drivers.api import ZERO_VELOCITY, BaseState, Pose2D, Reflexes, Sides, Veloc
 from drivers.api.fast_dataclass import dataclass
 
 BACK_OFF_TIME = 1.0
-"""Seconds that a back-off may take beyond its distance at its speed; after that something blocks the base."""
+"""Seconds that a back-off may take in addition to its distance divided by its speed.
+
+A base that needs longer is blocked.
+"""
 
 CARRIED_TIME = 0.5
-"""Seconds with both wheels dropped after which the base was carried elsewhere: a switch may bounce at an edge."""
+"""Seconds with both wheels dropped after which the base is assumed to stand at another place.
+
+It is longer than the bounce of a wheel switch at an edge.
+"""
 
 BACK_OFF_TURN = 0.4
-"""Turn rate in rad/s away from the side that was hit, as in the vendor's safety controller of the Kobuki."""
+"""Turn rate in rad/s of a back-off, away from the side that was hit, as in the vendor's driver of the Kobuki."""
 
 MAX_GENTLE_SPEED = 0.06
-"""Speed in m/s up to which a bump is intended: a base drives against its dock."""
+"""Maximum speed in m/s at which a bump does not cause a back-off: a base drives against its dock."""
 
 
 @dataclass(frozen=True, slots=True)
 class _BackingOff:
-    """An active back-off: its start pose, deadline, velocity and reason."""
+    """Active back-off: pose at its start, deadline, velocity and reason."""
 
     origin: Pose2D
     until: float
@@ -30,9 +36,9 @@ class _BackingOff:
 
 
 class SafetyController:
-    """Reflexes of one base. Not thread-safe.
+    """Reflexes of one base, configured by ``reflexes``. Not thread-safe.
 
-    ``latch_reason`` is the reason for which the newest state latches the base; empty if there is none.
+    The attribute ``latch_reason`` is the reason for which the newest state latches the base; empty if there is none.
     """
 
     def __init__(self, reflexes: Reflexes) -> None:
@@ -45,11 +51,14 @@ class SafetyController:
 
     @property
     def needs_pose(self) -> bool:
-        """True while a back-off or an edge makes distances matter."""
+        """True during a back-off, and after a cliff until the base is far from it: both measure a distance."""
         return self._backing is not None or self._edge is not None
 
     def update(self, state: BaseState, sent: Velocity, now: float) -> tuple[Velocity, str] | None:
-        """Take a new state, with the velocity that was ``sent``; return velocity and reason of a back-off, or None."""
+        """Update the reflexes with a new state; return the velocity and the reason of a back-off, or None.
+
+        ``sent`` is the velocity that was last sent to the base.
+        """
         self.latch_reason = ""
         if state is self._before and not self.needs_pose:
             return None
@@ -69,14 +78,14 @@ class SafetyController:
         return backing.command, backing.because
 
     def cancel_back_off(self) -> None:
-        """End an active back-off. A known edge is kept."""
+        """End an active back-off. The position of a known cliff is kept."""
         self._backing = None
 
     def permit(self, setpoint: Velocity, state: BaseState | None) -> tuple[Velocity, str]:
-        """Return the part of ``setpoint`` that ``state`` permits, and the reason for the restriction.
+        """Return the part of ``setpoint`` that ``state`` permits, and the reason for the restriction (empty if none).
 
-        Nothing is permitted with a dropped wheel or without a state. At an edge only straight back is, until the base
-        is far enough from it: a base that turns there falls. A pressed bumper forbids forward.
+        With a dropped wheel or without a state nothing is permitted. At a cliff, and until the base is far enough from
+        it, only driving straight back is permitted. A pressed bumper forbids driving forward.
         """
         if state is None:
             return ZERO_VELOCITY, "no reports"
@@ -114,7 +123,7 @@ class SafetyController:
             self._lifted_at = None
 
     def _begin(self, state: BaseState, now: float) -> _BackingOff:
-        """Return a back-off that turns away from the side that was hit."""
+        """Return a new back-off, which turns away from the side of the pressed bumper."""
         left, right = state.bumper.left, state.bumper.right
         turn = 0.0 if left == right or state.bumper.centre else -BACK_OFF_TURN if left else BACK_OFF_TURN
         command = Velocity(-self._reflexes.back_off_speed, turn)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from drivers.api import Angles
 
 BEAMS = 360
-"""Beams of a scan, one for each degree."""
+"""Number of beams of a scan: one for each degree."""
 
 STEP = tau / BEAMS
 START = -pi
@@ -33,7 +33,7 @@ class Mounting:
     place: Place = (0.0, 0.0, 0.0)
     blind: Sequence[Sector] = ()
     hidden: npt.NDArray[np.bool_] = field(init=False, repr=False, compare=False)
-    """Shape (BEAMS,): the beams that are in a blind sector."""
+    """Array of bool, shape (BEAMS,): True for the beams that are in a blind sector."""
 
     def __post_init__(self) -> None:
         numbers = (*self.place, *(bearing for sector in self.blind for bearing in sector))
@@ -46,7 +46,10 @@ class Mounting:
         object.__setattr__(self, "hidden", hidden)  # the way to fill in a field of a frozen class
 
     def bearing(self, clockwise: Angles) -> Angles:
-        """Return the bearings on the base of angles (radians) that are clockwise from the front of the range finder."""
+        """Return bearings in the base's frame (radians, anticlockwise) for angles measured by the range finder.
+
+        ``clockwise`` are angles in radians, clockwise from the front of the range finder.
+        """
         return self.place[2] - clockwise
 
 
@@ -56,5 +59,5 @@ def bearings() -> Angles:
 
 
 def beam(bearing: Angles) -> npt.NDArray[np.intp]:
-    """Return the index of the beam of a scan that is nearest to each bearing in radians."""
+    """Return the indices of the beams of a scan that are nearest to the given bearings in radians."""
     return np.rint((bearing - START) / STEP).astype(np.intp) % BEAMS

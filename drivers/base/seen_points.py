@@ -1,8 +1,8 @@
-"""Points that a range finder has seen, in the odometry frame, with an upper bound of their speeds.
+"""Points that a range finder has seen, in the odometry frame, with upper bounds of their speeds.
 
-A point in the free space of an earlier scan has moved there: its speed is its distance from the nearest point of that
-scan, divided by the time between. Points for which the newest scan has no echo are kept for a while: a range finder
-does not see very near objects, or black legs.
+A point where an earlier scan saw free space belongs to a moving object. Its speed is the distance to the nearest point
+of that scan, divided by the time between the scans. Points for which the newest scan has no echo are kept for a while,
+since a range finder does not see very near objects, or black legs.
 """
 
 from collections import deque
@@ -19,7 +19,10 @@ from drivers.base.footprint import Floats
 
 
 def flaw_of(scan: RangeScan) -> str:
-    """Return the flaw of an invalid scan; empty if it is valid. A scan without any echo is valid."""
+    """Return why a scan is invalid, such as a time that is not a number; empty if it is valid.
+
+    A scan without any echo is valid.
+    """
     if getattr(scan.ranges, "ndim", 0) != 1:
         return "its scan is not an array of one dimension"
     if not len(scan.ranges):
@@ -38,7 +41,7 @@ MAX_SPEED = 1.0
 """Maximum speed of a seen point in m/s."""
 
 COMPARED_AFTER = 0.3
-"""Seconds between two compared scans: in less time a walking person moves hardly more than the noise."""
+"""Minimum seconds between two scans that are compared, so that a walking person moves more than the noise."""
 
 NOISE, NOISE_SHARE, NOISE_TURNING = 0.04, 0.02, 0.08
 """Error of a point in metres, and as a share of its distance, at rest and per rad/s of the turn rate."""
@@ -54,20 +57,20 @@ KEPT, KEPT_TOO_NEAR = 1.0, 5.0
 """Seconds for which invisible points are kept, and points below the minimum range."""
 
 TOO_NEAR = 0.05
-"""Metres beyond the minimum range of the range finder up to which a point counts as below that range."""
+"""Distance in metres above the minimum range of the range finder within which a point may become invisible."""
 
 NARROW = 0.21
-"""Widest gap of a scan in radians that does not hide a leg at half a metre."""
+"""Maximum width in radians of a gap between beams that is ignored: it hides no leg at half a metre."""
 
 MAX_POINTS = 720
 
 MAX_MOVED = 24
-"""Maximum number of stored moving points of a scan: with 720 of them a scan would take 50 ms."""
+"""Maximum number of moving points stored for a scan, which limits the time for comparing them."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedScan:
-    """A scan with the pose of the range finder at that time, and its points, in the odometry frame."""
+    """A scan, the pose of the range finder when it was measured, and its points in the odometry frame (metres)."""
 
     scan: RangeScan
     heading: float
@@ -80,7 +83,8 @@ class PlacedScan:
 class SeenPoints:
     """Points of the newest scan, and kept points of earlier scans. Not thread-safe.
 
-    ``place`` is the pose of the range finder on the base. ``x``, ``y`` and ``speeds`` have the shape (n,).
+    ``place`` is the pose of the range finder on the base, ``blind`` are the sectors that it does not see. ``x`` and
+    ``y`` (metres, odometry frame) and ``speeds`` (m/s) have the shape (n,). ``moving`` is True if any point moves.
     """
 
     def __init__(self, place: tuple[float, float, float], blind: tuple[tuple[float, float], ...] = ()) -> None:
@@ -97,7 +101,7 @@ class SeenPoints:
         self._moved: deque[tuple[float, Floats, Floats, Floats]] = deque()  # times, places and speeds of moved points
 
     def add(self, scan: RangeScan, pose: Placed, now: float) -> None:
-        """Add a new scan, measured at ``pose`` of the base."""
+        """Add a new scan; ``pose`` is the pose of the base when it was measured."""
         placed = self._placed(_thinned(scan), pose)
         speeds = self._carry_over_speeds(placed, self._speeds(placed), now)
         kept = self._unconfirmed(placed, now)
@@ -120,7 +124,7 @@ class SeenPoints:
         return PlacedScan(scan, heading, x, y, x + far * np.cos(bearings), y + far * np.sin(bearings))
 
     def _speeds(self, placed: PlacedScan) -> Floats:
-        """Return the speed in m/s at which each new point has moved to its place."""
+        """Return the speed in m/s of each point of a new scan; 0 for a point that has not moved."""
         speeds: Floats = np.zeros(len(placed.points_x))
         before = self._earlier[0] if self._earlier else None
         past = 0.0 if before is None else placed.scan.stamp - before.scan.stamp
@@ -145,7 +149,7 @@ class SeenPoints:
         return speeds
 
     def _carry_over_speeds(self, placed: PlacedScan, speeds: Floats, now: float) -> Floats:
-        """Return the speeds of new points, raised to those of nearby points that moved recently."""
+        """Return the speeds of the points of a new scan, raised to the speeds of recently moving points nearby."""
         while self._moved and now - self._moved[0][0] > MOVING_FOR:
             self._moved.popleft()
         found = speeds
@@ -158,7 +162,7 @@ class SeenPoints:
         return found
 
     def _unconfirmed(self, placed: PlacedScan, now: float) -> npt.NDArray[np.bool_]:
-        """Return which of the previous points may still exist although the new scan does not show them."""
+        """Return a mask of the stored points that must be kept: the new scan cannot see them."""
         if not len(self.x):
             return np.zeros(0, dtype=np.bool_)
         index, distance = _beams(placed, self.x, self.y)
@@ -172,7 +176,10 @@ class SeenPoints:
 
 
 def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], Floats]:
-    """Return the index of the beam that sees each point (beyond the last: none), and the distance of the point."""
+    """Return the index of the beam that hits each point, and the distance of the point in metres.
+
+    For a point outside the scan the index is the number of beams or more.
+    """
     dx, dy = x - placed.x, y - placed.y
     scan = placed.scan
     around = np.remainder(np.arctan2(dy, dx) - placed.heading - scan.start + scan.step / 2, tau)
@@ -192,7 +199,10 @@ def _squares(x: Floats, y: Floats, other_x: Floats, other_y: Floats) -> npt.NDAr
 
 
 def _representatives(placed: PlacedScan, speeds: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return at most ``MAX_MOVED`` moving points: of neighbours the nearest, with the speed of the fastest."""
+    """Return x, y and speeds of at most ``MAX_MOVED`` moving points of a scan.
+
+    Each stands for several neighbours: it has the position of the nearest and the speed of the fastest.
+    """
     moves = np.flatnonzero(speeds)
     several = -(-len(moves) // MAX_MOVED)
     padded = np.append(moves, np.full(-len(moves) % several, moves[-1])).reshape(-1, several)
@@ -203,12 +213,15 @@ def _representatives(placed: PlacedScan, speeds: Floats) -> tuple[Floats, Floats
 
 
 def _noise(distance: Floats, turning: float) -> Floats:
-    """Return the error of points in metres for a base that turns at ``turning`` rad/s."""
+    """Return the error in metres of points at ``distance`` metres, for a base that turns at ``turning`` rad/s."""
     return NOISE + (NOISE_SHARE + NOISE_TURNING * turning) * distance
 
 
 def _still_seen(placed: PlacedScan, x: Floats, y: Floats, turning: float) -> npt.NDArray[np.bool_]:
-    """Return which earlier points a scan still shows."""
+    """Return a mask of the points ``x``, ``y`` of an earlier scan that a newer scan still shows.
+
+    ``turning`` is the turn rate of the base in rad/s.
+    """
     index, distance = _beams(placed, x, y)
     ranges = placed.scan.ranges
     inside = index < len(ranges)
@@ -218,13 +231,13 @@ def _still_seen(placed: PlacedScan, x: Floats, y: Floats, turning: float) -> npt
 
 
 def _unscanned(scan: RangeScan) -> tuple[tuple[float, float], ...]:
-    """Return the directions without a beam, in the form of ``SeenPoints.gaps``."""
+    """Return the sector that a scan does not cover, as first bearing and width in radians; empty for a full turn."""
     width = tau - len(scan.ranges) * scan.step
     return ((scan.start + (len(scan.ranges) - 0.5) * scan.step, width),) if width > 0.0 else ()
 
 
 def _thinned(scan: RangeScan) -> RangeScan:
-    """Return a scan with at most ``MAX_POINTS`` beams, each the nearest of several."""
+    """Return the scan with at most ``MAX_POINTS`` beams; each has the smallest distance of several beams."""
     several = -(-len(scan.ranges) // MAX_POINTS)
     if several == 1:
         return scan

@@ -1,4 +1,4 @@
-"""Simulated base: the rules of the drivers over a simulated body, in one thread."""
+"""Simulated base: uses the arbitration and reflexes of the drivers with a simulated body. Single-threaded."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -39,9 +39,10 @@ from drivers.sim.world_objects import NO_SIGNALS
 
 
 class PanelTwin:
-    """Simulated sounder and lights of the base ``name``. For one thread.
+    """Simulated sounder and lights of the base ``name``. Not thread-safe.
 
-    ``played`` are the requested tunes and tones (hertz, seconds), ``colours`` are those of the lights.
+    ``played`` lists the requested tunes and tones; a tone is its frequency in hertz and its seconds. ``colours`` are
+    the current colours of the lights by number.
     """
 
     def __init__(self, name: str, plug: SimulatedPlug) -> None:
@@ -51,12 +52,12 @@ class PanelTwin:
         self._plug = plug
 
     def play(self, tune: Tune) -> None:
-        """Note a tune. Raises NotConnected."""
+        """Add a tune to ``played``. Raises NotConnected."""
         self._plug.check_online()
         self.played.append(tune)
 
     def tone(self, frequency: float, seconds: float) -> None:
-        """Note a tone. Raises BadRequest, NotConnected."""
+        """Add a tone of ``frequency`` Hz to ``played``. Raises BadRequest, NotConnected."""
         check_tone(self.name, frequency, seconds)
         self._plug.check_online()
         self.played.append((frequency, seconds))
@@ -69,7 +70,7 @@ class PanelTwin:
 
 
 Contacts = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool]
-"""Contacts of a simulated base: bumper, cliff, wheel drop, hazards, buttons, and whether it is on its dock."""
+"""Contacts of a simulated base: bumper, cliff, wheel drop, hazards, pressed buttons, and whether it is docked."""
 
 NO_CONTACTS: Contacts = (NO_SIDES, NO_SIDES, NO_SIDES, frozenset(), frozenset(), False)
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
@@ -81,13 +82,13 @@ STALE_AFTER, OFFLINE_AFTER = 0.1, 0.25
 """Seconds without a report after which the state is stale, and the base offline."""
 
 MAX_REPORT_GAP = 1.0
-"""Seconds without a report after which differences of the encoders are not used."""
+"""Seconds without a report after which the motion since the last report is not counted."""
 
 _AT_BACKUP_LIMIT = frozenset({BACKUP_LIMIT})
 
 
 class TwinOdometry(Protocol):
-    """Motion of a simulated base as its electronics measure it."""
+    """Odometry of a simulated base: its pose as its encoders and gyro measure it, with their errors."""
 
     instruments: Instruments
 
@@ -97,11 +98,11 @@ class TwinOdometry(Protocol):
         ...
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
-        """Note a velocity that is sent; return the velocity that reaches the motors."""
+        """Store the velocity sent to the base; return the velocity that its motors follow."""
         ...
 
     def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
-        """Measure the motion of ``body``; ``late`` delays the measurements."""
+        """Measure the motion of ``body`` at ``now``; the measurement counts once ``late`` has delayed it."""
         ...
 
     def pause(self) -> None:
@@ -114,9 +115,10 @@ class TwinOdometry(Protocol):
 
 
 class GyroTwinOdometry:
-    """Odometry of wheel encoders and a gyro, whose reports err by ``gyro_noise`` rad/s (standard deviation).
+    """Simulated odometry of two wheel encoders, ``track`` metres apart, and a gyro.
 
-    Raises ValueError for a negative noise.
+    The rate of the gyro has an error of the standard deviation ``gyro_noise`` rad/s. Raises ValueError for a negative
+    noise.
     """
 
     instruments = Instruments("encoders", "gyro")
@@ -131,17 +133,18 @@ class GyroTwinOdometry:
 
     @property
     def pose(self) -> Pose2D:
-        """Pose of the simulated base by odometry."""
         return self._odometry.pose
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
-        """Note a velocity that is sent; return the velocity that reaches the motors."""
         del now
         self._odometry.commanded = velocity != ZERO_VELOCITY
         return velocity
 
     def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
-        """Read encoders and gyro, in ticks, hundredths of a degree (per second) and milliseconds."""
+        """Read encoders and gyro, rounded as on the wire.
+
+        The units are ticks, hundredths of a degree (per second) and milliseconds.
+        """
         left, right = body.encoders
         noise = random.gauss(0.0, self._noise) if self._noise else 0.0
         self._error += noise * STEP_INTERVAL
@@ -164,11 +167,9 @@ class GyroTwinOdometry:
         self._odometry.add(*travel, radians((heading - last[3]) / 100), radians(rate / 100), seconds)
 
     def pause(self) -> None:
-        """Keep the pose until the next measurement: the connection was lost."""
         self._last, self._odometry.velocity = None, ZERO_VELOCITY
 
     def complete(self, state: BaseState) -> BaseState:
-        """Return ``state`` with the pose, velocity and odometers of this odometry."""
         odometry = self._odometry
         return replace(
             state,
@@ -180,9 +181,9 @@ class GyroTwinOdometry:
 
 
 class WheelTwinOdometry:
-    """Odometry of wheel speeds, or of the velocities that are sent if ``reckoned``; with a ``gyro``, it corrects turns.
+    """Simulated odometry of measured wheel speeds, or dead reckoning from the sent velocities if ``reckoned``.
 
-    The ``wheels`` limit the velocity.
+    With ``gyro`` a gyro measures the turns. ``wheels`` limit the velocity.
     """
 
     instruments = Instruments("encoders", "encoders")
@@ -196,11 +197,9 @@ class WheelTwinOdometry:
 
     @property
     def pose(self) -> Pose2D:
-        """Pose of the simulated base by odometry."""
         return self._reckoning.pose
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
-        """Note a velocity that is sent; return the velocity that reaches the motors."""
         self._commanded = velocity != ZERO_VELOCITY
         given = self._wheels.within(velocity)
         if self._reckoned:
@@ -208,7 +207,7 @@ class WheelTwinOdometry:
         return given
 
     def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
-        """Read the wheel speeds, whether the wheels slip or not."""
+        """Measure the wheel speeds of ``body``, which also count if the wheels slip."""
         del random
         if self._reckoned:
             self._reckoning.advance(now)
@@ -223,17 +222,15 @@ class WheelTwinOdometry:
             self._odometers = Odometers(left, right, (right - left) / body.wheels.separation)
 
     def _correct_gyro(self, rolls: Velocity) -> Velocity:
-        """Return a velocity without the bias of the gyro."""
+        """Return a measured velocity after removing the bias of the gyro."""
         still = not self._commanded and rolls.linear == 0.0
         turn, _ = self._bias.correct(rolls.angular * STEP_INTERVAL, rolls.angular, STEP_INTERVAL, still=still)
         return Velocity(rolls.linear, turn / STEP_INTERVAL)
 
     def pause(self) -> None:
-        """Keep the pose until the next measurement: the connection was lost."""
         self._reckoning.pause()
 
     def complete(self, state: BaseState) -> BaseState:
-        """Return ``state`` with the pose, velocity and odometers of this odometry."""
         return replace(
             state,
             pose=self._reckoning.pose,
@@ -247,10 +244,10 @@ class WheelTwinOdometry:
 class BaseTwin(ArbitratedBase):
     """Simulated base: a ``drivers.api.Base`` with a ``body`` and an ``odometry``. Not thread-safe.
 
-    Call ``step`` every ``STEP_INTERVAL``.
-    A base that does not ``feel`` has no contacts, one without a ``gauge`` no battery voltage. ``dropouts`` is the share
-    0..1 of lost reports, drawn from ``seed``. ``capabilities`` are its optional ones. Arbitration, limits and reflexes
-    are those of the drivers. Raises ValueError for values out of range.
+    Call ``step`` every ``STEP_INTERVAL``. With ``feels=False`` the base has no contact sensors, with ``gauge=False`` no
+    battery voltage. ``dropouts`` is the share 0..1 of lost reports, drawn from ``seed``. ``capabilities`` are the
+    optional ones that the base has: "sounds", "lights". Arbitration, limits and reflexes are those of the drivers.
+    Raises ValueError for values out of range.
     """
 
     STEP_INTERVAL = STEP_INTERVAL
@@ -284,7 +281,7 @@ class BaseTwin(ArbitratedBase):
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._dropouts = dropouts
         self.late: DelayLine[Any] = DelayLine()
-        """Delays the measurements of the motion."""
+        """Queue that delays the measurements of the base's motion."""
         self._pressed: tuple[Sides, Sides, frozenset[int]] = (NO_SIDES, NO_SIDES, frozenset())  # by hand
         self._contacts: Contacts = NO_CONTACTS  # of the newest report
         self._signals = NO_SIGNALS  # of the dock, likewise
@@ -326,7 +323,10 @@ class BaseTwin(ArbitratedBase):
         return health
 
     def step(self) -> None:
-        """Advance the body to the current time, report, and renew the command, as the real base does at 50 Hz."""
+        """Advance the simulated body to the current time, report, and send the velocity again.
+
+        A real base does so 50 times a second.
+        """
         now = self._clock.now()
         self.body.advance(now)
         if not self.plug.online:
@@ -356,15 +356,18 @@ class BaseTwin(ArbitratedBase):
     def press(
         self, bumper: Sides = NO_SIDES, *, cliff: Sides = NO_SIDES, buttons: frozenset[int] = frozenset()
     ) -> None:
-        """Set contacts and buttons from the next report on, in addition to those of the ground; defaults reset."""
+        """Set contacts and buttons as if pressed by hand, from the next report on.
+
+        They are added to the contacts of the simulated body. Arguments that are left out are released.
+        """
         self._pressed = (bumper, cliff, buttons)
 
     def lift(self, *, up: bool = True) -> None:
-        """Lift the base, or put it down at the same place: in the air both wheels drop and drive nothing."""
+        """Lift the base, or put it down at the same place. In the air both wheel drops are active."""
         self.body.lifted = up
 
     def set_power(self, *, on: bool = True) -> None:
-        """Switch the power of a dock on its contacts on or off, independent of its position."""
+        """Switch the power on the contacts of the dock on or off, wherever the base is."""
         self.body.force_docked = on
 
     def drain(self, percent: float) -> None:
@@ -377,7 +380,7 @@ class BaseTwin(ArbitratedBase):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _connected(self) -> None:
-        """Drop earlier commands; the pose continues."""
+        """Drop earlier setpoints, since the base has connected; the pose is kept."""
         self._mux.stop()
         self._odometry.pause()
         self._silent = False
@@ -398,7 +401,7 @@ class BaseTwin(ArbitratedBase):
         self._report_state_changes()
 
     def _touches(self) -> Contacts:
-        """Return the current contacts of the base."""
+        """Return the current contacts of the base: those set by hand and those of the body; none without sensors."""
         if not self._feels:
             return NO_CONTACTS
         bumper, cliff, buttons = self._pressed
@@ -414,12 +417,12 @@ class BaseTwin(ArbitratedBase):
         )
 
     def _move_body(self, velocity: Velocity, now: float) -> None:
-        """Send a velocity to the body."""
+        """Send a velocity to the simulated body, through the odometry."""
         given = self._odometry.send(velocity, now)
         self.body.command(given.linear, given.angular, now)
 
     def _report_state_changes(self) -> None:
-        """Report changes of contacts and buttons, and that a silent base is online again."""
+        """Report changed contacts and buttons, and that a base that was offline is online again."""
         self._report_online(f"{self.name}: the base reports again")
         contacts = self._touches()
         if contacts == self._contacts and self._felt is not None:
@@ -450,7 +453,7 @@ class BaseTwin(ArbitratedBase):
         return self._odometry.complete(state)
 
     def _reflex_state(self, now: float) -> BaseState | None:
-        """Return the state for the reflexes: the contacts, and the pose while it is needed."""
+        """Return the state for the reflexes, with the current pose only if they need it; None without reports."""
         if not self._is_reporting(now):
             return None
         if not (self._mux.needs_pose or self._mux.request_pending):
@@ -479,12 +482,12 @@ class BaseTwin(ArbitratedBase):
         return self.plug.online and now - self._heard_at <= OFFLINE_AFTER
 
     def _offline_reason(self) -> tuple[str, str]:
-        """Return why a plugged base does not report, and a hint."""
+        """Return the reason why a base that is plugged in does not report, and a hint."""
         return f"{self.name}: connected but silent: too many reports are lost", "lower the dropouts of the world"
 
 
 def make(keys: BaseKeys, context: SimContext, odometry: TwinOdometry | None = None) -> BaseTwin:
-    """Return the twin of a base with contacts, for any brand."""
+    """Return the simulated base of any brand with contact sensors, for its section ``keys`` of a robot file."""
     return BaseTwin(
         context.clock,
         odometry=odometry or GyroTwinOdometry(context.physics.gyro_noise),
@@ -499,7 +502,10 @@ def make(keys: BaseKeys, context: SimContext, odometry: TwinOdometry | None = No
 def make_wheel_base(
     keys: BaseKeys, context: SimContext, odometry: WheelTwinOdometry, *, gauge: bool = True
 ) -> BaseTwin:
-    """Return the twin of a base without contacts."""
+    """Return the simulated base without contact sensors, for its section ``keys`` of a robot file.
+
+    ``gauge`` is False for a base that does not measure its battery voltage.
+    """
     return BaseTwin(
         context.clock,
         odometry=odometry,

@@ -1,7 +1,7 @@
-"""Further instruments of the progress monitor: they compare range finder and IMU with the pose of the base.
+"""Witnesses of the progress monitor: range finder and IMU, which are compared with the odometry of the base.
 
-The pose is measured by encoders, or dead reckoning from the commands, which no other instrument can refute. A range
-finder in surroundings that look the same after a motion, such as a corridor, gives no result.
+They detect that a base does not move although its encoders report motion, or although its pose is dead reckoning. A
+range finder gives no result where the scan does not change with the motion, such as in a corridor.
 """
 
 from collections import deque
@@ -34,27 +34,30 @@ MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
 """Smallest number of significant beams, and their share of all valid beams: in a corridor few are significant."""
 
 MIN_ANGLE = 0.7
-"""Smallest angle in radians that the significant beams of a scan must cover: less may be a person walking along."""
+"""Minimum angle in radians of the beams that must change: fewer may change because a person walks along."""
 
 OWN_PARTS = 0.02
-"""Distance in metres from the outline up to which a point is a part of the robot."""
+"""Distance in metres from the outline of the base within which a scanned point belongs to the robot itself."""
 
 AGREE, DISAGREE = 0.8, 0.3
 """Share of significant beams that must fit another motion, and share that may fit the odometry."""
 
 TURN_SHARE = 0.3
-"""Smallest share of the turn by odometry that an IMU must measure; the negative share is an opposite turn."""
+"""Minimum share of the turn by odometry that an IMU must measure, to confirm it.
+
+If the IMU measures more than this share in the opposite direction, the turn is reversed.
+"""
 
 CONFIRMATIONS = 2
-"""Number of consecutive comparisons against the odometry that make a motion fault."""
+"""Number of consecutive comparisons that must contradict the odometry before a motion fault is reported."""
 
 IMU_TURN = 0.35
-"""Turn by odometry in radians from which on the IMU is compared."""
+"""Minimum turn by odometry in radians before it is compared with the IMU."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """A scan with its time, and the pose by odometry."""
+    """Scan with its time, and the pose of the base by odometry at that time."""
 
     at: float
     pose: Pose2D
@@ -62,7 +65,7 @@ class _Look:
 
 
 class ScanWitness:
-    """Compares scans of ``ranger`` about a second apart with the odometry; points within ``outline`` are ignored."""
+    """Compares scans of ``ranger``, about a second apart, with the odometry. Points within ``outline`` are ignored."""
 
     def __init__(self, ranger: Ranger, outline: BaseOutline) -> None:
         self._ranger, self._outline = ranger, outline
@@ -72,7 +75,6 @@ class ScanWitness:
         self._times = 0
 
     def restart(self) -> None:
-        """Drop all scans."""
         self._looks.clear()
         self._said, self._times = "", 0
 
@@ -108,7 +110,10 @@ class ScanWitness:
         return MotionFault(what, "free its wheels; check motors, encoders and their cables, and the range finder")
 
     def _outside(self, ranges: Ranges, bearings: Floats) -> Floats:
-        """Return the distances of objects beside the robot; NaN for beams that hit the robot, or nothing."""
+        """Return the distances in metres of objects outside of the robot, by beam.
+
+        NaN for beams that hit the robot, or nothing.
+        """
         far = np.where(np.isfinite(ranges), ranges, np.nan).astype(np.float64)
         ahead, left, _ = self._ranger.place
         here = PathPoses(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -118,7 +123,7 @@ class ScanWitness:
 
 
 def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
-    """Return the motion that two scans show against the odometry, as text; empty if there is none."""
+    """Return how two scans contradict the odometry between them, as text; empty if they do not."""
     motion = displacement(before.pose, after.pose)
     if abs(motion.linear) < MIN_WAY and abs(motion.angular) < MIN_TURN:
         return ""
@@ -140,7 +145,7 @@ def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
 
 
 def _agreement(one: Floats, other: Floats, where: NDArray[np.bool_]) -> float:
-    """Return the share of beams in which two scans agree."""
+    """Return the share of the beams in the mask ``where`` for which two scans have about the same distance."""
     if not where.any():
         return 0.0
     off = np.abs(one[where] - other[where])
@@ -148,7 +153,7 @@ def _agreement(one: Floats, other: Floats, where: NDArray[np.bool_]) -> float:
 
 
 def _predicted(ranges: Floats, bearings: Floats, way: float, turn: float) -> Floats:
-    """Return the scan that is expected after a motion of the base; NaN if unknown."""
+    """Return the scan that is expected after a motion of ``way`` metres and ``turn`` radians; NaN where unknown."""
     x = ranges * np.cos(bearings) - way * np.cos(turn / 2)
     y = ranges * np.sin(bearings) - way * np.sin(turn / 2)
     seen, found = np.arctan2(y, x) - turn, np.full(len(ranges), np.nan)
@@ -162,7 +167,7 @@ def _predicted(ranges: Floats, bearings: Floats, way: float, turn: float) -> Flo
 
 
 class ImuWitness:
-    """Compares turns by odometry with the yaw of ``imu``."""
+    """Compares the turns of the base by odometry with the yaw of ``imu``."""
 
     def __init__(self, imu: Imu) -> None:
         self._imu = imu
@@ -171,7 +176,6 @@ class ImuWitness:
         self._looks: deque[tuple[float, float, float]] = deque(maxlen=128)  # time, heading, turned by the IMU
 
     def restart(self) -> None:
-        """Drop all turns."""
         self._yaw = None
         self._looks.clear()
 

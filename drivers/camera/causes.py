@@ -13,7 +13,7 @@ from drivers.camera.source import Source, SourceKind, display_name, source_kind
 from drivers.errors import NotConnected
 
 Cause = tuple[str, str]
-"""Reason for a missing picture, and a hint."""
+"""Reason why a camera source gives no picture, and a hint."""
 
 ADDRESS_HINT = (
     "usual addresses: :81/stream and /capture (ESP32-CAM), /?action=stream (mjpg-streamer), :8080/video (IP Webcam), "
@@ -34,16 +34,19 @@ _FFMPEG_LOG_PATTERNS = (
     (r"no route|unreachable", errno.EHOSTUNREACH),
     (r"resolve", socket.EAI_NONAME),
 )
-"""Patterns of FFmpeg's log, and their status code (0: the match) or error number."""
+"""Patterns of FFmpeg's log. Each has an error number, or 0 if the pattern matches an HTTP status code."""
 
 
 def source_error(name: str, source: Source, cause: Cause) -> NotConnected:
-    """Return the error of an unavailable camera source."""
+    """Return the error for an unavailable camera source; ``name`` is the part, ``cause`` reason and hint."""
     return NotConnected(f"{name}: {display_name(source)}: {cause[0]}", hint=cause[1])
 
 
 def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected:
-    """Return ``failure`` with the cause from FFmpeg's log, if the source is an address and the log has one."""
+    """Return ``failure`` with the cause that is found in FFmpeg's ``log``; unchanged if there is none.
+
+    Only the log for a source that is an address is searched.
+    """
     if source_kind(source) is not SourceKind.URL:
         return failure
     text = log.decode("utf-8", "replace")
@@ -58,7 +61,10 @@ def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected
 
 
 def cause_of_status(status: int, source: Source, has_credentials: bool | None = None) -> Cause:
-    """Return the cause of an HTTP status code; ``has_credentials``: the request had name and password."""
+    """Return the cause of a missing picture for an HTTP status code from the address ``source``.
+
+    ``has_credentials`` is True if the request had a name and a password; None if that follows from the address.
+    """
     text = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
     scheme, rest = str(source).split("://", 1)
     if status == HTTPStatus.UNAUTHORIZED:
@@ -84,7 +90,7 @@ def cause_of_status(status: int, source: Source, has_credentials: bool | None = 
 
 
 def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
-    """Return the cause if a camera offers only unsupported authentication ``methods``, else None."""
+    """Return the cause if a camera offers only authentication ``methods`` that are not supported; else None."""
     if not methods or any(re.match(_SUPPORTED_AUTH, way, re.IGNORECASE) for way in methods):
         return None
     names = ", ".join(repr(way[:60]) for way in methods)
@@ -93,7 +99,7 @@ def cause_of_sign_in(methods: Sequence[str]) -> Cause | None:
 
 
 def cause_of_page(page: str) -> Cause:
-    """Return the cause if an address brings a web page instead of pictures."""
+    """Return the cause of a missing picture if the address returns the web page ``page``."""
     title = re.search(r"<title[^>]*>\s*([^<]{1,60})", page, re.IGNORECASE)
     named = f": {title[1].strip()!r}" if title else ""
     if re.search(r"type\s*=\s*[\"']?password|log.?in|sign.?in", page, re.IGNORECASE):
@@ -103,7 +109,7 @@ def cause_of_page(page: str) -> Cause:
 
 
 def cause_of_error(error: Exception, source: Source) -> Cause:
-    """Return the cause of an error in the connection to a camera source."""
+    """Return the cause of a missing picture for an error in the connection to the address ``source``."""
     try:
         parts = urlsplit(str(source))
         host, port = parts.hostname or "", parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 0)

@@ -18,7 +18,7 @@ FAILURE_TIMEOUT = 2.0
 """Seconds to wait for pictures after a camera has reported an error."""
 
 RATE_WINDOW = 1.0
-"""Seconds over which pictures are counted."""
+"""Seconds for which pictures are counted, to compute their rate."""
 
 MIN_RATE = 12.0
 """Pictures per second below which a head follows faces late."""
@@ -27,11 +27,14 @@ MAX_BLACK_BRIGHTNESS, MAX_DARK_BRIGHTNESS, MIN_OVEREXPOSED_BRIGHTNESS = 6.0, 35.
 """Limits of the mean brightness, of 255: covered lens, dark room, lamp in the picture."""
 
 MIN_CONTRAST = 2.0
-"""Smallest standard deviation of a picture that shows anything, in grey levels."""
+"""Minimum standard deviation of the pixels in grey levels; a picture below it shows nothing, as with a covered lens."""
 
 
 def checkup(keys: CameraKeys, site: DriverContext) -> Iterator[Finding]:
-    """Read pictures of a camera for a second, and yield the findings."""
+    """Read the pictures of a camera for a second; yield findings on size, rate and exposure.
+
+    ``keys`` is the camera's section of a robot file.
+    """
     frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
     if source_kind(keys.source) is SourceKind.DEVICE and not Path(device).exists():
         yield failure("pictures", f"{device} does not exist", "mission robot camera list")

@@ -1,4 +1,4 @@
-"""Declaration of the camera driver for devices, recordings and addresses."""
+"""Declaration of the camera drivers for devices, video files, picture folders and network addresses."""
 
 from drivers.api.driver import Driver
 from drivers.api.sensor_sections import CameraKeys

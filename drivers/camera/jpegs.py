@@ -28,7 +28,7 @@ _THUMBNAIL_MARKERS = frozenset({0xE1, 0xE2})
 """Markers of JPEG segments that may contain another picture: a thumbnail."""
 
 _SCAN_END = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
-"""Matches the end of scan data, in which 0xff is followed by 0 or the number of a restart."""
+"""Pattern of the end of scan data in a JPEG: 0xff that is followed by neither 0 nor a restart marker."""
 
 
 class JpegFinder:
@@ -71,7 +71,10 @@ class JpegFinder:
         self._position, self._is_in_scan = 0, False
 
     def _find_end(self) -> int | None:
-        """Return the end of the picture; None if it is incomplete; below 0, the number of invalid bytes to drop."""
+        """Return the end of the JPEG that begins the buffer; None if it is incomplete.
+
+        A negative result is the number of bytes to drop, because the picture is damaged.
+        """
         data = self._data
         while True:
             if self._is_in_scan:
@@ -116,9 +119,9 @@ _READ_SIZE = 262144
 
 
 class TcpFeed:
-    """A ``drivers.camera.reader_process.BlockingFeed`` of a tcp address.
+    """A ``drivers.camera.reader_process.BlockingFeed`` of a tcp address, such as ``tcp://127.0.0.1:8888``.
 
-    It uses one connection: such a sender accepts no second one, and ends with the first.
+    It opens only one connection, because a sender such as ``rpicam-vid`` accepts no second one and ends with the first.
     """
 
     def __init__(self, name: str, source: str) -> None:

@@ -1,4 +1,4 @@
-"""Makes cameras from the keys of a robot file."""
+"""Factories that make cameras from a section of a robot file, or from a source such as a path."""
 
 from math import radians
 
@@ -27,10 +27,11 @@ def open_source(
 ) -> ThreadedCamera:
     """Return a camera, not opened yet, for ``source``: number or path of a device, address, video or pictures.
 
-    ``size`` (width, height in pixels) is requested from devices. ``loop`` repeats recordings, so that a clip replaces a
-    live camera. ``turn`` is applied to each picture. Pictures of a folder come at ``rate`` per second, a film at its
-    own rate. Stamps are arrival times, a few tens of milliseconds after the exposure. Raises BadRequest unless ``rate``
-    > 0.
+    ``field_of_view`` is horizontal, in radians. ``size`` (width, height in pixels) is requested from devices. ``loop``
+    repeats recordings, so that a clip can replace a live camera. ``retry`` is the reconnect interval in seconds.
+    ``turn`` rotates or mirrors each picture. Pictures of a folder come at ``rate`` per second, a video at its own rate.
+    The stamp of a picture is its arrival time, a few tens of milliseconds after the exposure. Raises BadRequest unless
+    ``rate`` > 0.
     """
     if rate <= 0:
         raise BadRequest(f"camera: {rate} pictures per second: must be above 0")

@@ -1,4 +1,7 @@
-"""Pictures through OpenCV: of a webcam, a network stream, or a film. It blocks in C: see ``drivers.camera.reader``."""
+"""Pictures read through OpenCV: of a webcam, a network stream, or a video file.
+
+Calls of OpenCV may block for any time, so these feeds run in a process of their own (``drivers.camera.reader``).
+"""
 
 import os
 import sys
@@ -19,10 +22,10 @@ _STREAM_TIMEOUT_MS = 3000
 
 
 class VideoFeed:
-    """Pictures through ``cv2.VideoCapture``.
+    """Pictures read through ``cv2.VideoCapture``.
 
-    ``size`` (width, height in pixels) is requested from a device. ``connection`` is the file descriptor of an open
-    stream.
+    ``name`` is the part in error messages. ``size`` (width, height in pixels) is requested from a device.
+    ``connection`` is the file descriptor of a stream that is already open, else None.
     """
 
     def __init__(

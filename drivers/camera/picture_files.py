@@ -11,7 +11,7 @@ from drivers.errors import BadRequest
 from drivers.pictures.decode import grab_picture, load_picture, open_video, silence_opencv
 
 NumberedPicture = tuple[Path, int, Image]
-"""File, frame number in it from 0, and frame."""
+"""Path of a picture or video file, number of a frame in the file (from 0), and the frame."""
 
 
 def iter_pictures(paths: Iterable[str | Path]) -> Iterator[NumberedPicture]:

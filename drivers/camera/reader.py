@@ -32,13 +32,13 @@ GRAB_TIMEOUT = 0.2
 """Seconds that ``ReaderFeed.grab`` waits for a picture."""
 
 OPEN_TIMEOUT = 12.0
-"""Seconds to open a source, beyond its own timeouts: the slowest USB cameras need half of that."""
+"""Seconds within which a source must open; the slowest USB cameras need half of it."""
 
 STALL_TIMEOUT = 6.0
 """Seconds without a picture after which a source is closed and opened again."""
 
 QUIT_TIMEOUT = 0.5
-"""Seconds for a reader to release its source."""
+"""Seconds to wait for a reader process to exit, at each step of ending it."""
 
 START, GRAB, SKIP_TO, RELEASE, QUIT = b"sgfxq"
 """Commands of a reader, one byte each: open the source, return a picture, skip, release the source, quit.
@@ -111,7 +111,7 @@ class ReaderProcess:
         return None
 
     def copy_picture(self, shape: tuple[int, int]) -> Image:
-        """Return a copy of the picture in the shared memory; ``shape`` is (rows, columns)."""
+        """Return a copy of the picture in the shared memory, which has ``shape`` (rows, columns)."""
         size = 3 * shape[0] * shape[1]
         if self._map is None or len(self._map) < size:
             self._unmap()
@@ -148,7 +148,8 @@ class ReaderProcess:
 class ReaderFeed:
     """A ``drivers.pictures.capture.CameraFeed`` of any source, read by a ``ReaderProcess``.
 
-    ``size`` (width, height in pixels) is requested from a device; ``rate`` is that of a folder of pictures, per second.
+    ``name`` is the part in error messages. ``size`` (width, height in pixels) is requested from a device. ``rate`` is
+    the number of pictures per second of a folder of pictures.
     """
 
     def __init__(self, name: str, source: Source, size: tuple[int, int] | None = None, rate: float = 5.0) -> None:
@@ -172,7 +173,7 @@ class ReaderFeed:
 
     @property
     def hint(self) -> str:
-        """Next command to type when the source opens but gives no picture."""
+        """Next command that the user can type if the source opens but gives no picture."""
         return source_hint(self._source)
 
     def start(self, closing: Event) -> float | None:
@@ -223,9 +224,9 @@ class ReaderFeed:
         return self._results.popleft()
 
     def skip_next(self, pictures: int) -> None:
-        """Skip the next ``pictures`` without decoding them, instead of the number set before. From any thread.
+        """Skip the next ``pictures`` without decoding them; replaces the number set by an earlier call. Thread-safe.
 
-        The reader counts them itself: a request per picture would wake both processes twice.
+        The reader process counts skipped pictures itself, which saves a request for each picture.
         """
         with self._lock:
             first = min(self._count + pictures, _MAX_NUMBER)

@@ -1,6 +1,6 @@
-"""Process that reads a camera source for a run; its protocol is in ``drivers.camera.reader``.
+"""Process that reads a camera source for a run; the module ``drivers.camera.reader`` describes its protocol.
 
-It ends at once with its standard input, even while it blocks in C, so it never outlives its run.
+The process exits as soon as its standard input ends, even while a library blocks, so it never outlives its run.
 """
 
 import gc
@@ -28,14 +28,14 @@ REPORT_INTERVAL = 0.5
 
 
 class BlockingFeed(Protocol):
-    """Source of pictures like ``drivers.pictures.capture.CameraFeed``, whose calls may block for any time."""
+    """Source of pictures for the reader process; unlike a ``CameraFeed``, its methods may block for any time."""
 
     def start(self) -> float | None:
         """Open the source; return the seconds between the pictures of a recording, or None for a live source."""
         ...
 
     def grab(self, is_needed: Callable[[], bool]) -> Image | None:
-        """Return the next picture, or None at the end; ``SKIPPED_PICTURE`` if not ``is_needed()``."""
+        """Return the next picture; ``SKIPPED_PICTURE``, not decoded, if ``is_needed()`` is False; None at the end."""
         ...
 
     def stop(self) -> None:
@@ -44,7 +44,7 @@ class BlockingFeed(Protocol):
 
 
 def make_feed(request: Mapping[str, Any]) -> BlockingFeed:
-    """Return the feed for the camera source in a request."""
+    """Return the feed for a request with the keys ``name``, ``source``, ``size`` and ``rate``."""
     name, source, kind = request["name"], request["source"], source_kind(request["source"])
     if kind in {SourceKind.FOLDER, SourceKind.PICTURE}:
         return FolderFeed(name, source, request["rate"])
@@ -115,7 +115,11 @@ class FolderFeed:
 
 
 class SourceReader:
-    """Executes ``commands``, and skips pictures before ``first_needed``; another thread sets both."""
+    """Reads a source in the reader process: executes the queued ``commands``, and skips unneeded pictures.
+
+    ``first_needed`` is the number of the first picture that the run needs. Another thread sets both. ``memory`` and
+    ``out`` are the file descriptors of the shared memory and of the replies.
+    """
 
     def __init__(self, memory: int, out: int) -> None:
         self.commands = SimpleQueue[int]()
@@ -127,7 +131,7 @@ class SourceReader:
         self._is_live = True
 
     def run(self, feed: BlockingFeed) -> None:
-        """Execute commands until QUIT."""
+        """Execute the queued commands on ``feed`` until QUIT."""
         while (command := self.commands.get()) != QUIT:
             try:
                 if command == START:
@@ -145,10 +149,10 @@ class SourceReader:
         feed.stop()
 
     def _grab(self, feed: BlockingFeed) -> None:
-        """Send the next picture that is needed, with the number of skipped ones.
+        """Write the next needed picture to the shared memory; send its size and the number of skipped pictures.
 
-        Skipped pictures of a live source are reported after a while, those of a recording at once, because the run
-        paces it.
+        If a live source is skipped for ``REPORT_INTERVAL``, that is reported without a picture. Each skipped picture of
+        a recording is reported at once, since the run decides when the next one is due.
         """
         before, report_at = self._count, time.monotonic() + (REPORT_INTERVAL if self._is_live else 0.0)
         while (image := feed.grab(self._is_needed)) is SKIPPED_PICTURE:
@@ -196,7 +200,7 @@ def main() -> None:
 
 
 def _read_commands(reader: SourceReader) -> None:
-    """Pass the commands of the run on to ``reader``; end this process in any state at the end of standard input."""
+    """Pass the commands from standard input to ``reader``; exit this process when standard input ends."""
     data = b""
     while more := os.read(0, 64):
         data += more

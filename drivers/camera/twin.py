@@ -10,18 +10,18 @@ from drivers.sim.plug import SimulatedPlug
 
 
 def black_like(picture: Image) -> Image:
-    """Return a black picture of the same size."""
+    """Return a black picture of the same size as ``picture``."""
     import numpy as np  # noqa: PLC0415 - only a covered lens needs it
 
     return np.zeros_like(picture)
 
 
 class CameraTwin:
-    """A ``drivers.api.Camera`` for one thread, whose pictures come from ``draw(time)``.
+    """Simulated camera: a ``drivers.api.Camera`` whose pictures come from ``draw(time)``. Not thread-safe.
 
-    ``rate`` is in pictures per second of the clock, ``field_of_view`` horizontal in radians, ``dropouts`` the share
-    0..1 of lost pictures, drawn from ``seed``. ``black`` returns the picture of a covered lens for one of an open lens.
-    Raises ValueError for values out of range.
+    ``rate`` is in pictures per second, ``field_of_view`` horizontal in radians. ``dropouts`` is the share 0..1 of lost
+    pictures, drawn from ``seed``. ``black(picture)`` returns the picture that is seen while the lens is covered. Raises
+    ValueError for values out of range.
     """
 
     name = "camera"
@@ -56,7 +56,10 @@ class CameraTwin:
         self._frames = 0
 
     def open(self) -> None:
-        """Connect at once, unless it is unplugged; the first picture is due at once. Does nothing while open."""
+        """Connect at once, unless the simulated plug is pulled. The first picture is due immediately.
+
+        Does nothing if the camera is already open.
+        """
         if self._opened_at is None:
             self._opened_at = self._clock.now()
             self._number, self._frames = -1, 0
@@ -73,7 +76,7 @@ class CameraTwin:
         return self.plug.health({"frames": self._frames, "dropped": self._number + 1 - self._frames})
 
     def expose(self, now: float) -> CameraFrame | None:
-        """Return a picture taken at time ``now``; None if the camera is offline, or the picture is lost."""
+        """Return a picture taken at time ``now``; None if the camera is unplugged, or the picture is lost."""
         if not self.plug.online:
             return None
         self._number += 1
@@ -85,9 +88,10 @@ class CameraTwin:
         return CameraFrame(self._picture, now, self._number)
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the picture that is due by the clock, or None; the numbers of unread pictures are skipped.
+        """Return the picture that is due by the clock, None if there is none. Does not wait.
 
-        Ignores ``timeout``: simulated time does not advance during a read.
+        ``timeout`` is ignored, because simulated time does not advance during a read. The frame number counts the
+        pictures that were not read as well.
         """
         del timeout
         now = self._clock.now()

@@ -51,10 +51,13 @@ _CONNECTION_ERRORS = (OSError, HTTPException, ValueError, UnicodeError)
 
 
 class _SupportedAuthMixin:
-    """Ignores an authentication method that ``urllib`` does not support: the camera may offer another one."""
+    """Mixin for authentication handlers of ``urllib`` that ignores authentication methods they do not support.
+
+    The camera may offer another method that is supported.
+    """
 
     def http_error_401(self, *args: Any) -> Any:
-        """Authenticate; return None for an unsupported method."""
+        """Authenticate the request; return None for an unsupported method, so that another handler is tried."""
         try:
             return super().http_error_401(*args)  # type: ignore[misc]
         except URLError as error:
@@ -195,7 +198,7 @@ class WebFeed:
 
 
 def _has_more(response: HTTPResponse) -> bool:
-    """Return whether more of a response is available. Python 3.13 closes it with its last byte."""
+    """Return whether more bytes of an HTTP response can be read without waiting."""
     return not response.isclosed() and bool(select.select([response], [], [], 0)[0])
 
 

@@ -1,1 +1,1 @@
-"""Detection of connected hardware: ports, cameras, sound cards and game pads, and the devices on the ports."""
+"""Detection of connected hardware: serial ports, cameras, sound cards, game pads, and the devices on the ports."""

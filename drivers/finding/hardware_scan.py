@@ -30,9 +30,10 @@ _EVENT = re.compile(r"\bevent\d+\b")
 
 @dataclass(frozen=True, slots=True)
 class ConnectedCamera:
-    """Camera: its device, its name, its picture sizes, the programs that have it open, and its problem.
+    """Camera: its device, name, picture sizes, USB device, the programs that have it open, and its problem or None.
 
-    ``source`` is its name in a robot file: a CSI camera is read over TCP, from ``rpicam-vid``.
+    ``source`` is the value for ``source`` in a robot file: an address for a CSI camera, which ``rpicam-vid`` must
+    serve.
     """
 
     path: str
@@ -56,7 +57,7 @@ class SoundCard:
 
 @dataclass(frozen=True, slots=True)
 class ConnectedGamePad:
-    """Game pad: its device, its name, and its problem."""
+    """Game pad: its device file, its name, and the problem why it cannot be used; None if it can."""
 
     path: str
     name: str
@@ -114,7 +115,7 @@ def find_game_pads(machine: HostMachine) -> list[ConnectedGamePad]:
 
 @dataclass(frozen=True, slots=True)
 class ScannedPort:
-    """Serial port and the result of probing it; ``scan`` is None if it was not to be probed."""
+    """Serial port and the result of probing it; ``scan`` is None if the port was not probed."""
 
     port: SerialPortInfo
     scan: PortScan | None = None
@@ -122,7 +123,7 @@ class ScannedPort:
 
 @dataclass(frozen=True, slots=True)
 class HardwareScan:
-    """All connected hardware. ``portless_adapters`` are adapters without a port."""
+    """All connected hardware. ``portless_adapters`` are USB adapters without a serial port, each with the reason."""
 
     ports: tuple[ScannedPort, ...] = ()
     portless_adapters: tuple[tuple[UsbDevice, DeviceProblem], ...] = ()
@@ -144,16 +145,19 @@ class HardwareScan:
 
     @property
     def identified(self) -> list[tuple[SerialPortInfo, PortScan]]:
-        """Ports on which the device of a driver has replied."""
+        """Ports on which a driver has identified its device, each with the result."""
         return [(plug.port, plug.scan) for plug in self.ports if plug.scan is not None and plug.scan.device is not None]
 
 
 PortProber = Callable[[SerialPortInfo], PortScan | None]
-"""Probes a port; returns None for a port that is not to be probed."""
+"""Function that probes a serial port and returns the result, or None if it does not probe the port."""
 
 
 def scan_hardware(machine: HostMachine, ask: PortProber | None = None, ioctl: Ioctl = fcntl.ioctl) -> HardwareScan:
-    """Return all connected hardware; with ``ask`` each serial port is probed, one after another."""
+    """Return all connected hardware. If ``ask`` is given, each serial port is probed with it, one after another.
+
+    ``ioctl`` is replaced in tests.
+    """
     plugs = tuple(ScannedPort(port, None if ask is None else ask(port)) for port in find_serial_ports(machine))
     return HardwareScan(
         plugs,
@@ -172,7 +176,11 @@ def make_prober(
     consented_ports: Iterable[str] = (),
     extra_timeout: float = EXTRA_TIMEOUT,
 ) -> PortProber:
-    """Return a function that probes ports with ``drivers``; ``consented_ports`` are probed in any case."""
+    """Return a function that probes a serial port with the probes of ``drivers``.
+
+    ``consented_ports`` are names of ports that the user allows to be probed, even if opening them may reset a board.
+    ``extra_timeout`` in seconds is added to the timeout of each request.
+    """
     drivers, consented_ports = tuple(drivers), frozenset(consented_ports)
 
     def ask(port: SerialPortInfo) -> PortScan:

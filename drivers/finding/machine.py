@@ -1,4 +1,4 @@
-"""Files of a machine in /sys, /proc and /dev: of this machine, or of a recorded one."""
+"""Files of a computer in /sys, /proc and /dev: of this computer, or of a copied file tree for tests."""
 
 import os
 import stat
@@ -18,9 +18,10 @@ def _my_groups() -> frozenset[int]:
 
 @dataclass(frozen=True, slots=True)
 class HostMachine:
-    """Machine whose files are under ``root``, for the user ``uid`` in these ``groups``.
+    """Computer whose files are under ``root``, as seen by the user ``uid``, a member of these ``groups``.
 
-    Paths are those of the machine itself, such as ``/dev/ttyUSB0``. Unreadable files count as missing.
+    Paths in arguments and results are those of the computer itself, such as ``/dev/ttyUSB0``. Unreadable files count as
+    missing.
     """
 
     root: Path = Path("/")
@@ -33,7 +34,7 @@ class HostMachine:
         return self.root / path.lstrip("/")
 
     def read_text(self, path: str) -> str:
-        """Return the text of a file without surrounding spaces; empty if there is none."""
+        """Return the text of a file without leading and trailing spaces; empty if it is missing or not readable."""
         try:
             # A recorded tree may contain a pipe, which would block.
             with os.fdopen(os.open(self.local_path(path), os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
@@ -65,7 +66,7 @@ class HostMachine:
         return os.path.normpath(Path(path).parent / target)
 
     def can_open(self, path: str) -> bool | None:
-        """Return whether the user may read and write a device; None if there is none."""
+        """Return whether the user may read and write a device file; None if the file does not exist."""
         try:
             status = self.local_path(path).stat()
         except OSError:

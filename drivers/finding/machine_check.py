@@ -14,7 +14,7 @@ GROUPS = ("dialout", "video", "audio", "input")
 """Groups whose members may open ports, cameras, sound cards and game pads, on Debian and similar systems."""
 
 MIN_FREE_BYTES = {"wrong": 200e6, "warning": 2e9}
-"""Free bytes on the disk below which a record may not fit."""
+"""Free bytes on the disk below which a finding is a failure or a warning: a record may not fit."""
 
 MIN_FREE_MEMORY = 300e6
 """Minimum bytes of available memory."""
@@ -36,10 +36,10 @@ def check_machine(
     folder: Path,
     free_bytes: Callable[[Path], float] | None = None,
 ) -> Iterator[Finding]:
-    """Yield the findings about a machine with its connected hardware.
+    """Yield the findings about a computer with its connected hardware.
 
-    ``now`` is the time of day, ``installed_at`` that of this installation, ``folder`` the folder of records.
-    ``free_bytes`` returns the free bytes of the disk of a folder, by default those of this machine.
+    ``now`` is the time of day and ``installed_at`` that of MissionTree's installation, both in seconds. ``folder`` is
+    the folder of records. ``free_bytes`` returns the free bytes of the disk of a folder, by default of this computer.
     """
     yield from _check_groups(machine)
     yield from chain.from_iterable(_check_port(plug.port) for plug in scan.ports)
@@ -62,7 +62,7 @@ def check_machine(
 
 
 def _check_groups(machine: HostMachine) -> Iterator[Finding]:
-    """Check the groups of the user; root needs none, and a group that the system does not have is not missed."""
+    """Check the groups of the user. Root needs none, and groups that the system does not have are not required."""
     if machine.uid == 0:
         yield Finding("rights", "root may open all devices")
         return
@@ -123,7 +123,7 @@ def _check_clock(machine: HostMachine, now: float, installed_at: float) -> Itera
 
 
 def _check_governor(machine: HostMachine) -> Iterator[Finding]:
-    """Check the governor of the processor's clock: a slow one makes ticks late."""
+    """Check the frequency governor of the processor and the load: either may make ticks late."""
     policies = [f"{CPU_FOLDER}/{name}/cpufreq" for name in machine.list_names(CPU_FOLDER) if name[3:].isdecimal()]
     governors = {
         (machine.read_text(f"{path}/scaling_governor"), machine.read_text(f"{path}/scaling_driver"))

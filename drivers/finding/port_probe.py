@@ -26,26 +26,32 @@ class ProbeWire(Protocol):
     """Open port for a probe."""
 
     def exchange(self, request: ProbeRequest) -> bytes:
-        """Send a request and return the reply without the echo. Raises NotConnected if the port is gone."""
+        """Send a request and return the reply. Raises NotConnected if the port is gone.
+
+        An echo of the request is removed, unless ``request.keep_echo`` is True.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedDevice:
-    """Driver whose device has replied, and the result of its probe."""
+    """Driver whose device has replied to its probe, and the result of the probe."""
 
     driver: Driver
     result: ProbeResult
 
     @property
     def title(self) -> str:
-        """Name of the driver, as in `mission list drivers`."""
+        """Kind and name of the driver, such as ``base.kobuki``."""
         return f"{self.driver.kind}.{self.driver.name}"
 
 
 @dataclass(frozen=True, slots=True)
 class PortScan:
-    """Result of probing a port: the device, the reason why it was skipped, or a problem."""
+    """Result of probing a port: the identified device, or the reason why it was not probed, or a problem.
+
+    A problem may be a missing reply, or one that the identified device reports.
+    """
 
     device: IdentifiedDevice | None = None
     skip_reason: DeviceProblem | None = None
@@ -62,7 +68,6 @@ class ExclusivePort:
         self._port: OpenPort | None = None
 
     def exchange(self, request: ProbeRequest) -> bytes:
-        """See ``ProbeWire``."""
         try:
             port = self._open_at(request.baud)
             port.write(request.send)
@@ -76,7 +81,7 @@ class ExclusivePort:
             raise make_port_error("ports", self._path, error) from error
 
     def close(self) -> None:
-        """Close the port and leave DTR on: a lidar stays at rest, and a board is not reset once more."""
+        """Close the port with DTR on, so that a lidar stays at rest and a board is not reset again."""
         port, self._port = self._port, None
         if port is not None:
             with suppress(OSError):
@@ -125,7 +130,7 @@ def identify_device(
 
 
 def run_probe(probe: Probe, wire: ProbeWire) -> ProbeResult | None:
-    """Exchange the requests of a probe over a wire; return its result."""
+    """Exchange the requests of a probe over ``wire``; return its result, None if the device is not identified."""
     generator: Generator[ProbeRequest, bytes, ProbeResult | None] = probe()
     try:
         request = next(generator)
@@ -152,7 +157,11 @@ def probe_port(
     extra_timeout: float = EXTRA_TIMEOUT,
     path: str = "",
 ) -> PortScan:
-    """Open a port and probe it; an error becomes a problem. ``path`` is the device file, if it differs."""
+    """Open a serial port and probe it; an error becomes a problem in the result.
+
+    ``consent`` allows ports that are otherwise skipped. ``path`` is the device file to open, if it is not
+    ``port.path``.
+    """
     opened = ExclusivePort(path or port.path, clock, extra_timeout=extra_timeout)
     try:
         return identify_device(port, drivers, opened, consent=consent)
@@ -163,7 +172,10 @@ def probe_port(
 
 
 def driver_by_serial_number(port: SerialPortInfo, drivers: Iterable[Driver]) -> Driver | None:
-    """Return the driver whose device is the only one with such an adapter, by its serial number."""
+    """Return the driver that the USB adapter of a port identifies by its serial number; None if none does.
+
+    Such adapters are built into the device, like that of a Kobuki.
+    """
     usb = port.usb
     if usb is None:
         return None
@@ -172,7 +184,10 @@ def driver_by_serial_number(port: SerialPortInfo, drivers: Iterable[Driver]) -> 
 
 
 def _candidates(port: SerialPortInfo, drivers: Iterable[Driver], *, include_all: bool) -> Sequence[Driver]:
-    """Return the drivers to probe, likely ones first; ``include_all`` adds those for other adapters."""
+    """Return the drivers whose probes are tried on a port, likely ones first.
+
+    ``include_all`` adds the drivers for other USB adapters.
+    """
     drivers = list(drivers)
     certain = driver_by_serial_number(port, drivers)
     if certain is not None:

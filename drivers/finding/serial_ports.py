@@ -19,7 +19,10 @@ from drivers.transport.programs import Program, end_command
 
 @dataclass(frozen=True, slots=True)
 class UsbDevice:
-    """USB device: its ids (four hexadecimal digits each), its descriptors, and its socket."""
+    """USB device: vendor and product id (four hexadecimal digits each), descriptors, and USB socket.
+
+    A socket is a path of ports such as ``1-1.4``.
+    """
 
     vendor: str
     product: str
@@ -30,12 +33,12 @@ class UsbDevice:
 
     @property
     def ids(self) -> str:
-        """Both ids in the format of `lsusb`."""
+        """Vendor and product id in the format of `lsusb`, such as ``0403:6001``."""
         return f"{self.vendor}:{self.product}"
 
     @property
     def title(self) -> str:
-        """Name of the device, from the table of adapters or its descriptors."""
+        """Name of the USB device: from the table of known adapters, else from its descriptors."""
         known = ADAPTERS.get(self.ids)
         descriptors = " ".join(word for word in (self.maker, self.name) if word)
         return (
@@ -57,7 +60,7 @@ class UsbDevice:
 
 @dataclass(frozen=True, slots=True)
 class Adapter:
-    """Known adapter: its name, and whether opening its port resets a board."""
+    """Known USB adapter: its name, and whether opening its serial port resets a board."""
 
     name: str
     resets: bool = False
@@ -88,7 +91,7 @@ ADAPTERS: Mapping[str, Adapter] = MappingProxyType(
 
 
 def find_usb_device(machine: HostMachine, device: str) -> UsbDevice | None:
-    """Return the USB device of a device in /sys; None if it is on no USB device."""
+    """Return the USB device to which a device in /sys belongs; None if it belongs to none."""
     here = PurePosixPath(machine.resolve(device))
     for folder in map(str, (here, *here.parents)):
         vendor = machine.read_text(f"{folder}/idVendor")
@@ -140,10 +143,11 @@ class DeviceProblem:
 
 @dataclass(frozen=True, slots=True)
 class SerialPortInfo:
-    """Serial port: its ``path``, its other ``names``, and ``call``, its most stable name for a robot file.
+    """Serial port: ``path`` is its device file, ``names`` are its other names, ``call`` is the most stable of them.
 
-    ``latency`` is the delay of the adapter in milliseconds, None if unknown. ``holders`` are the programs that have the
-    port open; ``shut`` is the reason why it cannot be opened, ``troubles`` are other problems.
+    ``usb`` is its USB device, or None. ``latency`` is the delay of the adapter in milliseconds, None if unknown.
+    ``holders`` are the programs that have the port open. ``shut`` is the problem why it cannot be opened, or None;
+    ``troubles`` are other problems. ``own`` describes a port without a USB device.
     """
 
     path: str
@@ -158,7 +162,7 @@ class SerialPortInfo:
 
     @property
     def title(self) -> str:
-        """Description of the port."""
+        """Description of the port: name and ids of its USB device, or its position on the computer."""
         return self.own if self.usb is None else f"{self.usb.title}, {self.usb.ids}"
 
 
@@ -176,7 +180,7 @@ def find_serial_ports(machine: HostMachine) -> list[SerialPortInfo]:
 
 
 def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
-    """Name the pins and the debug connector of a Raspberry Pi 5; /dev/serial0 leads to the latter."""
+    """Set the description of the serial port on the pins, or at the debug connector, of a Raspberry Pi 5."""
     if port.path == DEBUG_CONNECTOR:
         pins = f"its pins (GPIO 14 and 15) are {PINS_PORT}, after {UART_SETTING}"
         own = f"the debug connector of this Raspberry Pi 5; {pins}"
@@ -185,7 +189,7 @@ def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
 
 
 def find_portless_adapters(machine: HostMachine) -> list[tuple[UsbDevice, DeviceProblem]]:
-    """Return connected adapters without a port, each with the probable reason."""
+    """Return connected USB adapters without a serial port, each with the probable reason."""
     devices = (f"/sys/class/tty/{name}/device" for name in machine.list_names("/sys/class/tty"))
     sockets = {usb.socket for device in devices if (usb := find_usb_device(machine, device)) is not None}
     brltty = any(process.name == "brltty" for process in machine.processes())
@@ -247,7 +251,7 @@ def _read_port(machine: HostMachine, path: str, names: tuple[str, ...], holders:
 
 
 def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]) -> DeviceProblem | None:
-    """Return why a port cannot be opened; None if it can."""
+    """Return the problem why a port cannot be opened, with a fix; None if it can be opened."""
     if holders:
         names = ", ".join(str(each) for each in holders)
         usual = end_command(holders, f"end that program, or: fuser -v {path}")
@@ -263,7 +267,10 @@ def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]
 
 
 def _with_stable_name(port: SerialPortInfo, *, unique: bool) -> SerialPortInfo:
-    """Set the most stable name of a port: of a rule, by serial number, or by socket if two adapters are equal."""
+    """Set ``call``, the most stable name of a port: a name by a udev rule, by serial number, or by USB socket.
+
+    ``unique`` is False if another connected adapter is identical; then the serial number is not used.
+    """
     by_rule = [name for name in port.names if not name.startswith("/dev/serial/")]
     by_id = [name for name in port.names if "/by-id/" in name]
     by_path = [name for name in port.names if "/by-path/" in name]

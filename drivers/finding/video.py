@@ -1,4 +1,4 @@
-"""Connected cameras by the Linux video interface (V4L2): their names and picture sizes.
+"""Connected cameras, with names and picture sizes, by the Linux video interface (V4L2).
 
 The requests and their structures are those of <linux/videodev2.h>.
 """
@@ -121,7 +121,7 @@ def _captures(ask: Callable[[int, bytearray], object]) -> bool:
 
 
 def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ...]:
-    """Return the picture sizes of all formats of a camera; of a format with free scaling, the largest."""
+    """Return the picture sizes of all formats of a camera; the largest size of a format with free scaling."""
     sizes: set[tuple[int, int]] = set()
     for form in range(_MAX_ENTRIES):
         data = bytearray(_ENUM_FMT_SIZE)
@@ -142,7 +142,7 @@ def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ..
 
 
 def _query_entry(ask: Callable[[int, bytearray], object], request: int, data: bytearray) -> bool:
-    """Query one entry of a list; return False behind its end."""
+    """Query one element of a list of the device into ``data``; return False after the last element."""
     try:
         ask(request, data)
     except OSError as error:

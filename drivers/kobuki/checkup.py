@@ -24,7 +24,7 @@ VIRTUAL_EXTRA_TIMEOUT = 0.05
 
 
 def checkup(keys: KobukiKeys, context: DriverContext) -> Iterator[Finding]:
-    """Request the version, which moves nothing, and read reports; yield the findings."""
+    """Request the firmware version, read reports of the base at rest, and yield the findings."""
     port = ExclusivePort(
         context.port, context.clock, extra_timeout=VIRTUAL_EXTRA_TIMEOUT if context.is_virtual else 0.0
     )

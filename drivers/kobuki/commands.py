@@ -1,6 +1,6 @@
-"""Commands of the Kobuki protocol as values, to and from bytes (protocol table of the vendor).
+"""Commands of the Kobuki protocol, encoded to bytes and decoded from bytes (protocol table of the vendor).
 
-Pure. Encode them with ``wire.encode``; virtual base and tests decode with ``wire.decode(payload, COMMANDS)``.
+Pure. Encode them with ``wire.encode``; the virtual base and tests decode them with ``wire.decode(payload, COMMANDS)``.
 """
 
 from collections.abc import Mapping
@@ -35,9 +35,9 @@ class BaseControl(KobukiSubpayload):
 
     @classmethod
     def of(cls, linear: float, angular: float) -> Self:
-        """Return the command for ``linear`` m/s and ``angular`` rad/s, both finite, by the vendor driver's rule.
+        """Return the command for ``linear`` m/s and ``angular`` rad/s, both finite, by the rule of the vendor's driver.
 
-        Truncated to whole millimetres and clipped to 16 bits, as that driver does.
+        Like that driver, it truncates to whole millimetres and clips to 16 bits.
         """
         if abs(angular) < _EPSILON:
             return cls(_whole(1000 * linear), _STRAIGHT)
@@ -134,7 +134,10 @@ class KobukiOutput(IntFlag):
 OUTPUTS_AT_START = (
     KobukiOutput.SUPPLY_3V3 | KobukiOutput.SUPPLY_5V | KobukiOutput.SUPPLY_12V_5A | KobukiOutput.SUPPLY_12V_1A5
 )
-"""Output word of a base that was just switched on: supplies on, the rest off. Each write must keep the supply bits."""
+"""Output word of a base that was just switched on: all external supplies on, lights and digital outputs off.
+
+Every other output word must keep these supplies on.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +151,10 @@ class SetOutputs(KobukiSubpayload):
 
 @dataclass(frozen=True, slots=True)
 class SetGains(KobukiSubpayload):
-    """Command to set the gains of the wheel controller; ``user`` 0 restores the factory's. Firmware >= 1.2."""
+    """Command to set the gains of the wheel controller. Requires firmware 1.2 or newer.
+
+    If ``user`` is 0, the base uses the gains of the factory, else the given ones, in thousandths.
+    """
 
     user: int
     p_thousandths: int = 100_000
@@ -160,7 +166,7 @@ class SetGains(KobukiSubpayload):
 
 @dataclass(frozen=True, slots=True)
 class GetGains(KobukiSubpayload):
-    """Request for the gains of the wheel controller; its byte is not used."""
+    """Request for the gains of the wheel controller. The field ``unused`` has no meaning."""
 
     unused: int = 0
     ID: ClassVar[int] = 14
@@ -170,7 +176,7 @@ class GetGains(KobukiSubpayload):
 COMMANDS: Mapping[int, type[KobukiSubpayload]] = {
     kind.ID: kind for kind in (BaseControl, KobukiSound, SoundSequence, RequestExtra, SetOutputs, SetGains, GetGains)
 }
-"""Classes of the Kobuki's commands by ID. The vendor's table has 1 for 13 and 14 by mistake."""
+"""Classes of the Kobuki's commands by ID. In the vendor's table the IDs 13 and 14 are both misprinted as 1."""
 
 
 def _whole(value: float) -> int:

@@ -1,4 +1,4 @@
-"""Declaration of the Kobuki driver, and its keys in a robot file."""
+"""Declaration of the Kobuki driver, and the keys of its section in a robot file."""
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys
@@ -7,7 +7,7 @@ from drivers.api.sections import BaseKeys, SerialKeys
 
 @keys
 class KobukiKeys(BaseKeys, SerialKeys):
-    """Keys of the base of a Kobuki, with its limits."""
+    """Keys of the ``base`` section of a robot file for a Kobuki, with the limits of its values."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="Maximum speed.")
     max_turn: float = key("turn rate", default=1.9, low=0.01, high=3.2, help="Maximum turn rate.")

@@ -42,25 +42,29 @@ OFFLINE_AFTER = 0.25
 loaded computer exceeds by itself."""
 
 FRAME_TIME = 0.0075
-"""Seconds that a report is on the wire (87 bytes at 115200 baud). The USB adapter adds 1 ms with its latency timer set,
-else up to 16 ms, which cannot be known here."""
+"""Seconds from the first to the last byte of a report (87 bytes at 115200 baud).
+
+The USB adapter adds 1 ms if its latency timer is set, else up to 16 ms. The driver cannot know which.
+"""
 
 IDLE_POLL_INTERVAL = 0.06
-"""Seconds for which reports gather while the base rests: three are read at once, which saves CPU time. A command wakes
-the thread."""
+"""Seconds between two reads of the port while the base rests: three reports are read at once, to save CPU time.
+
+A new command wakes the thread earlier.
+"""
 
 STOP_REPEATS = 6
-"""Copies of each stop command that are sent.
+"""Number of copies of each stop command that are sent at once, in case the base misses one.
 
-A damaged header may claim the next 256 bytes (see ``KobukiFrameFinder``), and five renewals are more than that. Six
-copies are 60 bytes, 5 ms on the wire.
+If the header of a command is damaged, the base may take the next 256 bytes for its payload (see ``KobukiFrameFinder``).
+The stop commands of five renewals are more than that. Six copies are 60 bytes, 5 ms on the wire.
 """
 
 QUERY_INTERVAL = 0.5
 """Seconds between two requests for versions and ID that the base has not sent yet."""
 
 FIRMWARE_MAJOR = 1
-"""The one generation of the firmware that speaks this protocol."""
+"""Supported major version of the firmware."""
 
 TUNES: Mapping[Tune, commands.KobukiTune] = MappingProxyType({tune: commands.KobukiTune[tune.name] for tune in Tune})
 
@@ -178,7 +182,7 @@ class KobukiProtocol(DiffDriveProtocol):
         }
 
     def _read(self, payload: bytes, now: float) -> BaseState | None:
-        """Return the state of the base after one frame; None if the frame has none."""
+        """Return the state of the base after the frame ``payload``; None if the frame contains no state."""
         decoded = decode(payload, FEEDBACK)
         self._unknown += decoded.unknown
         self._malformed += decoded.malformed

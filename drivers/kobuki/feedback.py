@@ -33,7 +33,10 @@ DROPPED_RIGHT, DROPPED_LEFT = 1, 2
 
 
 class Charger(IntFlag):
-    """Bits of the charger: 0 discharging, 2 dock and full, 6 dock charging, 18 adapter and full, 22 charging."""
+    """Bits of the charger byte. A value combines them, such as 6 for charging on the dock.
+
+    0 is discharging, 2 docked and full, 6 charging on the dock, 18 full on the adapter, and 22 charging on the adapter.
+    """
 
     POWERED = 0x02
     CHARGING = 0x04
@@ -46,7 +49,10 @@ _POWERED, _CHARGING, _ADAPTER = (flag.value for flag in Charger)
 
 @dataclass(frozen=True, slots=True)
 class Core(KobukiSubpayload):
-    """Core report of a Kobuki, in every frame. Encoders count up forward; they and the time wrap at 16 bits."""
+    """Core report of a Kobuki, which is in every frame. The encoder counts rise forward.
+
+    Encoder counts and time are 16-bit numbers that wrap.
+    """
 
     time_ms: int = 0
     bumper: int = 0
@@ -70,7 +76,7 @@ class Core(KobukiSubpayload):
 
     @property
     def full(self) -> bool:
-        """True if the base has external power and does not charge any more."""
+        """True if the battery is full: the base has external power and does not charge."""
         return bool(self.charger & _POWERED) and not self.charging
 
     @property
@@ -123,7 +129,7 @@ class CliffDistance(KobukiSubpayload):
 
 @dataclass(frozen=True, slots=True)
 class MotorCurrent(KobukiSubpayload):
-    """Currents of the wheel motors in steps of 10 mA. The vendor's table has 2 bytes each, the wire has 1."""
+    """Currents of the wheel motors in steps of 10 mA. Each has one byte, not two as in the vendor's table."""
 
     left_10ma: int = 0
     right_10ma: int = 0
@@ -142,7 +148,10 @@ class Version(KobukiSubpayload):
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode a version; old firmware sends a two-byte number instead. Raises as ``KobukiSubpayload.unpack``."""
+        """Decode a version from ``data``. Old firmware sends a number of two bytes instead of three version bytes.
+
+        Raises the exceptions of ``KobukiSubpayload.unpack``.
+        """
         if len(data) == 2:
             number = int.from_bytes(data, "little")
             if number not in _OLD_VERSIONS:
@@ -248,4 +257,4 @@ FEEDBACK: Mapping[int, type[KobukiSubpayload]] = {
         KobukiGains,
     )
 }
-"""Classes of the Kobuki's reports by ID."""
+"""Classes of the parts of a Kobuki's reports by ID."""

@@ -12,24 +12,27 @@ from drivers.kobuki.commands import WHEEL_SEPARATION
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
 MAX_REPORT_GAP = 1.0
-"""Seconds without a report after which differences of the encoders are not used: the base may have been switched off
-and on, which resets its counters. After 4 s at full speed they may also have wrapped."""
+"""Seconds without a report after which differences of the encoder counts are not used.
+
+The base may have been switched off and on, which resets its counters. After 4 s at full speed they may also have
+wrapped.
+"""
 
 
 class KobukiOdometry(GyroOdometry):
-    """Odometry from reports. The pose starts at zero with the first report, at any heading of the gyro."""
+    """Odometry of a Kobuki from its reports. The pose is zero at the first report, at any heading of the gyro."""
 
     def __init__(self) -> None:
         super().__init__(WHEEL_SEPARATION)
         self._last: tuple[Core, Inertia, float] | None = None
 
     def anchor(self) -> None:
-        """Keep the pose at the next report: the base may have reset its counters."""
+        """Keep the pose at the next report, which may have restarted counters, and measure the motion from there."""
         self._last = None
         self.velocity = ZERO_VELOCITY
 
     def update(self, core: Core, inertia: Inertia, now: float) -> None:
-        """Add the motion since the last report; ``now`` in seconds is the time of this report."""
+        """Add the motion since the previous report; ``now`` is the time of this report in seconds."""
         last, self._last = self._last, (core, inertia, now)
         if last is None:
             return
@@ -46,19 +49,22 @@ class KobukiOdometry(GyroOdometry):
 
 
 def _wrap(difference: int, period: int) -> int:
-    """Return the difference of two counters that wrap at ``period``: the smaller one in amount."""
+    """Return the signed ``difference`` of two counters that wrap at ``period``; it is at most half a period."""
     return (difference + period // 2) % period - period // 2
 
 
 FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 LOW_VOLTAGE = 14.0
-"""Voltages at which the vendor's driver calls the battery full, dangerously empty and low."""
+"""Voltage in volts at which the vendor's driver calls the battery low; the constants above are full and empty."""
 
 NO_DOCK = DockSignals()
 
 
 class KobukiStateBuilder:
-    """Combines reports into states: keeps the pose, the last heading, and the voltage of the full battery."""
+    """Combines the parts of Kobuki reports into states of the base.
+
+    It keeps the pose, the last heading of the gyro, and the voltage at which the battery was full.
+    """
 
     def __init__(self) -> None:
         self.odometry = KobukiOdometry()
@@ -69,9 +75,9 @@ class KobukiStateBuilder:
     def update(
         self, core: Core | None, inertia: Inertia | None, now: float, dock: DockInfrared | None = None
     ) -> BaseState | None:
-        """Return the state after the parts of one frame at ``now``; None if there is no state yet.
+        """Return the state of the base after one frame at ``now``; None if heading or core report are still missing.
 
-        A frame without its inertial part keeps the heading; the next frame catches up.
+        An argument is None if the frame has no such part. Without an inertial part the last heading is used.
         """
         self._inertia = inertia or self._inertia
         self._dock = dock or self._dock

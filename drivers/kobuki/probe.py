@@ -1,4 +1,4 @@
-"""Probe for a Kobuki: it is recognised by its reports, which it sends fifty times a second without a request."""
+"""Probe for a Kobuki: recognises the base by the reports that it sends 50 times a second."""
 
 from collections.abc import Generator
 

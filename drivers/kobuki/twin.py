@@ -1,4 +1,4 @@
-"""Simulated Kobuki: its commands are rounded as on the wire."""
+"""Simulated Kobuki, whose commands are rounded as the real ones on the wire."""
 
 from drivers.api import Velocity
 from drivers.base.twin import BaseTwin, GyroTwinOdometry
@@ -9,13 +9,13 @@ from drivers.sim.context import SimContext
 
 
 class KobukiTwinOdometry(GyroTwinOdometry):
-    """Odometry of a simulated Kobuki."""
+    """Odometry of a simulated Kobuki: commands are rounded to whole millimetres, as on the wire."""
 
     def __init__(self, gyro_noise: float = 0.0) -> None:
         super().__init__(gyro_noise, WHEEL_SEPARATION)
 
     def send(self, velocity: Velocity, now: float) -> Velocity:
-        """Return the velocity of the command: speed and radius are whole millimetres (per second)."""
+        """Return the velocity that the base receives: speed in whole mm/s and radius in whole millimetres."""
         super().send(velocity, now)
         return Velocity(*BaseControl.of(velocity.linear, velocity.angular).velocity)
 

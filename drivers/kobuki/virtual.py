@@ -47,19 +47,19 @@ NOTE_STEP = 2.75e-6
 OVERLOADED_LEFT, OVERLOADED_RIGHT = 1, 2
 
 GAINS_SINCE = (1, 2, 0)
-"""First firmware with gains of the wheel controller."""
+"""First firmware version with commands for the gains of the wheel controller."""
 
 
 class VirtualKobuki:
     """Virtual Kobuki: a ``drivers.virtual.terminal.WireDevice``. Thread-safe.
 
-    Its contacts are those of its ``body`` on the ground, and those that are set from outside, at any time: ``bumper``,
-    ``cliff``, ``wheel_drop`` (no centre), ``buttons`` (of ``BUTTONS``). ``sockets`` are the values of its input
-    sockets; ``battery_voltage`` and ``charger`` (as in ``feedback.Charger``) override the simulated battery and dock
+    Its contacts are those of its ``body`` on the ground, and those that a test sets at any time: ``bumper``, ``cliff``,
+    ``wheel_drop`` (no centre), ``buttons`` (of ``BUTTONS``). ``sockets`` are the values of its input sockets.
+    ``battery_voltage`` and ``charger`` (as in ``feedback.Charger``) replace the simulated values of battery and dock
     unless they are None. ``gyro_offset`` in radians is the gyro's angle at the heading 0; ``late`` delays all reports.
-    Faults of the firmware: ``frozen`` sends no reports, ``shortened`` is the ID of a part that lacks its last byte,
-    ``chatty`` adds an unknown part. ``played`` lists the received tunes and tones (hertz, seconds), ``outputs`` is the
-    last output word.
+    To simulate faults of the firmware, set ``frozen`` (no reports are sent), ``shortened`` (the ID of a part whose last
+    byte is left out) or ``chatty`` (reports have an unknown part). ``played`` lists the received tunes and tones
+    (hertz, seconds), ``outputs`` is the last output word.
     """
 
     def __init__(
@@ -176,7 +176,7 @@ class VirtualKobuki:
             yield feedback.UniqueId(0x4B6F6275, 0x6B690000, 0x00000001)
 
     def _report(self, now: float) -> bytes:
-        """Return one frame with all sensor values at ``now``, and as many due replies as it holds."""
+        """Return a frame with all sensor values at ``now``, and as many pending replies as fit."""
         if self.frozen:
             return b""
         parts = [
@@ -247,7 +247,7 @@ class VirtualKobuki:
         return feedback.CliffDistance(*seen)
 
     def _gyro(self) -> feedback.RawGyro:
-        """Return two samples or, sometimes, three: a reader must accept both."""
+        """Return two samples of the gyro, and three in every 25th report, as real reports have both."""
         count = 3 if self._reports % 25 == 24 else 2
         self._samples += count
         sample = (0, 0, _clip(self.body.velocity.angular / feedback.GYRO_STEP, 0x7FFF))

@@ -41,9 +41,9 @@ class KobukiSubpayload:
 
 @dataclass(frozen=True, slots=True)
 class DecodedPayload:
-    """Valid parts of a payload, and the numbers of other parts.
+    """Valid parts of a payload, and the numbers of ``unknown`` and ``malformed`` parts.
 
-    ``unknown`` parts have an ID that was not looked for; ``malformed`` parts do not fit their layout, or exceed the
+    An unknown part has an ID that the caller did not ask for. A malformed part does not fit its layout, or exceeds the
     payload.
     """
 
@@ -76,9 +76,9 @@ def subpayload(identifier: int, data: bytes) -> bytes:
 
 
 def decode(payload: bytes, kinds: Mapping[int, type[KobukiSubpayload]]) -> DecodedPayload:
-    """Decode the parts of a payload; ``kinds`` maps the IDs to look for to their classes.
+    """Decode the parts of a payload; ``kinds`` are the classes of the wanted parts by ID.
 
-    Unknown and malformed parts are skipped by their SIZE; the others are decoded.
+    Parts that are not in ``kinds`` or are malformed are only counted.
     """
     parts: list[KobukiSubpayload] = []
     unknown = malformed = 0
@@ -98,7 +98,7 @@ def decode(payload: bytes, kinds: Mapping[int, type[KobukiSubpayload]]) -> Decod
 
 @lru_cache(maxsize=64)
 def _try_unpack(unpack: Callable[[bytes], KobukiSubpayload], data: bytes) -> KobukiSubpayload:
-    """Decode a part. Cached, since most parts are the same as in the last report."""
+    """Decode a part with ``unpack``. Results are cached, since most parts do not change between reports."""
     return unpack(data)
 
 
@@ -113,11 +113,11 @@ def _split(payload: bytes) -> Iterator[tuple[int, bytes | None]]:
 
 
 class KobukiFrameFinder:
-    """Finds frames in a stream that is split anywhere and may contain noise.
+    """Finds frames in a stream of bytes, which may arrive in chunks of any size and contain noise.
 
-    After a wrong checksum the search continues at the byte after the false header, so that frames after or inside noise
-    are found. Noise that looks like a header delays frames until the claimed number of bytes has arrived (259 at most,
-    three reports of the base).
+    After a wrong checksum the search continues one byte after the false header, so that frames after or inside noise
+    are found. Noise that looks like a header delays the frames after it until the claimed number of bytes has arrived:
+    259 at most, three reports of the base.
     """
 
     def __init__(self) -> None:
@@ -150,7 +150,7 @@ class KobukiFrameFinder:
         self._buffer.clear()
 
     def _align(self) -> bool:
-        """Drop bytes that cannot start a frame; return whether header and length are there."""
+        """Drop bytes that cannot start a frame; return whether a header and the length after it have arrived."""
         start = self._buffer.find(HEADER)
         if start < 0:
             start = len(self._buffer) - self._buffer.endswith(HEADER[:1])

@@ -1,9 +1,11 @@
-"""Worker process that records from the sound card with miniaudio, because ALSA prints errors from C.
+"""Worker process that records from the sound card with miniaudio.
 
-``capture_worker.py DEVICE BACKEND``: part of a device name, or empty for the system's default; a miniaudio backend such
-as ``null``, or empty for any. It sends ``{"ready": BACKEND}``, then repeatedly ``{"bytes": N}`` and N bytes of sound:
-16-bit mono at 16 kHz, 20 ms each. It imports nothing of ours. It ends with its input, or without sound: only a new
-process finds a microphone that was plugged in again.
+It is a process of its own because ALSA prints errors from C, which would disturb the terminal of the run. Command line:
+``capture_worker.py DEVICE BACKEND``. DEVICE is part of a device name, or empty for the system's default. BACKEND is a
+miniaudio backend such as ``null``, or empty for any. The worker sends ``{"ready": BACKEND}`` to its standard output,
+then repeatedly ``{"bytes": N}`` and N bytes of sound: 16-bit mono at 16 kHz, 20 ms each. It imports no other module of
+MissionTree. It ends when its standard input ends, and when sound stops arriving: only a new process finds a microphone
+that was plugged in again.
 """
 
 import json
@@ -24,26 +26,35 @@ PIECE_MS = 20
 
 
 def send(message: dict[str, object], body: bytes = b"") -> None:
-    """Send a message, with sound if any, to the robot."""
+    """Write a message to standard output, followed by the bytes of sound in ``body``, if any."""
     sys.stdout.buffer.write(json.dumps(message).encode() + b"\n" + body)
     sys.stdout.buffer.flush()
 
 
 class SoundForwarder:
-    """Sends the sound of the sound card to the robot, on a thread of miniaudio; ``piece_count`` counts the pieces."""
+    """Writes the sound of the sound card to standard output, on a thread of miniaudio.
+
+    ``piece_count`` is the number of pieces written.
+    """
 
     def __init__(self) -> None:
         self.piece_count = 0
 
     def receive_sound(self) -> Generator[None, bytes, None]:
-        """Return a generator that receives sound; it must be primed, as miniaudio requires."""
+        """Return a generator that receives sound by its ``send`` method.
+
+        Call ``next`` on it first, as miniaudio requires.
+        """
         while True:
             sound = bytes((yield))
             self.piece_count += 1
             send({"bytes": len(sound)}, sound)
 
     def wait_for_end(self, orders: int, timeout: float = SILENCE_TIMEOUT) -> str:
-        """Wait for the end of the file descriptor ``orders``; return a reason if sound stops arriving before."""
+        """Wait until the file descriptor ``orders`` reaches its end; return an empty text then.
+
+        If no sound arrives for ``timeout`` seconds, return that as the reason.
+        """
         before = -1
         while before != self.piece_count:
             before = self.piece_count

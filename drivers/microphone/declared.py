@@ -1,4 +1,4 @@
-"""Declarations of the microphone drivers: the sound card, and WAV files."""
+"""Declarations of the microphone drivers: one for the sound card, one for WAV files."""
 
 from collections.abc import Iterator
 

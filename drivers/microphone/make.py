@@ -1,4 +1,4 @@
-"""Makes microphones from the keys of a robot file."""
+"""Factories that make microphones from the keys of a robot file."""
 
 from pathlib import Path
 
@@ -10,10 +10,13 @@ from drivers.microphone.wav_microphone import WavMicrophone
 
 
 def sound_card(keys: MicrophoneKeys, site: DriverContext) -> SoundCardMicrophone:
-    """Return the microphone of the sound card."""
+    """Return the microphone of the sound card that the robot file's section ``keys`` selects."""
     return SoundCardMicrophone(site.clock, device=keys.source, report=site.report)
 
 
 def recording(keys: WavFileKeys, site: DriverContext) -> WavMicrophone:
-    """Return a WAV file as a microphone; a relative path starts at the working folder."""
+    """Return a microphone that plays the WAV file of the robot file's section ``keys``.
+
+    A relative path starts at the working folder.
+    """
     return WavMicrophone(Path(keys.source).expanduser().absolute(), site.clock, report=site.report)

@@ -17,7 +17,7 @@ MAX_KEPT_SECONDS = 5.0
 """Seconds of sound that the buffer of the microphone holds."""
 
 MAX_LATENESS = 0.25
-"""Seconds by which sound may be late; more means that sound was lost."""
+"""Maximum seconds by which a piece of sound may arrive early or late; otherwise sound was lost before it."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without sound after which the microphone counts as offline."""
@@ -29,10 +29,11 @@ WORKER_PROGRAM = Path(__file__).with_name("capture_worker.py")
 
 
 class SoundCardMicrophone:
-    """A ``drivers.api.Microphone``: the sound card's ``device`` (part of its name; empty: the system's default).
+    """Microphone at the sound card: a ``drivers.api.Microphone``, recorded by a worker process.
 
-    Stamps count samples and follow the clock slowly, so they jitter less than the arrival times. ``backend`` is one of
-    miniaudio's, for tests. Recording restarts when no more sound arrives.
+    ``device`` is part of the name of the input device; empty for the system's default. ``backend`` is one of
+    miniaudio's, for tests. Stamps are computed from the number of samples, and follow the clock slowly, so they jitter
+    less than the arrival times. If no more sound arrives, a new worker process is started.
     """
 
     name = "microphone"
@@ -82,7 +83,7 @@ class SoundCardMicrophone:
         return Health(True, counters=counters)
 
     def read(self, after: int) -> list[Sound]:
-        """Return the pieces with a number above ``after``, oldest first, from a buffer of 5 s."""
+        """Return the pieces of sound with a number above ``after``, oldest first, from a buffer of 5 s."""
         with self._lock:
             hangs = self._last_sign_at is not None and self._clock.now() - self._last_sign_at > HANG_TIMEOUT
             heard = [sound for sound in self._buffer if sound.number > after]
@@ -98,7 +99,7 @@ class SoundCardMicrophone:
             self._last_sign_at = self._clock.now()
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Note that the next sound does not continue the last."""
+        """Store that the worker process has exited, so the next sound does not continue the previous one."""
         with self._lock:
             self._next_stamp = self._last_sign_at = None
 

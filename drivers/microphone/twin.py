@@ -17,7 +17,7 @@ from drivers.sim.plug import SimulatedPlug
 from drivers.transport.loop import guard_callback
 
 SECONDS_PER_WORD = 0.4
-"""Seconds that people take per word."""
+"""Seconds that a simulated person needs to speak a word."""
 
 MAX_WORD_AGE = 30.0
 """Seconds for which words are kept."""
@@ -33,15 +33,18 @@ W_co = TypeVar("W_co", covariant=True)
 
 
 class WordsFactory(Protocol[W_co]):
-    """Makes the value of one utterance from number, phrase, start and end in seconds, score and speaker."""
+    """Function that makes the value of one utterance, such as a ``perception.api.Words``."""
 
     def __call__(self, id: int, phrase: str, start: float, stamp: float, score: float, who: str) -> W_co:  # noqa: A002
-        """Return the value of one utterance."""
+        """Return the value of one utterance with its number, phrase, times in seconds, score and speaker.
+
+        ``start`` is the time of its beginning, ``stamp`` that of its end.
+        """
         ...
 
 
 class PhraseFinder(Protocol):
-    """Phrases that a mission listens for."""
+    """Grammar of a mission: the phrases that it listens for."""
 
     @property
     def phrases(self) -> Sequence[str]:
@@ -49,18 +52,21 @@ class PhraseFinder(Protocol):
         ...
 
     def find(self, text: str) -> str:
-        """Return the phrase in a text, or ""."""
+        """Return the phrase that occurs in ``text``; empty if there is none."""
         ...
 
 
 def never_deaf(_start: float, _end: float) -> bool:
-    """Return False: the robot is never speaking."""
+    """Default for ``is_deaf``: always return False, as for a robot that never speaks itself."""
     return False
 
 
 @dataclass(slots=True)
 class _OngoingReply:
-    """Reply of a person that is waiting or being spoken."""
+    """Reply of a simulated person, waiting or being spoken.
+
+    ``started_at`` is None until it is spoken; ``is_drowned`` is True if the robot spoke meanwhile.
+    """
 
     reply: PersonReply
     started_at: float | None = None
@@ -73,11 +79,13 @@ class _OngoingReply:
 
 
 class HearingTwin(Generic[W]):
-    """Hears replies of people at 0.4 s per word; a device, and a ``perception.api.Hearing``.
+    """Simulated speech recognition: a device and a ``perception.api.Hearing`` that hears simulated people.
 
-    People wait until ``is_deaf(start, end)`` is False before they begin. Words during which it becomes True are lost. A
-    share ``mishearing`` of the rest is missed or taken for another phrase, at random. With ``hears_nothing`` all speech
-    is lost without an error. Call ``step`` every ``STEP_INTERVAL``; ``changed`` is called after new words.
+    People speak a word in 0.4 s. ``grammar`` finds the phrases of the mission in their replies, ``make_words`` makes
+    the results. ``is_deaf(start, end)`` returns True if the robot itself speaks in that time. People wait until it is
+    False before they begin, and words during which it becomes True are lost. ``mishearing`` is the share of the other
+    phrases that are missed or mistaken for another phrase, at random. While ``hears_nothing`` is True, all speech is
+    lost without an error. Call ``step`` every ``STEP_INTERVAL``; ``changed`` is called after new words.
     """
 
     name = "microphone"
@@ -137,7 +145,7 @@ class HearingTwin(Generic[W]):
         return self._recent_words(self._refused)
 
     def listened(self) -> float | None:
-        """Time up to which the microphone has listened; it stops while unplugged."""
+        """Time up to which speech has been recognised; it does not advance while the microphone is unplugged."""
         return self._listened_until
 
     def level(self) -> float:
@@ -147,7 +155,7 @@ class HearingTwin(Generic[W]):
     # --- the world ----------------------------------------------------------------------------------------------------
 
     def on_reply(self, reply: PersonReply) -> None:
-        """Queue the reply of a person, to sound from its time on."""
+        """Add a reply of a simulated person; it is heard at its time, or once the robot is silent."""
         if self.plug.online and not self.hears_nothing and reply.text.strip():
             self._ongoing_replies.append(_OngoingReply(reply))
 

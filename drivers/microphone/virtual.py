@@ -1,4 +1,4 @@
-"""Microphone in a simulated world: a synthesiser speaks the replies of people over the noise of a quiet room."""
+"""Microphone in a simulated world: hears the replies of people, spoken by a synthesiser, and a quiet room's noise."""
 
 from collections.abc import Callable
 from queue import SimpleQueue
@@ -19,18 +19,19 @@ NOISE_LEVEL = 25.0
 """Standard deviation of the noise of a quiet room, in steps of 16 bits."""
 
 VOICE_GAIN = 0.4
-"""Factor from the synthesiser's loudness to the microphone."""
+"""Factor by which the synthesiser's samples are scaled, as for a person some way from the microphone."""
 
 SPEECH_LEAD_TIME = 0.05
-"""Seconds from now until speech starts: samples that were read cannot be changed."""
+"""Seconds from now at which speech starts at the earliest, since pieces already read cannot be changed."""
 
 CLOSED = None
 
 
 class VoicedMicrophone:
-    """A ``drivers.api.Microphone`` that hears simulated people; ``voice_of(name)`` is a person's voice.
+    """Simulated microphone: a ``drivers.api.Microphone`` that hears the replies of simulated people.
 
-    People wait until ``is_deaf(start, end)`` is False before they begin.
+    ``engine`` synthesises the speech, ``voice_of(name)`` returns the voice of a person. ``is_deaf(start, end)`` returns
+    True if the robot itself speaks in that time; people wait for its end before they begin.
     """
 
     name = "microphone"
@@ -95,7 +96,7 @@ class VoicedMicrophone:
         return [Sound(each, began + each * PIECE_SAMPLES / SOUND_RATE, self._piece(each)) for each in wanted]
 
     def _elapsed_samples(self) -> int:
-        """Return the number of samples since ``open``."""
+        """Return the number of samples since the microphone was opened."""
         return int((self._clock.now() - (self._opened_at or 0.0)) * SOUND_RATE + 1e-6)
 
     def _piece(self, number: int) -> Samples:
@@ -121,7 +122,7 @@ class VoicedMicrophone:
                     self._report(DeviceStatus(self.name, "fault", f"{reply.speaker} cannot be heard: {error}", hint))
 
     def _speak(self, reply: PersonReply) -> None:
-        """Synthesise a reply, and schedule it for when the robot is silent."""
+        """Synthesise the speech of a reply, wait until the robot is silent, and add the speech to the sound."""
         spoken = self._engine.speak(reply.text, self._voice_of(reply.speaker), CancelToken())
         if spoken is None:
             return

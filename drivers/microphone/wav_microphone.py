@@ -1,4 +1,4 @@
-"""A WAV file instead of a microphone."""
+"""Microphone that plays a WAV file, for tests and demonstrations without a microphone."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -23,7 +23,7 @@ MAX_DURATION = 300.0
 """Maximum seconds of a recording, which is read as a whole."""
 
 RATE_LIMITS = (4_000, 384_000)
-"""Smallest and largest sample rate: recorders have no higher, speech no lower one."""
+"""Minimum and maximum sample rate of a WAV file, in samples per second."""
 
 BLOCK_FRAMES = 65_536
 """Frames decoded at once: a long recording with many channels does not fit into memory as floats."""
@@ -32,9 +32,10 @@ FrameBlocks = Iterator["np.ndarray[tuple[int, int], np.dtype[np.float64]]"]
 
 
 class WavMicrophone:
-    """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` from ``open`` on, in real time.
+    """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` in real time, starting at ``open``.
 
-    Any sample rate and number of channels. After its end it is silent, unless ``loop`` repeats it.
+    The file may have any sample rate and number of channels. After its end there is silence, unless ``loop`` repeats
+    the file.
     """
 
     name = "microphone"
@@ -97,9 +98,9 @@ class WavMicrophone:
 
 
 def load_wav(name: str, path: Path) -> Samples:
-    """Return the sound of a WAV file, for ``name``, at the sample rate of microphones.
+    """Return the sound of a WAV file as 16-bit mono samples at ``SOUND_RATE``; ``name`` is the part in error messages.
 
-    Sizes in the header are limited to that of the file. Raises NotConnected for a file that ``drivers.sound.wav``
+    A size in the header that exceeds the file is reduced. Raises NotConnected for a file that ``drivers.sound.wav``
     refuses, for sample rates outside ``RATE_LIMITS``, and for more than five minutes.
     """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
@@ -129,9 +130,10 @@ def load_wav(name: str, path: Path) -> Samples:
 
 
 def resample(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> Samples:
-    """Return a sound of ``rate`` samples per second at ``SOUND_RATE``, without frequencies that are too high.
+    """Return ``sound``, which has ``rate`` samples per second, resampled to ``SOUND_RATE`` as 16-bit samples.
 
-    By its spectrum: exact for a whole recording, and too slow for a stream.
+    Frequencies above half the new rate are removed. It uses the Fourier transform of the whole sound, so it is exact,
+    but too slow for a stream.
     """
     if rate != SOUND_RATE and len(sound):
         count = round(len(sound) * SOUND_RATE / rate)
@@ -140,9 +142,9 @@ def resample(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> 
 
 
 def decode_blocks(file: BinaryIO, form: WavFormat) -> FrameBlocks:
-    """Yield the sound as arrays of frames by channels, ``BLOCK_FRAMES`` at a time, as floats in the range of 16 bits.
+    """Yield the sound of a WAV file as arrays of shape (frames, channels), ``BLOCK_FRAMES`` frames at a time.
 
-    Raises BadWav, OSError.
+    Values are floats in the range of 16-bit integers. Raises BadWav, OSError.
     """
     if form.encoding not in SAMPLE_WIDTHS:
         raise BadWav(f"its samples are {ENCODING_NAMES[form.encoding]}, which is not decoded here")

@@ -1,4 +1,4 @@
-"""Virtual car of a Raspberry Pi: the guardian of its motors."""
+"""Virtual car of a Raspberry Pi: an actuator guardian with simulated motors."""
 
 from drivers.base.reckoning import TwoWheels
 from drivers.pi_car.declared import PiCarKeys

@@ -15,7 +15,7 @@ PIN_COUNT, CHANNEL_COUNT = 28, 16
 
 @keys
 class CarMotorKeys:
-    """Keys of a motor: the inputs of its driver chip for direction and power."""
+    """Keys of a motor: the inputs of its driver chip for forward, backward and, optionally, for the power."""
 
     forward: int = key(low=0, high=PIN_COUNT - 1, help="GPIO number, or channel, that turns it forward.")
     backward: int = key(low=0, high=PIN_COUNT - 1, help="GPIO number, or channel, that turns it backward.")
@@ -34,7 +34,7 @@ class CarMotorKeys:
 
 @keys
 class I2CKeys:
-    """Keys of a PCA9685: its I2C bus and address."""
+    """Keys of a PCA9685 PWM chip: its I2C bus and address."""
 
     bus: int = key(default=1, low=0, high=255, help="I2C bus of the PCA9685: 1 is that on the pins of a Pi.")
     address: int = key(
@@ -58,7 +58,7 @@ class PiCarKeys(BaseKeys, I2CKeys):
     track: float = key("length", default=0.13, low=0.02, high=2.0, help="Effective distance of its wheels.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a maximum speed that the car cannot reach, and pins that are used twice or do not exist."""
+        """Yield a diagnostic for a maximum speed that the car cannot reach, and for pins used twice or missing."""
         if self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"
@@ -93,7 +93,10 @@ class PiHeadKeys(TwoServoKeys, I2CKeys):
 
 
 def check_channels(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield servos on channels that a motor uses."""
+    """Yield a diagnostic for each servo of ``head`` that is on a channel of a motor.
+
+    ``others`` are the other sections of the robot file, by name.
+    """
     base = others.get("base")
     if (
         not isinstance(base, PiCarKeys)

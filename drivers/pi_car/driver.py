@@ -1,4 +1,7 @@
-"""Motors of an actuator guardian: their protocol for ``drivers.base.diff_drive.DiffDriveBase``. Nothing is measured."""
+"""Protocol of two motors behind an actuator guardian, for ``drivers.base.diff_drive.DiffDriveBase``.
+
+The car has no sensors, so its pose is dead reckoning.
+"""
 
 from collections.abc import Callable, Mapping
 from math import inf
@@ -14,10 +17,11 @@ QUERY_INTERVAL = 0.02
 
 
 class GuardianProtocol(DiffDriveProtocol):
-    """Protocol of two motors behind a guardian, commanded as shares of full power; the pose is dead reckoning.
+    """Protocol of two motors behind an actuator guardian; the pose is dead reckoning.
 
-    ``speed_at_full`` (m/s) is the speed of a wheel at full power, ``track`` (m) the distance of the wheels.
-    ``offline_reason`` returns why the guardian does not reply, if that is known; ``hint`` is the fix.
+    Commands are shares of full power. ``track`` is the distance of the wheels in metres, ``speed_at_full`` the speed of
+    a wheel at full power in m/s. ``offline_reason`` returns why the guardian does not reply, or an empty text if that
+    is not known; ``hint`` is the hint for it.
     """
 
     def __init__(

@@ -1,9 +1,10 @@
 """Actuator guardian: a process that holds the pins, and stops the actuators if the driver is silent or dies.
 
-Neither pins nor a PCA9685 have a watchdog: they keep their last output. So a separate process holds them, and receives
-the commands on its standard input. After ``WATCHDOG_TIMEOUT`` seconds of silence, and at once when the input ends,
-motors stop and servos stay. The process has a session of its own, and ignores signals of the terminal. What remains: if
-this process is killed as well (``kill -9`` of both at once, a kernel that hangs), the motors keep running.
+GPIO pins and a PCA9685 have no watchdog: they keep their last output. So a separate process holds them, and receives
+the commands on its standard input. The guardian stops motors and lets servos keep their angles after
+``WATCHDOG_TIMEOUT`` seconds of silence, and at once when its input ends. The process has a session of its own, and
+ignores signals of the terminal. One case is not covered: if the guardian is killed together with the driver (``kill
+-9`` of both), or the kernel hangs, the motors keep running.
 """
 
 import json
@@ -37,14 +38,14 @@ COUNTS = 4096
 PERIOD_US = 1e6 / FREQUENCY
 
 PRESCALE_50_HZ = round(25e6 / (COUNTS * FREQUENCY)) - 1
-"""Value of the prescaler for 50 Hz, with the internal oscillator (25 MHz)."""
+"""Value of the prescaler register of a PCA9685 for 50 Hz, with its internal oscillator (25 MHz)."""
 
 MIN_PULSE_US, MAX_PULSE_US = 544.0, 2400.0
 """Pulses of 0 and 180 degrees, as in the Arduino's Servo library."""
 
 
 class I2CBus(Protocol):
-    """Used part of ``smbus2.SMBus``. Raises OSError if no chip replies."""
+    """Methods of ``smbus2.SMBus`` that the guardian uses. They raise OSError if no chip replies."""
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> Sequence[int]:
         """Return ``length`` bytes of a chip from ``register`` on."""
@@ -56,14 +57,14 @@ class I2CBus(Protocol):
 
 
 class Pca9685:
-    """PCA9685 chip at ``address`` of a ``bus``. Channels that are not used here are left alone."""
+    """PCA9685 chip at ``address`` on the I2C bus ``bus``. Channels that are not set here keep their output."""
 
     def __init__(self, bus: I2CBus, address: int) -> None:
         self._bus, self._address = bus, address
         self._was_running = False  # it keeps the outputs of an earlier program
 
     def wake(self) -> None:
-        """Start pulses at 50 Hz; a chip that is already running is left alone, and its outputs count as known."""
+        """Start the pulses at 50 Hz. If the chip already sends them, its outputs are kept and can be read."""
         (mode,) = self._bus.read_i2c_block_data(self._address, MODE1, 1)
         (scale,) = self._bus.read_i2c_block_data(self._address, PRESCALE, 1)
         self._was_running = bool(not mode & SLEEP and mode & INCREMENT and scale == PRESCALE_50_HZ)
@@ -90,9 +91,9 @@ class Pca9685:
         self._set_counts(channel, 0, round(pulse * COUNTS / PERIOD_US))
 
     def read_angle(self, channel: int) -> int | None:
-        """Return the setpoint of the servo on a channel in degrees; None if unknown.
+        """Return the angle in degrees to which the servo on a channel was last set; None if unknown.
 
-        It is unknown after a power-on, and if the channel has another pulse.
+        It is unknown after the chip was switched on, and if the pulse of the channel is not that of a servo.
         """
         if not self._was_running:
             return None
@@ -117,7 +118,10 @@ MotorSetter = Callable[[float], None]
 
 
 def make_actuators(config: Mapping[str, Any]) -> Actuators:
-    """Return the actuators of a config section. Raises ImportError, OSError and the errors of gpiozero."""
+    """Return two motors or two servos for ``config``, the guardian's argument.
+
+    Raises ImportError, OSError and the exceptions of gpiozero.
+    """
     if "pan" in config:
         return make_servos(open_pca9685(config), config["pan"], config["tilt"])
     if config["motors"] == "gpio":
@@ -127,7 +131,7 @@ def make_actuators(config: Mapping[str, Any]) -> Actuators:
 
 
 def make_wheels(left: MotorSetter, right: MotorSetter) -> GuardianWheels:
-    """Return two motors, stopped."""
+    """Return the two motors of a car, stopped; ``left`` and ``right`` set their power."""
 
     def turn(one: float, other: float) -> None:
         try:
@@ -139,7 +143,10 @@ def make_wheels(left: MotorSetter, right: MotorSetter) -> GuardianWheels:
 
 
 def make_servos(board: Pca9685, pan: int, tilt: int) -> GuardianServos:
-    """Return two servos at their last setpoints in the chip."""
+    """Return the servos on the channels ``pan`` and ``tilt``, at the angles to which they were last set.
+
+    A servo without a known angle gets no pulse until its first command.
+    """
     channels = (pan, tilt)
 
     def pulse(number: int, degree: int) -> None:
@@ -153,7 +160,7 @@ def make_servos(board: Pca9685, pan: int, tilt: int) -> GuardianServos:
 
 
 def open_pca9685(config: Mapping[str, Any]) -> Pca9685:
-    """Return a PCA9685 that sends pulses."""
+    """Return the PCA9685 of ``config``, which sends pulses from now on."""
     from smbus2 import SMBus  # noqa: PLC0415 - an optional dependency, of those who have one
 
     bus: I2CBus = SMBus(config["bus"])
@@ -163,7 +170,7 @@ def open_pca9685(config: Mapping[str, Any]) -> Pca9685:
 
 
 def make_pin_motor(pins: Mapping[str, int | None]) -> MotorSetter:
-    """Return a motor on GPIO pins."""
+    """Return a function that sets the power of a motor on GPIO pins."""
     from gpiozero import DigitalOutputDevice, Motor, PWMOutputDevice  # noqa: PLC0415 - the same
 
     if pins["enable"] is None:
@@ -185,7 +192,7 @@ def make_pin_motor(pins: Mapping[str, int | None]) -> MotorSetter:
 
 
 def make_channel_motor(board: Pca9685, channels: Mapping[str, int | None]) -> MotorSetter:
-    """Return a motor on channels of a PCA9685."""
+    """Return a function that sets the power of a motor on channels of a PCA9685."""
     forward, backward, enable = (channels[word] for word in ("forward", "backward", "enable"))
 
     def turn(share: float) -> None:
@@ -213,7 +220,7 @@ EXIT_AFTER = 5.0
 
 
 def main(config: str) -> int:
-    """Hold the actuators of ``config`` (JSON) until the standard input ends; return the exit code."""
+    """Run the guardian of the actuators in ``config`` (JSON) until standard input ends; return the exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
     clock = SystemClock()
@@ -269,7 +276,10 @@ def _rest_actuators(guardian: ActuatorGuardian, clock: SystemClock) -> Exception
 
 
 def serve(guardian: ActuatorGuardian, clock: SystemClock) -> None:
-    """Execute commands and reply until the input ends. Raises the errors of the hardware."""
+    """Execute the commands from standard input and send replies, until the input ends or is silent for ``EXIT_AFTER``.
+
+    Raises the exceptions of the hardware.
+    """
     os.set_blocking(0, False)
     os.set_blocking(1, False)
     while True:

@@ -1,4 +1,4 @@
-"""Simulated pan/tilt head on a PCA9685."""
+"""Simulated pan/tilt head on a PCA9685 PWM chip."""
 
 from drivers.head.twin import ServoHeadTwin, make_head_twin
 from drivers.pi_car.declared import PiHeadKeys

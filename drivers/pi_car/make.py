@@ -1,4 +1,4 @@
-"""Drivers of a Raspberry Pi car from the keys of a robot file; each driver has a guardian process of its own."""
+"""Factories for the drivers of a Raspberry Pi car; each driver starts a guardian process."""
 
 import json
 import os
@@ -25,13 +25,16 @@ from drivers.transport.ports import PortLostError
 # Connection of a link to a guardian: opening the port starts the process, and its pipes are the port.
 
 COMMAND = (sys.executable, "-I", "-W", "ignore", "-m", "drivers.pi_car.guardian")
-"""Command of the guardian, in Python's isolated mode; its config is appended."""
+"""Command line that starts a guardian, in Python's isolated mode; the config is appended as JSON."""
 
 EXIT_TIMEOUT = 1.0
 """Seconds in which the guardian must stop the actuators and exit, after its standard input has ended."""
 
 SKIPPED_STARTS = 8
-"""Number of starts that are skipped after a guardian that exited with an error: one is tried every 5 s or so."""
+"""Number of attempts to start a guardian that are skipped after one exited with an error.
+
+So it is started again about every 5 s.
+"""
 
 
 def offline_hint() -> str:
@@ -40,9 +43,9 @@ def offline_hint() -> str:
 
 
 class GuardianLauncher:
-    """Starts guardians for ``config``: a ``drivers.transport.link.PortOpener``.
+    """Starts guardian processes for ``config``: a ``drivers.transport.link.PortOpener``.
 
-    ``last_message`` is the last error of a guardian that has exited, until another one replies.
+    ``last_message`` is the last error of a guardian that has exited; empty once a guardian has replied.
     """
 
     def __init__(self, config: Mapping[str, Any], command: Sequence[str] = COMMAND) -> None:
@@ -68,9 +71,10 @@ class GuardianLauncher:
 
 
 class GuardianProcess:
-    """Guardian process as a ``drivers.transport.link.LinkPort``. All but ``close`` raise OSError when it has exited.
+    """Guardian process as a ``drivers.transport.link.LinkPort``.
 
-    ``on_message`` receives its last error, and an empty text with any other output.
+    All methods but ``close`` raise OSError after the process has exited. ``on_message`` is called with the last line of
+    output if that is an error, else with an empty text.
     """
 
     def __init__(self, command: Sequence[str], on_message: Callable[[str], None]) -> None:
@@ -115,7 +119,7 @@ class GuardianProcess:
         """Do nothing: a pipe has no DTR."""
 
     def close(self) -> None:
-        """Close the input, which makes the guardian stop the actuators and exit; kill it if it does not."""
+        """Close the guardian's input, so that it stops the actuators and exits; kill it after ``EXIT_TIMEOUT``."""
         with suppress(OSError):
             self._in.close()
         try:
@@ -171,7 +175,7 @@ def _motor(keys: CarMotorKeys) -> Mapping[str, int | None]:
 
 
 def _link(launcher: GuardianLauncher, context: DriverContext) -> SerialLink:
-    """Return a link to a guardian, or to a virtual one at a port."""
+    """Return a link to a guardian that ``launcher`` starts, or to a virtual guardian if the context has a port."""
     port = context.port or "the guardian"
     return SerialLink(
         context.part,

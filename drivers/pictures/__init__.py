@@ -1,1 +1,1 @@
-"""Pictures from any feed: decoding, rotation, and a capture thread."""
+"""Pictures of cameras: decoding, rotation, and a thread that always has the newest picture ready."""

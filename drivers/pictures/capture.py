@@ -21,7 +21,7 @@ from drivers.transport.loop import guard_callback
 # Whether the pictures of a live camera are news: a camera can hang, or fall behind, and go on giving pictures.
 
 FROZEN_TIMEOUT = 3.0
-"""Seconds of identical pictures after which a camera hangs: sensor noise alone makes each picture different."""
+"""Seconds of identical pictures after which a camera counts as frozen: noise makes real pictures differ."""
 
 MIN_RATE = 4.0
 """Pictures per second below which a camera is too slow to follow people."""
@@ -30,7 +30,7 @@ RATE_WINDOW = 3.0
 """Seconds over which the picture rate is measured."""
 
 SAMPLE_STRIDE = 16
-"""Distance of compared pixels in x and y: it takes microseconds, and noise never repeats in a thousand pixels."""
+"""Step in pixels, in x and y, between the pixels that are compared to detect identical pictures."""
 
 _SLOW_HINT = "more light (webcams expose for longer in the dark), a smaller picture, or a USB port of its own"
 _FROZEN_HINT = "unplug the camera and plug it in again; `mission robot camera list` shows whether it is back"
@@ -38,7 +38,7 @@ _FROZEN_HINT = "unplug the camera and plug it in again; `mission robot camera li
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
-    """A fault of the pictures, with a hint; the text stays the same while it lasts."""
+    """Fault of a camera's pictures: ``text`` stays the same while the fault lasts, ``hint`` is what to do."""
 
     text: str
     hint: str
@@ -129,9 +129,10 @@ log = logging.getLogger(__name__)
 
 
 class CameraFeed(Protocol):
-    """A source of pictures that may be missing, may end, and may be started again. For one thread.
+    """Source of pictures for a ``CaptureThread``. It may be missing, may end, and may be started again.
 
-    No call may block in C: a thread that does when Python ends crashes the process.
+    All methods are called from that thread. None may block inside a C library: a thread that is still blocked when
+    Python exits crashes the process.
     """
 
     @property
@@ -155,7 +156,8 @@ class CameraFeed(Protocol):
     def grab(self, skip_count: Callable[[], int]) -> Image | None:
         """Return the next picture; ``NO_PICTURE`` if none has arrived for a moment; None at the end.
 
-        ``skip_count`` returns the number of next pictures to skip: those are ``SKIPPED_PICTURE``, and are not decoded.
+        ``skip_count`` returns the number of next pictures that are not needed. For these return ``SKIPPED_PICTURE``,
+        without decoding them.
         """
         ...
 
@@ -174,31 +176,35 @@ class CountingFeed(Protocol):
 
 
 _POLL_INTERVAL = 0.1
-"""Seconds between two looks at the clock while a recording waits; the clock may be simulated."""
+"""Seconds between two checks of the clock while a recording waits for its next picture.
+
+The clock may be simulated, so its time may pass faster.
+"""
 
 _UNREAD_TIMEOUT = 1.0
 """Seconds without a reader after which pictures are skipped."""
 
 MAX_UNREAD_SKIP = 1_000_000
-"""Number of pictures to skip while there is no reader: those of some hours."""
+"""Number of pictures to skip while no thread reads the camera: those of some hours."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which a camera counts as offline."""
 
 NOT_YET_TEXT = "no picture yet"
-"""End of the status of a camera that has neither given a picture nor failed."""
+"""Last words of the status of an opened camera that has neither delivered a picture nor failed."""
 
 AGAIN_SUFFIX = " again"
-"""End of a notice about the end of a reported fault."""
+"""Last word of the notice that a camera works again after a reported fault."""
 
 _JOIN_TIMEOUT = 5.0
 """Seconds that ``stop`` waits for the thread, which may be decoding a picture."""
 
 
 class CaptureThread:
-    """Reads a feed on its own thread, and reopens it every ``retry`` seconds while it is disconnected.
+    """Thread that reads a feed, and reopens it every ``retry`` seconds while it is disconnected.
 
-    Feed and state belong to one opening of a camera; the next opening makes new ones.
+    ``loop`` repeats a recording at its end. ``turn`` rotates or mirrors each picture. Each opening of a camera makes a
+    new feed and a new thread.
     """
 
     def __init__(
@@ -247,7 +253,7 @@ class CaptureThread:
         self._thread.join(_JOIN_TIMEOUT)
 
     def read(self, timeout: float) -> CameraFrame | None:
-        """Return the newest frame once it is newer than the last one returned; None after ``timeout`` seconds."""
+        """Wait up to ``timeout`` seconds for a frame that was not returned before; return it, or None."""
         with self._condition:
             slept = not self._was_read_recently()
             self._read_at = inf  # for as long as it waits, which may be longer than a camera takes to start
@@ -266,7 +272,7 @@ class CaptureThread:
         return None
 
     def skip(self, pictures: int) -> None:
-        """Skip this many pictures after the last one returned; none of them is decoded."""
+        """Skip this many pictures after the last frame that ``read`` returned, without decoding them."""
         with self._condition:
             self._last_read_number += pictures
             self._update_skip_count()
@@ -282,7 +288,7 @@ class CaptureThread:
         return Health(online=False, detail=str(trouble), hint=trouble.hint, counters=counters)
 
     def _offline_error(self) -> NotConnected | None:
-        """Return the error of a camera that counts as online but gives no pictures; None while it gives some."""
+        """Return an error if an online camera has delivered no picture for too long; else None."""
         if not self._online:
             return None
         silent = self._clock.now() - self._last_picture_at
@@ -316,7 +322,7 @@ class CaptureThread:
         self._feed.stop()  # once more: it may keep what a next start needs
 
     def _pass_pictures(self) -> NotConnected | None:
-        """Publish pictures until the feed ends; return the error, or None to restart at once."""
+        """Publish the pictures of the feed until it ends; return the error, or None to start the feed again at once."""
         period = self._feed.start(self._closing)
         self._starts += 1
         self._freshness.restart()
@@ -348,7 +354,7 @@ class CaptureThread:
         return None
 
     def _skip_count(self) -> int:
-        """Return the number of next pictures that are not needed."""
+        """Return the number of next pictures that no reader needs."""
         return max(0, self._last_read_number + 1 - self._frames) if self._was_read_recently() else MAX_UNREAD_SKIP
 
     def _update_skip_count(self) -> None:
@@ -359,7 +365,10 @@ class CaptureThread:
         return self._clock.now() - self._read_at <= _UNREAD_TIMEOUT
 
     def _on_skipped(self, *, live: bool) -> None:
-        """Count a skipped picture. Without a reader, drop the old frame, so that the next read returns a new one."""
+        """Count a skipped picture of a live source or a recording.
+
+        If no thread reads the camera, also drop the stored frame, so that the next read waits for a new one.
+        """
         now, read = self._clock.now(), self._was_read_recently()
         if not read:
             self._freshness.restart()
@@ -412,11 +421,12 @@ class CaptureThread:
 
 
 class ThreadedCamera:
-    """A ``drivers.api.Camera`` whose newest picture is always ready.
+    """A ``drivers.api.Camera`` that reads pictures on a thread, so that the newest is always ready.
 
-    ``make_feed`` returns a new feed for each opening. ``field_of_view`` is the horizontal angle in radians, after
-    ``turn``; the user provides it, because OpenCV cannot. ``retry`` is the reconnect interval in seconds. ``read`` is
-    for one thread at a time. Raises BadRequest for a ``field_of_view`` or ``retry`` out of range.
+    ``make_feed`` returns a new feed for each opening. ``name`` is the part. ``field_of_view`` is the horizontal angle
+    in radians of the picture after ``turn``, which rotates or mirrors it. ``loop`` repeats a recording at its end.
+    ``retry`` is the reconnect interval in seconds. Only one thread at a time may call ``read``. Raises BadRequest for a
+    ``field_of_view`` or ``retry`` out of range.
     """
 
     def __init__(
@@ -474,7 +484,10 @@ class ThreadedCamera:
         return Health(online=False, detail=f"{self.name}: not open") if capture is None else capture.health()
 
     def skip(self, pictures: int) -> None:
-        """Skip this many pictures after the last one read, without decoding them. Does nothing when not open."""
+        """Skip this many pictures after the last frame that ``read`` returned, without decoding them.
+
+        Does nothing if the camera is not open.
+        """
         if self._capture is not None:
             self._capture.skip(pictures)
 

@@ -34,10 +34,13 @@ _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of a JPEG that are followed by its size."""
 
 _JPEG_SEGMENTLESS_MARKERS = frozenset({0x01, *range(0xD0, 0xD9)})
-"""Markers of a JPEG without a segment."""
+"""Markers of a JPEG that are not followed by the length of a segment."""
 
 _TIFF_SIZE_FIELDS = {256: 0, 257: 1, 322: 0, 323: 1}
-"""Fields of a TIFF with width and height, and those of a tile, for which a decoder also allocates memory."""
+"""Fields of a TIFF that contain a width (0) or a height (1), of the picture or of its tiles.
+
+A decoder allocates memory for tiles as well.
+"""
 
 
 def picture_size(file: BinaryIO) -> Size | None:
@@ -74,7 +77,10 @@ def _header_size(file: BinaryIO, begin: bytes) -> Size | None:
 
 
 def _jpeg_size(file: BinaryIO) -> Size | None:
-    """Return the size after the first frame marker; bytes between segments are skipped, as decoders do."""
+    """Return the width and height of a JPEG, from its first frame marker; None if there is none.
+
+    Bytes between segments are skipped, as decoders do.
+    """
     file.seek(2)
     while byte := file.read(1):
         if byte != b"\xff":
@@ -108,7 +114,11 @@ def _webp_size(begin: bytes) -> Size | None:
 
 
 def _tiff_size(file: BinaryIO, order: str, begin: bytes) -> Size | None:
-    """Return the size of a TIFF: the larger of the first picture and its tiles, in each direction."""
+    """Return the width and height of a TIFF; None without them.
+
+    ``order`` is its byte order for ``struct``, ``begin`` its first bytes. If the tiles are larger than the picture,
+    their size counts.
+    """
     file.seek(*struct.unpack(f"{order}I", begin[4:8]))
     (count,) = struct.unpack(f"{order}H", file.read(2))
     found = [0, 0]
@@ -199,9 +209,10 @@ def check_picture_size(name: str, size: Size | None) -> None:
 
 
 def open_video(source: str | int, backend: int, settings: list[int], *, name: str) -> cv2.VideoCapture:
-    """Open a video, stream or device. Raises BadRequest if its frames, or the picture in it, are too large.
+    """Return the opened video, stream or device. Raises BadRequest if its frames, or the picture in it, are too large.
 
-    FFmpeg prints errors to standard error, unless ``silence_opencv`` was called before.
+    ``name`` is the path or name in the message, ``backend`` and ``settings`` are OpenCV's. FFmpeg prints errors to
+    standard error, unless ``silence_opencv`` was called before.
     """
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     if Path(name).is_file():  # a picture under a video's name is decoded when it is opened

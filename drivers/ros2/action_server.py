@@ -45,11 +45,11 @@ NAV2_ERRORS = {
     308: "no path to the goal",
     309: "no places were given",
 }
-"""Meaning of Nav2's error codes (nav2_msgs of Jazzy: FollowPath, ComputePathToPose, ComputePathThroughPoses)."""
+"""Meanings of the error codes of Nav2's actions FollowPath, ComputePathToPose and ComputePathThroughPoses (Jazzy)."""
 
 
 def failure_reason(kind: str, result: Any) -> str:
-    """Return the reason in the result of an action; empty if it has none."""
+    """Return the reason for the failure of an action of type ``kind``, from its ``result``; empty if it has none."""
     if not isinstance(result, dict):
         return ""
     code, words = result.get("error_code", 0), result.get("error_msg", "")
@@ -60,9 +60,9 @@ def failure_reason(kind: str, result: Any) -> str:
 
 
 def decode_result(kind: str, payload: bytes) -> tuple[int, Any]:
-    """Return the final status of an action, and its result.
+    """Return the final status and the result of an action of type ``kind``, decoded from ``payload``.
 
-    The result is empty, or only an error code, if the ROS 2 of the sender defines it differently.
+    If the sender's version of ROS 2 defines the result differently, the result is empty or has only an error code.
     """
     try:
         told = types().decode(f"{kind}_GetResult_Response", payload)
@@ -106,15 +106,18 @@ class ActionGoal:
         self._server.send_feedback(self, feedback)
 
     def end(self, status: int, result: Mapping[str, object]) -> None:
-        """End the goal as SUCCEEDED, CANCELLED or ABORTED, with its result. Later calls are ignored."""
+        """End the goal with the action_msgs ``status`` SUCCEEDED, CANCELLED or ABORTED, and its ``result``.
+
+        Calls after the first one are ignored.
+        """
         self._server.end(self, status, result)
 
 
 class ActionServer:
-    """Server of the action ``name`` of type ``kind`` on a node.
+    """Server of the action ``name`` of the ROS 2 type ``kind``, on a node.
 
-    ``begin`` is called with each goal, on a thread of Zenoh, and returns True to accept it; ``cancel`` is called with
-    each goal to be cancelled. Both must return at once.
+    ``begin`` is called with each new goal, on a thread of Zenoh, and returns True to accept it. ``cancel`` is called
+    with each goal that a client wants to cancel. Both must return at once.
     """
 
     def __init__(
@@ -215,4 +218,4 @@ class ActionServer:
 
 
 def ignore_cancel(goal: ActionGoal) -> None:
-    """Ignore a cancel: the executing loop checks the goal's status."""
+    """Callback for cancelled goals that does nothing, for a server whose loop checks the status of its goal."""

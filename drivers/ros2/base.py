@@ -27,7 +27,7 @@ _HAZARD_NAMES = {
     STALL: motion_fault.STALL,
     OBJECT_PROXIMITY: motion_fault.OBJECT_NEAR,
 }
-"""Names of the hazards other than contacts."""
+"""Names of the hazards that are not contacts, by their type in ``irobot_create_msgs``."""
 
 COLOURS = {Lamp.OFF: (0, 0, 0), Lamp.RED: (255, 0, 0), Lamp.GREEN: (0, 255, 0), Lamp.ORANGE: (255, 120, 0)}
 """RGB values of the light ring for each colour."""
@@ -46,7 +46,7 @@ TUNES: dict[Tune, tuple[int, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class HazardReport:
-    """Contacts of a base, and the names of all its other hazards, as in ``BaseState``."""
+    """Contacts of a base (bumper, cliff, wheel drop), and the names of its other hazards, as in ``BaseState``."""
 
     bumper: Sides = Sides()
     cliff: Sides = Sides()
@@ -64,7 +64,10 @@ class HazardReport:
 
 
 def parse_hazards(detections: Iterable[Any]) -> HazardReport:
-    """Return the contacts and hazards of a Create 3's detections; their frames name the sides."""
+    """Return the contacts and hazards in a Create 3's hazard detections.
+
+    The ``frame_id`` of a detection tells the side, such as ``bump_left``.
+    """
     found: dict[int, set[str]] = {BUMP: set(), CLIFF: set(), WHEEL_DROP: set()}
     others = set()
     for each in detections:
@@ -118,7 +121,7 @@ TOPIC_TYPES: Mapping[str, tuple[str, ...]] = {
     "sounds": ("irobot_create_msgs/msg/AudioNoteVector",),
     "sensors": ("turtlebot3_msgs/msg/SensorState",),
 }
-"""Topics of a base by their keys in its section, and their types."""
+"""Possible ROS 2 types of the topics of a base, by the key of the topic in the ``base`` section."""
 
 COMMAND_TOPICS = frozenset({"cmd_vel", "lights", "sounds"})
 """Keys of the topics on which commands are sent to the base."""
@@ -127,37 +130,44 @@ CONTACTS_TIMEOUT = 1.0
 """Seconds without a contact report after which a base with contact sensors is offline."""
 
 MAX_POSITION_JUMP = 0.3
-"""Metres beyond the possible motion from which on a jump means that the odometry was reset."""
+"""Distance in metres beyond the possible motion since the last message that shows a reset of the odometry."""
 
 MAX_HEADING_JUMP = 0.5
-"""Radians beyond the possible turn from which on a jump means that the odometry was reset."""
+"""Angle in radians beyond the possible turn since the last message that shows a reset of the odometry."""
 
 MAX_PLAUSIBLE_VALUE = 1e6
 """Limit of plausible odometry, in metres, m/s and rad/s."""
 
 MIN_PERCENT_VALUE = 1.1
-"""Battery value from which on it is in percent, not a share, which may slightly exceed 1."""
+"""Battery percentage above which it is taken for percent (0 to 100); ROS 2 defines it as a share (0 to 1).
+
+Shares may slightly exceed 1.
+"""
 
 MAX_ODOMETRY_INTERVAL, MIN_ODOMETRY_INTERVAL = 0.4, 0.005
 """Seconds between two messages of the slowest supported odometry, and of messages that arrived together."""
 
 STILL_TOLERANCE = 0.002
-"""m/s, and metres per message, below which a base stands still."""
+"""Speed in m/s, or metres between two messages, below which a base counts as at rest."""
 
 REPORTED_DRIFT = 0.01
-"""Radians of drift after which Nav2 gets the new origin of MissionTree's pose in the robot's odometry frame."""
+"""Drift of the heading in radians after which the changed origin of the pose is passed on for Nav2.
+
+The origin is the pose at which MissionTree's pose is 0, in the robot's odometry frame.
+"""
 
 STATUS_CHARGING = 1
-"""Status of a charging battery, as sensor_msgs numbers it."""
+"""Value of ``power_supply_status`` of a charging battery in sensor_msgs."""
 
 
 class Ros2BaseProtocol(DiffDriveProtocol):
-    """Protocol of the topics ``channels`` of the base ``name``; ``roles`` are their keys in ``TOPIC_TYPES``.
+    """Protocol of a base over the ROS 2 topics in ``channels``; ``name`` is the part.
 
-    The pose starts at 0 with the first report, and stays continuous when the odometry is reset or the base is away.
-    Nothing is sent at rest, so that other nodes, such as Nav2, can drive the robot. Motion beyond ``limits`` means that
-    the odometry was reset. ``on_origin`` is called with the origin of the pose in the odometry frame, and the frame's
-    name. ``is_goal_active`` returns True if a goal of another node may move the robot now.
+    ``roles`` are the keys of the channels in ``TOPIC_TYPES``. The pose starts at 0 with the first report, and stays
+    continuous when the odometry is reset or the base reconnects. Nothing is sent at rest, so that other nodes, such as
+    Nav2, can drive the robot. A motion faster than ``limits`` shows that the odometry was reset. ``on_origin`` is
+    called with the origin of the pose in the odometry frame, and the name of that frame. ``is_goal_active`` returns
+    True if a goal of another node may move the robot now.
     """
 
     def __init__(
@@ -309,7 +319,10 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         return len(self._remote_types.get("odom", ())) > 1
 
     def _parse_battery(self, message: Any) -> tuple[float, float, bool]:
-        """Return volts, percent, and whether it charges; unmeasured values as for a base without a gauge."""
+        """Return voltage, percentage, and whether the battery charges.
+
+        Values that were not measured are 0 V and 100 %.
+        """
         share, volts = float(message.percentage), float(message.voltage)
         self._is_percent = self._is_percent or MIN_PERCENT_VALUE < share < inf
         measured = isfinite(share) and (share > 0 or (share == 0 and message.present))
@@ -345,7 +358,10 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         )  # fmt: skip
 
     def _correct_drift(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
-        """Return the continuous pose and the turn rate, without the gyro drift that was learned at rest."""
+        """Return the continuous pose and the turn rate for a pose ``raw`` of the odometry, without the gyro's drift.
+
+        ``moves`` is the reported velocity. The drift is learnt while the base is at rest.
+        """
         before, frame = self._drift_reference, header.frame_id.lstrip("/")  # tf refuses a leading slash
         stamp = header.stamp.sec + header.stamp.nanosec * 1e-9
         pose = self._to_continuous_pose(raw, now, frame)
@@ -377,7 +393,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         return pose, rate
 
     def _to_continuous_pose(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
-        """Return the continuous pose for a pose in the odometry frame."""
+        """Return the continuous pose for the pose ``raw`` in the odometry frame, which may have been reset."""
         here = self._pose
         if self._last_odometry is not None:
             was, at = self._last_odometry
@@ -402,14 +418,20 @@ class Ros2BaseProtocol(DiffDriveProtocol):
 
 
 def _origin_in_odometry(raw: Pose2D, here: Pose2D) -> Pose2D:
-    """Return the origin of the continuous pose in the odometry frame."""
+    """Return the origin of the continuous pose in the odometry frame.
+
+    ``raw`` and ``here`` are the same pose, in the odometry frame and as continuous pose.
+    """
     turn = raw.heading - here.heading
     x = raw.x - (here.x * cos(turn) - here.y * sin(turn))
     return Pose2D(x, raw.y - (here.x * sin(turn) + here.y * cos(turn)), turn)
 
 
 def yaw(orientation: Any) -> float:
-    """Return the heading of an orientation of any length. Raises ValueError for one that was never set."""
+    """Return the heading in radians of a quaternion, which need not have length 1.
+
+    Raises ValueError for length 0: it was never set.
+    """
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if not x * x + y * y + z * z + w * w > 1e-6:
         raise ValueError("its orientation has the length 0")

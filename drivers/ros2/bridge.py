@@ -1,15 +1,18 @@
-"""Keys and tokens of zenoh-bridge-ros2dds, for robots with DDS (TurtleBot 4, Create 3, Humble, micro-ROS).
+"""Zenoh keys and liveliness tokens of zenoh-bridge-ros2dds, for robots whose ROS 2 uses DDS.
 
-A key is the name without its first "/": no domain, no type, no hash. Payloads are CDR without attachments. The bridge
-announces topics, services and actions by tokens. See README.md and src/liveliness_mgt.rs of
-eclipse-zenoh/zenoh-plugin-ros2dds. No I/O.
+Examples are TurtleBot 4, Create 3, ROS 2 Humble and micro-ROS. The key of a topic is its name without the first "/",
+without domain, type and hash. Payloads are CDR without attachments. The bridge announces topics, services and actions
+by tokens. See README.md and src/liveliness_mgt.rs of eclipse-zenoh/zenoh-plugin-ros2dds. No I/O.
 """
 
 from drivers.ros2 import wire
 from drivers.ros2.wire import BRIDGE, CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND, STATUS, Entity
 
 TOKENS = "@/*/@ros2_lv/**"
-"""Key pattern of the tokens of all bridges; the token of a bridge itself ends with @ros2_lv."""
+"""Key expression that matches the liveliness tokens of all bridges.
+
+The token of a bridge itself ends with @ros2_lv; those of its topics, services and actions continue.
+"""
 
 ACTION_SERVER, ACTION_CLIENT = "AS", "AC"
 """Roles that rmw_zenoh lacks: an action is one entity."""
@@ -20,9 +23,10 @@ _ROLES = {wire.PUBLISHER, wire.SUBSCRIBER, wire.SERVER, wire.CLIENT, ACTION_SERV
 
 
 def service_token(zid: str, name: str, kind: str) -> str | None:
-    """Return the token by which session ``zid`` offers a service to robots behind bridges.
+    """Return the token by which session ``zid`` offers the service ``name`` of type ``kind`` to robots behind bridges.
 
-    An action has one token for all of its end points, that of its goal service; None for the others.
+    An action has one token for all of its services and topics: it is returned for the goal service, None for the
+    others.
     """
     action, part, end = name.rpartition("/_action/")
     role = wire.SERVER
@@ -34,7 +38,10 @@ def service_token(zid: str, name: str, kind: str) -> str | None:
 
 
 def parse_token(key: str) -> list[Entity]:
-    """Return the entities of a token, one for each end point of an action; empty for other tokens."""
+    """Return the entities that a bridge announces by a token; an empty list for other tokens.
+
+    The token of an action announces one entity for each of its services and topics.
+    """
     parts = key.split("/")
     if len(parts) < 3 or parts[0] != "@" or parts[2] != wire.LIVELINESS_PREFIX:
         return []

@@ -19,7 +19,7 @@ from drivers.ros2.types import MalformedMessage, types
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
 RECEIVE_TIMEOUT = 0.2
-"""Seconds to wait for a picture before the caller's need for one is checked again."""
+"""Seconds to wait for a picture before it is checked again whether one is needed."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which the topic is subscribed again."""
@@ -42,9 +42,9 @@ _ENCODINGS = {
     "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR),
     "bayer_grbg8": (1, cv2.COLOR_BayerGB2BGR),
 }
-"""Supported encodings: bytes per pixel, and the OpenCV conversion.
+"""Supported encodings of Image messages: bytes per pixel, and OpenCV's conversion code to BGR or None.
 
-Of 16-bit encodings only the upper 8 bits are used.
+Only the upper 8 bits of a 16-bit encoding are used.
 """
 
 
@@ -66,7 +66,7 @@ class TopicFeed:
 
     @property
     def hint(self) -> str:
-        """Remedy if no picture comes, with the reason why received messages are unusable."""
+        """Command to type if no picture comes, after the reason why received messages are unusable, if there is one."""
         why = self._faults.fault(0)
         return f"{why}; {topic_hint(self._channel.topic)}" if why else topic_hint(self._channel.topic)
 
@@ -103,7 +103,7 @@ class TopicFeed:
             port.close()
 
     def _receive_messages(self) -> list[bytes] | None:
-        """Return the received messages, none after a timeout; None if the session is lost."""
+        """Return the messages received within ``RECEIVE_TIMEOUT``, maybe none; None if the session is lost."""
         if self._port is None:
             return None
         try:
@@ -115,7 +115,7 @@ class TopicFeed:
         ]
 
     def _handle_control_frame(self, channel: int, payload: bytes) -> bool:
-        """Handle a control frame of the port; return False for a message."""
+        """Handle a frame of the topic port that is about remote nodes; return False if it is a message instead."""
         if channel == wire.ABOUT_CHANNEL:
             self._kind = next(iter(wire.parse_about(payload)[1]), self._kind)
         elif channel == wire.MISMATCH_CHANNEL:

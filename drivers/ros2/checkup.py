@@ -21,7 +21,10 @@ NO_NODES_HINT = (
 
 
 def checkup(keys: ZenohKeys, site: DriverContext) -> Iterator[Finding]:
-    """Open a Zenoh session briefly, and yield findings on the ROS 2 nodes. Raises NotConnected, with a hint."""
+    """Open a Zenoh session for a short time, and yield findings on the router and the ROS 2 nodes.
+
+    Raises NotConnected, with a hint.
+    """
     access, domain = zenoh_access(keys, site.port), ros_domain(keys)
     where = ", ".join(access.endpoints)
     session: Any = open_session("ros2", access, timeout=2.0)

@@ -13,11 +13,11 @@ from drivers.api.sensor_sections import CameraKeys
 from drivers.ros2 import wire
 
 JOINT_PLACEHOLDER = "{joint}"
-"""Placeholder for the joint in a command topic."""
+"""Placeholder for the name of the joint in the topic of joint commands."""
 
 
 def _topic_mistakes(section: object, *words: str) -> Iterator[KeyDiagnostic]:
-    """Yield diagnostics for the keys ``words`` whose values are no valid topic names."""
+    """Yield a diagnostic for each key in ``words`` of the section whose value is not a valid topic name."""
     for word in words:
         name: str = getattr(section, word)
         if name and not wire.is_name(name.replace(JOINT_PLACEHOLDER, "joint") if word == "command" else name):
@@ -26,7 +26,10 @@ def _topic_mistakes(section: object, *words: str) -> Iterator[KeyDiagnostic]:
 
 @keys
 class ZenohKeys(Ros2Keys):
-    """The ``ros2`` section of a robot over Zenoh (`rmw_zenoh`, or zenoh-bridge-ros2dds)."""
+    """The ``ros2`` section of the robot file of a robot that is reached over Zenoh.
+
+    The robot uses `rmw_zenoh` or zenoh-bridge-ros2dds.
+    """
 
     router: str = key(
         default="tcp/127.0.0.1:7447",
@@ -43,7 +46,7 @@ class ZenohKeys(Ros2Keys):
     private_key: str = key(default="", help="A file with the key of our own certificate.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield inconsistent keys, invalid addresses and invalid names."""
+        """Yield a diagnostic for keys that require each other, and for invalid addresses and topic names."""
         if bool(self.user) != bool(self.password_file):
             lacking = "password_file" if self.user else "user"
             yield KeyDiagnostic(f"'user' and 'password_file' go together: '{lacking}' is missing", ("router",))
@@ -92,7 +95,7 @@ class Ros2BaseKeys(BaseKeys):
         return frozenset(name for name, topic in topics.items() if topic)
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield invalid topic names."""
+        """Yield a diagnostic for each key whose value is not a valid topic name."""
         topics = ("cmd_vel", "odom", "battery", "hazards", "dock", "lights", "sounds", "sensors")
         yield from _topic_mistakes(self, *topics)
 
@@ -117,7 +120,7 @@ class Ros2RangeKeys(RangeKeys):
     scan: str = key(default="scan", help="The topic of its scans (sensor_msgs/LaserScan).")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield invalid topic names."""
+        """Yield a diagnostic for each key whose value is not a valid topic name."""
         yield from _topic_mistakes(self, "scan")
 
 
@@ -141,7 +144,7 @@ class Ros2CameraKeys(CameraKeys):
     image: str = key(default="image_raw", help="The topic of its pictures: Image or CompressedImage.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield the diagnostics of CameraKeys, and invalid topic names."""
+        """Yield the diagnostics of ``CameraKeys``, and one for each key whose value is not a valid topic name."""
         yield from super().diagnostics()
         yield from _topic_mistakes(self, "image")
 
@@ -165,7 +168,7 @@ COMMAND_HELP = (
 
 
 def _limit_mistakes(limits: tuple[float, float]) -> Iterator[KeyDiagnostic]:
-    """Yield a diagnostic for invalid limits (rad)."""
+    """Yield a diagnostic unless ``limits`` are the lowest and the highest angle (rad), within half a turn."""
     if not -pi - 1e-9 <= limits[0] < limits[1] <= pi + 1e-9:
         yield KeyDiagnostic("'limits' must be [lowest, highest], within -180 deg and 180 deg", ("limits",))
 
@@ -199,7 +202,7 @@ class Ros2ArmKeys(ArmKeys):
         return {name: JointLimits(*joint.limits, joint.speed) for name, joint in self.joints.items()}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield duplicate joints, invalid topic names, and the diagnostics of ArmKeys."""
+        """Yield diagnostics for duplicate joints and invalid topic names, and those of ``ArmKeys``."""
         owners: dict[str, str] = {}
         for name, joint in self.joints.items():
             if (owner := owners.setdefault(joint.joint or name, name)) != name:
@@ -217,7 +220,7 @@ class Ros2ArmKeys(ArmKeys):
 
 @keys
 class Ros2AxisKeys(AxisKeys):
-    """An axis of a head that is a joint of ROS 2."""
+    """Keys of an axis of a head that is a joint of ROS 2."""
 
     joint: str = key(help="Name of the joint in JointState.")
     limits: tuple[float, float] = key("angle", default=(-pi, pi), help="Range of the head: [lowest, highest].")
@@ -239,7 +242,7 @@ class Ros2HeadKeys(HeadKeys):
     away: ReconnectPolicy = key(default=ReconnectPolicy(), help="Reconnect policy after it was disconnected or silent.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a diagnostic if both axes are the same joint, and invalid topic names."""
+        """Yield a diagnostic if both axes are the same joint, and one for each invalid topic name."""
         if self.pan.joint == self.tilt.joint:
             about = (("pan", "joint"), ("tilt", "joint"))
             yield KeyDiagnostic(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
@@ -253,7 +256,7 @@ class Ros2VoiceKeys(VoiceKeys):
     topic: str = key(default="say", help="The topic of the speech node: each text is a std_msgs/String.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield invalid topic names."""
+        """Yield a diagnostic for each key whose value is not a valid topic name."""
         yield from _topic_mistakes(self, "topic")
 
 

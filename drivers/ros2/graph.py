@@ -20,10 +20,10 @@ from drivers.ros2.wire import SEND
 from drivers.transport.loop import ThreadLoop, guard_callback
 
 RETRY_INTERVAL = 0.3
-"""Seconds between attempts to reach a router."""
+"""Seconds between attempts to connect to a Zenoh router."""
 
 POLL_INTERVAL = 0.1
-"""Seconds between two checks of requests and their servers."""
+"""Seconds between two checks whether the servers of active requests still exist."""
 
 STALE_AFTER = 2.0
 """Seconds after which the newest message of a topic is stale."""
@@ -34,9 +34,10 @@ NAVIGATE_TO_POSE, NAVIGATE_THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "n
 
 
 class Ros2Graph:
-    """A ``drivers.api.Ros2`` by ``access`` to a Zenoh router, in a ``domain``; shared by the other parts of the robot.
+    """ROS 2 of a robot: a ``drivers.api.Ros2`` by ``access`` to a Zenoh router; shared by the robot's other parts.
 
-    ``changed`` is called, on threads of Zenoh, at each progress of a request and each new message.
+    ``keys`` is the ``ros2`` section of the robot file, ``domain`` the ROS domain, ``name`` the name of our node.
+    ``changed`` is called, on threads of Zenoh, after each new message and each progress of a request.
     """
 
     name = "ros2"
@@ -72,7 +73,7 @@ class Ros2Graph:
     # --- what other parts stand on ------------------------------------------------------------------------------------
 
     def node(self, part: str = "ros2") -> Ros2Node:
-        """Return the robot's own ROS 2 node. Raises NotConnected, in the name of ``part``, while there is none."""
+        """Return our own ROS 2 node. Raises NotConnected while there is none; ``part`` is the name in the message."""
         node, trouble = self._node, self._error
         if node is None:
             what = str(trouble or "").removeprefix("ros2: ")
@@ -87,7 +88,7 @@ class Ros2Graph:
             raise BadRequest(f"ros2: {error}", hint=wire.NAME_HINT) from error
 
     def set_origin(self, start: Pose2D, frame: str) -> None:
-        """Set the origin of the base's pose in the robot's odometry frame."""
+        """Set the pose ``start`` in the odometry ``frame`` at which the base's pose is 0, for goals of Nav2."""
         self._origin = start, frame or "odom"
 
     # --- drivers.api.Ros2 ---------------------------------------------------------------------------------------------
@@ -118,25 +119,26 @@ class Ros2Graph:
         return 0 if self._node is None else len(self._node.entities(wire.NODE))
 
     def offers(self, name: str) -> bool:
-        """True if an action, a service or a topic of this name exists now."""
+        """Return True if an action, a service or a topic of this name exists now."""
         node, full = self._node, self.full_name(name)
         if node is None:
             return False
         return self.does(name) or any(node.entities(role, full) for role in (wire.SERVER, wire.PUBLISHER))
 
     def does(self, action: str) -> bool:
-        """True if an action of this name exists now."""
+        """Return True if an action of this name exists now."""
         node = self._node
         return node is not None and bool(node.entities(wire.SERVER, f"{self.full_name(action)}/{SEND}"))
 
     def navigates(self) -> bool:
-        """True if Nav2 is available."""
+        """Return True if Nav2 is available."""
         return self.does(self.keys.navigation)
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return the newest message of a topic as JSON; the first call subscribes.
+        """Return the newest message of a topic as JSON; the first call for a topic subscribes to it.
 
-        The last message of a latched topic is valid as long as its publisher exists.
+        Without a message the value is None. The last message of a latched topic stays valid as long as its publisher
+        exists.
         """
         now, name = self._clock.now(), self.full_name(topic)
         node = self._node
@@ -162,7 +164,7 @@ class Ros2Graph:
         return Reading(read[1], stamp, Quality.GOOD if lasts else Quality.STALE)
 
     def progress(self, number: int) -> Progress:
-        """Return the progress of a request to a service or an action."""
+        """Return the progress of the request ``number``, which ``call``, ``begin`` or ``navigate`` returned."""
         return self._requests.progress(number)
 
     def publish(self, topic: str, kind: str, values: str) -> None:
@@ -177,22 +179,25 @@ class Ros2Graph:
             node.publisher(name, kind, digest).send(payload)
 
     def call(self, service: str, kind: str, values: str) -> int:
-        """Call a service; return the number of the request."""
+        """Call a service of type ``kind`` with ``values`` (JSON); return the number of the request."""
         return self._requests.call(self.full_name(service), kind, values)
 
     def begin(self, action: str, kind: str, goal: str) -> int:
-        """Send a goal to an action; return the number of the request."""
+        """Send a goal (JSON) to an action of type ``kind``; return the number of the request."""
         return self._requests.begin(self.full_name(action), kind, json.loads(goal or "{}"))
 
     def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
-        """Navigate with Nav2 to the last of the places, through the others; return the number of the request."""
+        """Let Nav2 drive the robot to the last of ``places``, through the others; return the number of the request.
+
+        ``frame`` is the frame of the places, such as ``map``.
+        """
         poses = [self._pose_stamped(each, frame) for each in places]
         if len(poses) == 1:
             return self._requests.begin(self.full_name(self.keys.navigation), NAVIGATE_TO_POSE, {"pose": poses[0]})
         return self._requests.begin(self.full_name(self.keys.through), NAVIGATE_THROUGH_POSES, {"poses": poses})
 
     def cancel(self, number: int) -> None:
-        """Cancel an action."""
+        """Cancel the action with the request ``number``."""
         self._requests.cancel(number)
 
     def has_goal(self) -> bool:

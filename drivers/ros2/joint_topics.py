@@ -21,10 +21,10 @@ TRAJECTORY, ARRAY, SINGLE = (
 )
 
 TRAJECTORY_HORIZON = 0.3
-"""Seconds of trajectory that are sent at most: a joint without a new one stops at its end."""
+"""Maximum seconds of a trajectory that is sent: a joint that gets no further trajectory stops at its end."""
 
 MIN_POINT_TIME = 0.05
-"""Seconds in which a controller must reach a position to hold."""
+"""Minimum seconds from now to the first point of a trajectory, for the controller to reach it."""
 
 MIN_SPEED = 0.01
 """Minimum speed of a trajectory in rad/s."""
@@ -49,15 +49,21 @@ NO_TORQUE_OFF, NO_TORQUE_OFF_HINT = (
 
 RUNAWAY_NOTICE = "ROS 2 cannot switch its torque off, so its motor goes on"
 RUNAWAY_HINT = "switch the power of its motor off; then check the signs of its motor, its sensor and its controller"
-"""Notice and hint for a joint that runs away."""
+"""Hint in the fault of a joint that moves away from its goal."""
 
 CLAMP_REPORT_INTERVAL = 10.0
-"""Seconds without a clamped goal after which the next one of a joint is reported again."""
+"""Minimum seconds between two clamped goals of a joint that are both reported.
+
+A goal within this time after another clamped one is not reported.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class TopicJoint:
-    """A joint: its ROS name, its ``limits``, and its ``direction``, -1 if it turns the other way in ROS."""
+    """A joint of ROS 2: its name there, its ``limits``, and its ``direction``.
+
+    The direction is -1 if the angle in ROS 2 rises in the opposite direction to ours.
+    """
 
     ros_name: str
     limits: JointLimits
@@ -67,10 +73,10 @@ class TopicJoint:
 def joint_channels(
     states: str, command: str, joints: Mapping[str, TopicJoint], full: Callable[[str], str] = wire.full_name
 ) -> list[TopicChannel]:
-    """Return the channels of joints: their states, then their commands.
+    """Return the topics of a joint group: that of their states, then those of their commands.
 
-    There is one command channel per joint if ``command`` contains ``{joint}``. ``full`` returns the full name of a
-    topic.
+    ``states`` and ``command`` are topic names. If ``command`` contains ``{joint}``, each joint has a command topic.
+    ``full`` returns the full name of a topic.
     """
     names, kinds = [command], [TRAJECTORY, ARRAY]
     if JOINT_PLACEHOLDER in command:
@@ -81,7 +87,7 @@ def joint_channels(
 
 @dataclass(frozen=True, slots=True)
 class LinearTrajectory:
-    """Trajectory of a joint from ``start`` (radians) at ``start_time`` to ``goal`` at ``speed`` (rad/s)."""
+    """Motion of a joint at constant ``speed`` (rad/s), from ``start`` (radians) at ``start_time`` to ``goal``."""
 
     start: float
     start_time: float
@@ -99,9 +105,10 @@ class LinearTrajectory:
 
 
 def trajectory_points(trajectories: Mapping[str, LinearTrajectory], now: float) -> list[tuple[float, dict[str, float]]]:
-    """Return points for the next ``TRAJECTORY_HORIZON``: seconds from ``now``, and the setpoint of each joint.
+    """Return points of the joints for the next ``TRAJECTORY_HORIZON``: seconds from ``now``, and setpoints by joint.
 
-    One point for each joint that arrives within it, and one for its end; between them all joints move linearly.
+    There is a point for the end of the horizon, and for each joint that reaches its goal before. Between points all
+    joints move linearly.
     """
     times = sorted(
         {max(min(way.remaining_time(now), TRAJECTORY_HORIZON), MIN_POINT_TIME) for way in trajectories.values()}
@@ -116,9 +123,10 @@ def command_frames(
     now: float,
     type_index: int = 0,
 ) -> bytes:
-    """Return the frames of a command for subscribers of type ``kind`` at ``now``.
+    """Return the frames of a command at ``now``, as messages of type ``kind``.
 
-    ``type_index`` is the index of the type among those of the channel.
+    A trajectory or an array is one message for all joints; otherwise each joint has one. ``type_index`` is the index of
+    ``kind`` in the types of the channel.
     """
     if kind == TRAJECTORY:
         points = [
@@ -138,7 +146,7 @@ def command_frames(
 
 
 class JointFeedback:
-    """Newest states of ``joints`` from messages of type ``JOINT_STATE``."""
+    """Newest positions and velocities of ``joints``, from JointState messages."""
 
     def __init__(self, joints: Mapping[str, TopicJoint]) -> None:
         self._joints = joints
@@ -151,7 +159,10 @@ class JointFeedback:
         return name in self._latest
 
     def update(self, message: Any, now: float) -> bool:
-        """Handle a message; return True if it contained a joint. Raises ValueError, IndexError if implausible."""
+        """Store the joint states in a message; return True if it contained one of the joints.
+
+        Raises ValueError or IndexError for implausible or missing values.
+        """
         at, found = {there: place for place, there in enumerate(message.name)}, {}
         for name, joint in self._joints.items():
             if (place := at.get(joint.ros_name)) is None:
@@ -182,13 +193,13 @@ class JointFeedback:
         return abs(self._latest[name][1]) > MOVING_SPEED
 
     def silent_joints(self, now: float) -> list[str]:
-        """Return the joints without recent readings."""
+        """Return the joints that have no reading within the last ``OFFLINE_TIMEOUT`` seconds."""
         return [
             name for name in self._joints if name not in self._latest or now - self._latest[name][2] > OFFLINE_TIMEOUT
         ]
 
     def check_progress(self, name: str, progress: JointProgress) -> str:
-        """Update ``progress`` with the newest position of a joint; return its finding."""
+        """Update ``progress`` with the newest position of a joint; return the fault that it finds, or an empty text."""
         if not progress.active or name not in self._latest:
             return ""
         position, _, stamp = self._latest[name]
@@ -197,7 +208,11 @@ class JointFeedback:
     def reading(
         self, name: str, trajectory: LinearTrajectory | None, now: float, *, online: bool, blocked: str = ""
     ) -> Reading[JointState]:
-        """Return the state of a joint on a ``trajectory``. Values that ROS 2 lacks are 0."""
+        """Return the state of a joint that follows ``trajectory`` (None: not commanded).
+
+        It is stale if the part is not ``online`` or the reading is old. ``blocked`` is the reason why the joint is
+        blocked. Values that JointState lacks are 0.
+        """
         if name not in self._latest:
             return Reading(None, now, Quality.NONE)
         position, velocity, stamp = self._latest[name]
@@ -210,7 +225,10 @@ class JointFeedback:
 
 
 class TopicJointLimits:
-    """Limits of ``joints``, which may be narrowed; clamped goals are reported once per episode."""
+    """Limits of ``joints``, which can be restricted; a clamped goal is reported as a fault of ``part``.
+
+    Further clamped goals of a joint are reported only after ``CLAMP_REPORT_INTERVAL``.
+    """
 
     def __init__(self, part: str, joints: Mapping[str, TopicJoint], report: StatusCallback) -> None:
         self._part, self._joints, self._report = part, joints, report
@@ -224,7 +242,7 @@ class TopicJointLimits:
         return self.limits
 
     def clamp_goals(self, goals: Mapping[str, float], now: float) -> dict[str, float]:
-        """Return the goals clamped to the limits; report clamped ones."""
+        """Return the goals clamped to the limits of the joints, and report clamped goals."""
         accepted = {name: self.limits[name].clamp(goal) for name, goal in goals.items()}
         for name in (each for each in goals if accepted[each] != goals[each]):
             before, self._clamped_at[name] = self._clamped_at.get(name, -inf), now

@@ -44,19 +44,20 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 RENEWAL_INTERVAL = 0.05
-"""Seconds between two trajectories."""
+"""Seconds between two trajectories that are sent while joints move."""
 
 MAX_TRACKING_ERROR = 0.2
-"""Radians of tracking error from which on a new trajectory starts at the measured position."""
+"""Difference in radians between setpoint and measured position above which a new motion starts at the latter."""
 
 
 class TopicJoints(LatchingPart):
-    """A ``drivers.api.Joints`` over a link to ``channels``; see ``joint_channels``.
+    """Joints of a robot with ROS 2: a ``drivers.api.Joints`` over a link to ``channels``.
 
-    The type of the subscriber selects the message: a JointTrajectory for the next ``TRAJECTORY_HORIZON``, or the
-    current setpoints. Each message covers all joints, and a controller without a new one stops within
-    ``TRAJECTORY_HORIZON``. ROS 2 cannot switch the torque off: ``relax`` holds the joints, with a notice. A joint that
-    runs away stops the whole arm until it is enabled.
+    ``drivers.ros2.joint_topics.joint_channels`` makes the channels. The type of the subscriber selects the message: a
+    JointTrajectory for the next ``drivers.ros2.joint_topics.TRAJECTORY_HORIZON``, or the current setpoints. Each
+    message covers all joints, so joints whose controller gets no new message stop within this time. ROS 2 cannot switch
+    the torque off: ``relax`` holds the joints, and reports that. If a joint moves away from its goal, the whole part
+    stops and is latched.
     """
 
     def __init__(
@@ -119,7 +120,7 @@ class TopicJoints(LatchingPart):
         return accepted
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """The newest state of each joint; effort and temperature are unknown, and 0."""
+        """Return the newest state of each joint. Effort and temperature are not measured, and always 0."""
         now = self._clock.now()
         there = self._is_online and self._link.online
         return {
@@ -157,7 +158,10 @@ class TopicJoints(LatchingPart):
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Couple followers to leaders; () ends all couplings. Raises BadRequest, NotConnected, but never for ()."""
+        """Couple the following joints to the leading ones; () ends all couplings.
+
+        Raises BadRequest for invalid couplings, and NotConnected if there are any.
+        """
         check_couplings(self.name, couplings, self._joints)
         with self._lock:
             if couplings:
@@ -167,7 +171,7 @@ class TopicJoints(LatchingPart):
             self.hold(freed)
 
     def recover(self) -> tuple[str, ...]:
-        """Enable the arm: shutdowns of joints are unknown. Raises NotConnected."""
+        """Release the latch; return no joints, since ROS 2 does not report shutdowns. Raises NotConnected."""
         self._require_online()
         self._reconnect.enable()
         return ()
@@ -206,7 +210,7 @@ class TopicJoints(LatchingPart):
     # --- the link's thread: see drivers.transport.link.LinkHandler ----------------------------------------------------
 
     def on_connected(self) -> None:
-        """Reset the connection state: earlier trajectories are dropped."""
+        """Reset the state of the connection, since the port was just opened. Earlier trajectories are dropped."""
         with self._lock:
             self._finder = wire.TopicFrameFinder()
             self._remote_types.clear()
@@ -231,7 +235,7 @@ class TopicJoints(LatchingPart):
         self._counters["malformed"] = self._faults.count
 
     def on_poll(self) -> None:
-        """Send due setpoints, and detect silence."""
+        """Detect disconnects and blocked joints, and send the setpoints that are due."""
         now = self._clock.now()
         with self._lock:
             hears = self._is_connected(now)
@@ -248,7 +252,7 @@ class TopicJoints(LatchingPart):
                 self._send(now)
 
     def on_closing(self) -> None:
-        """Hold all joints, unless they are already held."""
+        """Hold all joints, unless all setpoints were already sent."""
         if not self._all_sent:
             self.hold()
 
@@ -260,7 +264,7 @@ class TopicJoints(LatchingPart):
         )
 
     def _on_online(self, now: float) -> None:
-        """Hold the joints at their measured positions."""
+        """Hold the commanded joints at their measured positions, since the part is online again."""
         self._is_online = True
         self._trajectories = {name: self._hold_trajectory(name, now) for name in self._trajectories}
         self._all_sent = True
@@ -274,7 +278,7 @@ class TopicJoints(LatchingPart):
         self._report(DeviceStatus(self.name, "online", f"{self._channels[0].topic}: all joints are online"))
 
     def _on_offline(self, now: float) -> None:
-        """Stop sending: each joint ends its last trajectory."""
+        """Store that the part is offline: nothing is sent, and each joint ends its last trajectory."""
         self._is_online, self._all_sent = False, True
         detail, hint = self._offline_reason(now)
         self._report(DeviceStatus(self.name, "offline", detail, hint))
@@ -313,7 +317,7 @@ class TopicJoints(LatchingPart):
             self._progress[name].command(goal, speed, now)
 
     def _stop_blocked_joints(self, now: float) -> None:
-        """Hold joints that are blocked."""
+        """Hold each joint that is newly blocked, and report it. Stop the part if a joint moves away from its goal."""
         for name, progress in self._progress.items():
             if not (said := self._feedback.check_progress(name, progress)):
                 continue
@@ -326,9 +330,10 @@ class TopicJoints(LatchingPart):
                 self._trajectories[name], self._all_sent, self._sent_at = self._hold_trajectory(name, now), False, -inf
 
     def _stop_for_runaway(self, finding: str, now: float) -> None:
-        """Latch, and hold the other joints. The goal of the runaway joint stays: a new one could drive it further.
+        """Latch the part, and hold all joints but the one that moves away from its goal.
 
-        Its controller may have a wrong sign, and no message switches its motor off.
+        The goal of this joint is kept, because its controller may have a wrong sign, and a new goal could drive the
+        joint further. No message can switch its motor off. ``finding`` is the message of the fault.
         """
         finding = f"{finding}: {RUNAWAY_NOTICE}"
         self._report(DeviceStatus(self.name, "fault", finding, RUNAWAY_HINT))
@@ -344,7 +349,7 @@ class TopicJoints(LatchingPart):
         return LinearTrajectory(here, now, here, MIN_SPEED)
 
     def _hold_joint(self, name: str, now: float) -> None:
-        """Hold a joint: at its goal if it is there, else at its position."""
+        """Hold a joint: at its goal if the motion has ended there, else at its measured position."""
         way = self._trajectories.get(name)
         if way is None or way.remaining_time(now) > 0 or self._feedback.is_moving(name):
             way = self._trajectories[name] = self._hold_trajectory(name, now)
@@ -369,9 +374,9 @@ class TopicJoints(LatchingPart):
         self._all_sent = all(way.remaining_time(now) == 0.0 for way in self._trajectories.values())
 
     def _report_unheld(self, names: Collection[str]) -> None:
-        """Report, once, joints that could not be held; they are held after the reconnect.
+        """Report joints that could not be held while disconnected, each once; they are held after the reconnect.
 
-        Before the first command there is nothing to hold.
+        Nothing is reported before the first command.
         """
         missed = {name for name in names if name in self._feedback} - self._unheld_joints
         if missed and self._trajectories:

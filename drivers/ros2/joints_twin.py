@@ -1,4 +1,4 @@
-"""Simulated arms and heads of robots with ROS 2: joints that always have torque."""
+"""Simulated arms and heads of robots with ROS 2, whose joints always have torque."""
 
 from collections.abc import Collection, Mapping
 
@@ -12,15 +12,15 @@ from drivers.servos.twin import JointsTwin, NeckTwin
 from drivers.sim.context import SimContext
 
 STAND_IN_MODEL = "XL330-M077"
-"""Servo model that is faster than any joint and turns all the way round, as a stand-in for the real motor."""
+"""Servo model that simulates any ROS 2 joint: it is fast enough, and turns all the way round."""
 
 
 MAX_ANGLE = 3.14
-"""Largest angle of the stand-in in either direction, in radians."""
+"""Maximum angle of the simulated servo model in either direction, in radians."""
 
 
 class StiffJoints(JointsTwin):
-    """A ``JointsTwin`` of ``joints`` that hold their position from the start; their torque stays on."""
+    """Simulated joints of ROS 2: a ``JointsTwin`` of ``joints`` whose torque is always on."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class StiffJoints(JointsTwin):
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
     def _report_runaway(self, finding: str) -> None:
-        """Report a runaway joint, and latch the whole arm until it is enabled."""
+        """Report that a joint moves away from its goal, and latch the whole part."""
         finding = f"{finding}: {RUNAWAY_NOTICE}"
         self._report(DeviceStatus(self.name, "fault", finding, RUNAWAY_HINT))
         self._reconnect.latch(finding, replace=True)
@@ -63,7 +63,7 @@ class StiffJoints(JointsTwin):
 
 
 class Ros2HeadTwin(NeckTwin):
-    """A ``NeckTwin`` that opens and closes its own joints."""
+    """Simulated head of ROS 2: a ``NeckTwin`` that opens, steps and closes its own joints."""
 
     def open(self) -> None:
         """Connect at once, unless it is unplugged."""

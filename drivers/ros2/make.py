@@ -1,4 +1,4 @@
-"""Factories of the drivers of ROS 2 parts, and the drivers of a voice and a head."""
+"""Factories of the drivers of ROS 2 parts, and the drivers of a voice and of a head."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -54,9 +54,10 @@ STRING = "std_msgs/msg/String"
 
 
 class Ros2Voice(PrintedVoice):
-    """A ``drivers.api.Voice`` over a link to a topic. The end of a text is unknown, and estimated from its speed.
+    """Voice over a link to a ROS 2 topic: a ``drivers.api.Voice``.
 
-    A text that was sent cannot be withdrawn: cancelling ends only the wait, and drops queued texts.
+    The topic does not report the end of a text, so its duration is estimated from the speed of speech. A text that was
+    sent cannot be stopped: cancelling it ends only the wait. Texts still in the queue are dropped.
     """
 
     def __init__(
@@ -114,7 +115,7 @@ class Ros2Voice(PrintedVoice):
     # --- the link's thread: see drivers.transport.link.LinkHandler ----------------------------------------------------
 
     def on_connected(self) -> None:
-        """Request the remote nodes."""
+        """Reset the state of the connection, and request the types of the subscribers."""
         self._finder, self._listener_type = wire.TopicFrameFinder(), ""
         self._link.write(wire.DISCOVERY_REQUEST)
 
@@ -131,7 +132,7 @@ class Ros2Voice(PrintedVoice):
         self.update()
 
     def on_closing(self) -> None:
-        """Do nothing: the voice is silent at rest."""
+        """Do nothing: no command is needed before the link closes."""
 
     def _send(self, text: str) -> None:
         try:
@@ -144,7 +145,7 @@ class Ros2Voice(PrintedVoice):
 
 
 class Ros2Head(NeckDriver):
-    """A ``JointsHead`` that steps itself, and opens and closes its own ``TopicJoints``."""
+    """Head of ROS 2: a ``NeckDriver`` that opens and closes its own ``TopicJoints``."""
 
     _joints: TopicJoints
 
@@ -169,7 +170,7 @@ class Ros2Head(NeckDriver):
 
 
 def ros_domain(keys: ZenohKeys) -> int:
-    """Return the domain of a robot file, else that of the environment. Raises BadRequest for an invalid one."""
+    """Return the ROS domain from the robot file, else from ``ROS_DOMAIN_ID``, else 0. Raises BadRequest if invalid."""
     told = os.environ.get("ROS_DOMAIN_ID", "").strip() if keys.domain is None else str(keys.domain)
     if told and not (told.isdigit() and int(told) <= 232):
         raise BadRequest(f"ros2: ROS_DOMAIN_ID is '{told}': it must be a number from 0 to 232", hint="unset it")
@@ -245,7 +246,7 @@ def arm_joints(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
 
 
 def head_joints(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
-    """Return the joints of a head with their full range: limits and trim belong to the axes."""
+    """Return the joints of a head with a range of a full turn: its axes have the limits and the trim."""
     limits = JointLimits(-pi, pi, keys.speed)
     return {axis.joint: TopicJoint(axis.joint, limits, -1 if axis.reverse else 1) for axis in (keys.pan, keys.tilt)}
 

@@ -1,6 +1,6 @@
-"""A ROS 2 node on a Zenoh session: discovery, topics, services. Each call returns at once.
+"""ROS 2 node on a Zenoh session: discovery, topics, services. No call waits for a reply.
 
-It uses the keys of `rmw_zenoh`, and in parallel those of bridges to DDS (``drivers.ros2.bridge``).
+It uses the Zenoh keys of `rmw_zenoh`, and in parallel those of bridges to DDS (``drivers.ros2.bridge``).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 # Unusable messages: counted and reported by topic, with expected type and received bytes.
 
 REPORT_INTERVAL = 10.0
-"""Minimum seconds between two reports on a topic."""
+"""Minimum seconds between two reports of faults of the same topic."""
 
 MALFORMED_LIFETIME = 2.0
-"""Seconds for which a malformed message counts as the fault of its topic."""
+"""Seconds after a malformed message for which its topic counts as faulty."""
 
 MAX_TOPICS = 200
-"""Maximum topics whose faults are stored separately: names come from other nodes."""
+"""Maximum number of topics whose malformed messages are stored, since other nodes may use any number of names."""
 
 
 class TopicFaults:
-    """Faults of the topics of one ``part``, by index in ``topics``. Thread-safe.
+    """Faults of the ROS 2 topics of one ``part``; ``topics`` are their names. Thread-safe.
 
-    A fault is a malformed message, for ``MALFORMED_LIFETIME`` seconds, or another type under the name of a topic, as
-    long as its node exists.
+    A fault is a malformed message, for ``MALFORMED_LIFETIME`` seconds, or a node that uses another type under the name
+    of the topic, as long as that node exists.
     """
 
     def __init__(self, part: str, topics: Sequence[str], clock: Clock, report: StatusCallback = ignore) -> None:
@@ -51,20 +51,20 @@ class TopicFaults:
         self._reported_at: dict[str, float] = {}
 
     def add(self, number: int, error: object) -> None:
-        """Record a malformed message of a topic; an unknown index is only counted."""
+        """Record a malformed message of the topic with the index ``number``; an unknown index is only counted."""
         self.count += 1
         if number < len(self._topics):
             self.add_for_topic(self._topics[number], error)
 
     def add_for_topic(self, topic: str, error: object) -> None:
-        """Record a malformed message of a topic, a service or an action by name."""
+        """Record a malformed message of a topic, a service or an action by its name."""
         with self._lock:
             if len(self._malformed) < MAX_TOPICS or topic in self._malformed:
                 self._malformed[topic] = (f"{topic}: malformed message: {error}", self._clock.now())
         self._report_fault(topic)
 
     def mismatch(self, payload: bytes) -> None:
-        """Handle a frame of ``wire.mismatch_frame``: another type, or none any more. Raises ValueError."""
+        """Record or end a type mismatch, by the payload of a ``wire.mismatch_frame``. Raises ValueError."""
         number, why = wire.parse_mismatch(payload)
         if number >= len(self._topics):
             return
@@ -77,7 +77,7 @@ class TopicFaults:
         self._report_fault(topic)
 
     def fault(self, number: int) -> str:
-        """Return the current fault of a topic; empty if it has none."""
+        """Return the current fault of the topic with the index ``number``; empty if it has none."""
         return self._current_fault(self._topics[number])
 
     def _current_fault(self, topic: str) -> str:
@@ -100,15 +100,15 @@ def topic_hint(topic: str) -> str:
 
 
 MessageHandler = Callable[[str, bytes], None]
-"""Callback with the type and the bytes of a message. Runs on a thread of Zenoh; must return at once."""
+"""Callback with the type and the bytes of a message. It runs on a thread of Zenoh, and must return at once."""
 
 NO_ATTACHMENT = "without rmw_zenoh's attachment, ignored; is its node started with rmw_zenoh_cpp?"
 
 
 class Ros2Node:
-    """A node ``name`` on a ``session`` that the caller owns. Thread-safe.
+    """Our ROS 2 node ``name`` on a Zenoh ``session`` that the caller owns. Thread-safe.
 
-    ``version`` is incremented whenever another node, or an end point of one, appears or disappears.
+    ``version`` is incremented whenever another node, or a topic or service of one, appears or disappears.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Ros2Node:
         self.version = 0
         self.is_lost = False
         self.faults = TopicFaults("ros2", [], clock, report)
-        """Faults of messages of the whole node: of requests, actions, conditions."""
+        """Faults of the messages of requests, actions and conditions, which belong to no part."""
         self._names_attachments = False  # as in received attachments: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
@@ -147,9 +147,9 @@ class Ros2Node:
         return self._clock.now()
 
     def entities(self, role: str = "", name: str = "") -> list[Entity]:
-        """Return the entities of other nodes with this role and name (empty: any).
+        """Return the entities (topics, services) of other nodes with this role and name; empty means any.
 
-        A node that uses both `rmw_zenoh` and bridge keys, as this one does, counts once.
+        If a node announces an entity to `rmw_zenoh` and to bridges, as our node does, it is returned once.
         """
         with self._lock:
             found = [each for several in self._entities.values() for each in several]
@@ -163,10 +163,11 @@ class Ros2Node:
         return bool(self._bridge_ids)
 
     def publisher(self, name: str, kind: str, digest: str = "", *, blocks: bool = False) -> Publisher:
-        """Return the publisher of a topic; ``digest`` is the hash of the type, if it was read from a token.
+        """Return the publisher of the topic ``name`` with the type ``kind``.
 
-        If it ``blocks`` on a congested line, no message is lost: only for threads without deadlines. Raises
-        NotConnected if the session is gone.
+        ``digest`` is the hash of the type if a subscriber's token has it. With ``blocks``, sending waits on a congested
+        line instead of dropping the message; use it only on threads without deadlines. Raises NotConnected if the
+        session is gone.
         """
         with self._lock:
             if (known := self._publishers.get((name, kind, digest))) is not None:
@@ -192,9 +193,10 @@ class Ros2Node:
     def subscribe(
         self, name: str, kinds: Iterable[str], handler: MessageHandler, owner: object = None
     ) -> list[MessageFilter]:
-        """Subscribe to a topic with any of these types and any hash; return the message filters with their counts.
+        """Subscribe to the topic ``name`` with any of the types ``kinds``; return the message filters.
 
-        Old messages of a latched topic are received too. Ends with the node, or by ``undeclare`` of its ``owner``.
+        The filters count messages. Earlier messages of a latched topic are received too. The subscription ends with the
+        node, or by ``undeclare(owner)``.
         """
         sieves, latched, known = [], self.is_latched(name), tuple(kinds)
         for kind in known:
@@ -220,9 +222,9 @@ class Ros2Node:
         return any(each.is_latched for each in self.entities(wire.PUBLISHER, name))
 
     def _declare_subscriber(self, key: str, take: Callable[["zenoh.Sample"], None], *, with_history: bool) -> Any:
-        """Declare a subscriber; ``with_history`` also requests old messages.
+        """Declare a Zenoh subscriber.
 
-        They come from the caches of current and later publishers.
+        ``with_history`` also requests earlier messages from current and later publishers.
         """
         if not with_history:
             return self._session.declare_subscriber(key, take)
@@ -232,9 +234,9 @@ class Ros2Node:
         return ext.declare_advanced_subscriber(self._session, key, take, history=history, subscriber_detection=True)
 
     def call(self, server: Entity, payload: bytes, on_reply: ReplyHandler, *, timeout: float) -> None:
-        """Send a request to a discovered server; ``on_reply`` is called once, after ``timeout`` seconds at most.
+        """Send a request to a discovered ``server``; ``on_reply`` is called once, after ``timeout`` seconds at most.
 
-        Raises NotConnected if the session is gone.
+        It gets None if there is no reply. Raises NotConnected if the session is gone.
         """
         with self._lock:
             self._last_number += 1
@@ -257,9 +259,9 @@ class Ros2Node:
             raise NotConnected(f"ros2: {server.name}: the session of Zenoh has gone: {error}") from error
 
     def serve(self, name: str, kind: str, handler: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
-        """Serve the service ``name``: ``handler`` gets each request, and a function that sends the reply once.
+        """Offer the service ``name`` of type ``kind``.
 
-        It runs on a thread of Zenoh.
+        ``handler`` is called with each request and a function that sends the reply, on a thread of Zenoh.
         """
         with self._lock:
             entity = self._make_entity(wire.SERVER, name, kind, "")
@@ -286,7 +288,7 @@ class Ros2Node:
             self._add_declaration(self._session.liveliness().declare_token(announced))
 
     def undeclare(self, owner: object) -> None:
-        """Undeclare the subscriptions of an owner."""
+        """Undeclare the subscriptions of ``owner``."""
         with self._lock:
             gone = [each for whose, each in self._declarations if whose is owner]
             self._declarations = [(whose, each) for whose, each in self._declarations if whose is not owner]
@@ -351,7 +353,10 @@ class Ros2Node:
     def _bridge_handler(
         self, name: str, kinds: tuple[str, ...], sieve: MessageFilter, heard: MessageHandler
     ) -> Callable[["zenoh.Sample"], None]:
-        """Return the handler of messages from a bridge, whose type is in its token."""
+        """Return the handler for messages from a bridge.
+
+        Such a message does not contain its type, so the type is read from the token of its publisher.
+        """
 
         def take(sample: "zenoh.Sample") -> None:
             senders = self.entities(wire.PUBLISHER, name)
@@ -367,7 +372,10 @@ class Ros2Node:
         return take
 
     def _send_time(self, sample: "zenoh.Sample", kind: str, payload: bytes) -> int:
-        """Return the send time of a bridged message, in ns, from its router or its header; 0 if unknown."""
+        """Return the time in ns at which a message from a bridge was sent; 0 if unknown.
+
+        It is the time stamp of the router, or that in the message's header.
+        """
         if sample.timestamp is not None:
             return round(sample.timestamp.get_time().timestamp() * 1e9)
         return types().stamp(kind, payload)

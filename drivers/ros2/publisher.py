@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 # Filter of received messages: each once, in order, and none that was delayed for long.
 
 MAX_LATENESS = 0.5
-"""Seconds by which a message may be delayed more than the fastest of its sender."""
+"""Seconds of delay beyond the smallest delay of its sender, above which a message is rejected."""
 
 CLOCK_JUMP_TIMEOUT = 1.0
-"""Seconds of only late messages after which the sender's clock is assumed to have been set."""
+"""Seconds in which all messages of a sender were late, after which its clock is assumed to have been set."""
 
 MAX_CLOCK_DRIFT = 2e-4
 """Maximum drift between two clocks, in seconds per second."""
@@ -39,10 +39,10 @@ class _Sender:
 
 
 class MessageFilter:
-    """Filter of the messages of one topic: no duplicates, no reordering, no late ones.
+    """Filter of the messages of one topic: rejects duplicate, reordered and late messages.
 
-    ``late_count`` and ``duplicate_count`` count rejected messages, ``count`` all. Not thread-safe: Zenoh calls a
-    subscriber from one thread at a time.
+    ``late_count`` and ``duplicate_count`` count the rejected messages, ``count`` all messages. Not thread-safe: Zenoh
+    calls a subscriber from one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class MessageFilter:
         return sum(now - each.last_received_at < SENDER_TIMEOUT for each in list(self._senders.values()))
 
     def accepts(self, attachment: Attachment, now: float) -> bool:
-        """Return True to accept a message with this attachment that arrived at time ``now``."""
+        """Return True unless the message with this attachment, received at ``now``, must be rejected."""
         self.count += 1
         shift = now - attachment.sent_at / 1e9  # two clocks: only differences count
         known = self._senders.get(attachment.gid)
@@ -85,7 +85,10 @@ ReplyHandler = Callable[[bytes | None], None]
 
 
 class Publisher:
-    """Publisher of one topic; messages are numbered and stamped, except to a bridge. ``entity``: that of its token."""
+    """Publisher of one topic. Messages are numbered and stamped, except those to a bridge.
+
+    ``entity`` is the entity that its liveliness token announces, ``attach`` makes the attachment of a message.
+    """
 
     def __init__(self, declared: Any, entity: Entity, attach: Callable[[int, bytes], bytes] | None) -> None:
         self._declared, self.entity, self._attach = declared, entity, attach
@@ -96,7 +99,7 @@ class Publisher:
         self._gid = new_gid()
 
     def mirror_to(self, declared: Any, is_active: Callable[[], bool]) -> None:
-        """Also send all messages to ``declared`` while ``is_active`` returns True."""
+        """Also send all messages to the Zenoh publisher ``declared`` (of a bridge) while ``is_active`` returns True."""
         self._bridge_publisher, self._is_mirrored = declared, is_active
 
     def send(self, payload: bytes) -> None:
@@ -140,5 +143,5 @@ class FirstReply:
 
 
 def new_gid() -> bytes:
-    """Return a random unique ID of a sender or a caller."""
+    """Return a random id of 16 bytes for a publisher or the caller of a service."""
     return secrets.token_bytes(16)

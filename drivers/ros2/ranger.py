@@ -32,14 +32,17 @@ MAX_SCAN_ANGLE = 1.05 * tau
 """Maximum angle of a scan in radians: a few rays of the next turn may be included."""
 
 END_TOLERANCE = 0.02
-"""Share of its rays by which a scan may end differently than stated: the motor speed varies."""
+"""Tolerance of the last angle of a scan, as a share of the number of its rays, since the motor speed varies."""
 
 MAX_RANGE = 1000.0
 """Maximum range in metres of a range finder that states none."""
 
 
 class Ros2Ranger:
-    """A ``drivers.api.Ranger`` over a link to a topic. ``place`` and ``blind`` as for every range finder."""
+    """Range finder on a ROS 2 topic: a ``drivers.api.Ranger`` over a link to ``channel``.
+
+    ``place`` is its mounting pose on the base, ``blind`` are the sectors that the robot itself blocks.
+    """
 
     name = "range"
 
@@ -125,7 +128,7 @@ class Ros2Ranger:
         """Do nothing: there is nothing to stop."""
 
     def _handle_scan(self, message: Any) -> None:
-        """Convert and store a scan. Raises ValueError for implausible values."""
+        """Convert a LaserScan message to the base's frame, and store it. Raises ValueError for implausible values."""
         now = self._clock.now()
         start, step = scan_angles(message)
         least, most = range_limits(message)
@@ -148,10 +151,10 @@ class Ros2Ranger:
 
 
 def scan_angles(message: Any) -> tuple[float, float]:
-    """Return the direction of the first ray of a scan and the angle between rays, in radians.
+    """Return the direction of the first ray of a scan, and the angle between two rays, in radians.
 
-    Raises ValueError, naming the values, also if increment, ends and number of ranges contradict each other: left could
-    be right, or a quarter turn half of one.
+    Raises ValueError with a message that names the values. It also does so if increment, end angles and number of
+    ranges contradict each other, since obstacles would be seen in a wrong direction.
     """
     count, first, last, step = len(message.ranges), message.angle_min, message.angle_max, message.angle_increment
     if count == 0:
@@ -174,9 +177,9 @@ def scan_angles(message: Any) -> tuple[float, float]:
 
 
 def _angles_agree(first: float, last: float, step: float, count: int) -> bool:
-    """Return True if a scan ends where its increment implies.
+    """Return True if the last angle of a scan agrees with its increment ``step`` and its number of rays ``count``.
 
-    Drivers may count a ray too many or too few, or past a turn.
+    Drivers may count one or two rays too many or too few, or continue beyond a full turn.
     """
     off = remainder(first + step * (count - 1) - last, tau)
     return abs(off) <= abs(step) * max(2.5, END_TOLERANCE * count)
@@ -213,7 +216,7 @@ def measured_ranges(message: Any, least: float, most: float) -> Ranges:
 
 
 def _check_unmeasured(ranges: Ranges, least: float, most: float) -> None:
-    """Raise ValueError for a scan without measurements, unless its rays mean that nothing is near."""
+    """Raise ValueError for a scan without any measurement, unless its rays mean that no obstacle is in range."""
     finite = ranges[np.isfinite(ranges)]
     far, near = finite[finite > most], finite[(finite > 0) & (finite < least)]
     if len(far) and far.min() != far.max():

@@ -22,19 +22,19 @@ from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND
 from drivers.transport.loop import guard_callback
 
 REPLY_TIMEOUT = 2.0
-"""Seconds in which a server accepts a goal, or confirms a cancel."""
+"""Seconds in which a server must accept or reject a goal, or confirm a cancel."""
 
 RESULT_TIMEOUT = 30 * 86400.0
-"""Seconds in which the result of an action or a service must come. Tokens show earlier whether its server is gone."""
+"""Seconds to wait for the result of an action or a service. A server that disappears is detected earlier."""
 
 CANCEL_RETRY_INTERVAL = 1.0
-"""Seconds after which the cancel of a goal that may still be active is repeated."""
+"""Seconds after which a cancel is sent again if its goal may still be active."""
 
 SERVER_TIMEOUT = 1.0
-"""Seconds without its server's token after which the state of a goal is unknown."""
+"""Seconds after its server has disappeared for which the state of a request still counts as known."""
 
 MAX_KEPT_REQUESTS = 100
-"""Finished requests whose progress is kept."""
+"""Maximum number of ended requests whose progress is kept."""
 
 GOAL_STATES = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
 """Final states of an action, by their numbers in action_msgs."""
@@ -46,16 +46,21 @@ _GOAL_STATUS_NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
 
 
 class GoalPhase(Enum):
-    """Phase of a request. CANCEL_ON_ACCEPT: cancel it once it is accepted; CANCEL_DUE: its cancel must be sent.
+    """Phase of a request. In ORPHANED it is not known whether the goal has ended.
 
-    ORPHANED: the end of a goal is unknown, so it may be active until its server has confirmed a cancel.
+    CANCEL_ON_ACCEPT: the request is cancelled once its server accepts it. CANCEL_DUE: a cancel must be sent. An
+    orphaned goal may be active until its server has confirmed a cancel.
     """
 
     SENT, CANCEL_ON_ACCEPT, RUNNING, CANCEL_DUE, CANCEL_SENT, ORPHANED, OVER = range(7)
 
 
 class GoalEvent(Enum):
-    """Event of a request: an answer of its server, a requested CANCEL, or CANCEL_SENT."""
+    """Event of a request.
+
+    CANCEL: the caller cancels it. CANCEL_SENT: the cancel was sent to the server. LOSE: the server or its reply is
+    lost. END: it has ended. The others are replies of the server.
+    """
 
     ACCEPT, CANCEL, CANCEL_SENT, REFUSE_CANCEL, CONFIRM_CANCEL, LOSE, END = range(7)
 
@@ -74,7 +79,7 @@ TRANSITIONS: Final = {
     (GoalPhase.CANCEL_SENT, GoalEvent.REFUSE_CANCEL): GoalPhase.CANCEL_DUE,
     (GoalPhase.ORPHANED, GoalEvent.CONFIRM_CANCEL): GoalPhase.OVER,
 }
-"""Transitions by phase and event. Other pairs are ignored: answers may be late, or come twice."""
+"""Next phase of a request by phase and event. Other pairs change nothing, since replies may be late or repeated."""
 
 
 class _Request:
@@ -94,9 +99,9 @@ class _Request:
 
 
 class RequestTracker:
-    """Requests of one robot. ``get_node`` returns the node; ``changed`` is called at each progress.
+    """Active and ended requests of one robot to ROS 2 services and actions. Thread-safe.
 
-    Thread-safe: replies arrive on threads of Zenoh.
+    ``get_node`` returns our node. ``changed`` is called after each progress of a request, on threads of Zenoh.
     """
 
     def __init__(self, get_node: Callable[[], Ros2Node], clock: Clock, changed: Callable[[], None]) -> None:
@@ -127,7 +132,7 @@ class RequestTracker:
         return number
 
     def cancel(self, number: int) -> None:
-        """Cancel an action, once it is accepted. Each call sends the cancel again."""
+        """Cancel the action with the request ``number``, once it is accepted. Each call sends the cancel again."""
         with self._lock:
             request = self._requests.get(number)
             if request is None or not request.is_goal or request.phase is GoalPhase.OVER:
@@ -149,16 +154,16 @@ class RequestTracker:
             return any(each.is_goal and each.phase is not GoalPhase.OVER for each in self._requests.values())
 
     def progress(self, number: int) -> Progress:
-        """Return the progress of a request. Raises BadRequest for an unknown number, or one that was dropped."""
+        """Return the progress of the request ``number``. Raises BadRequest if it is unknown or no longer kept."""
         request = self._requests.get(number)
         if request is None:
             raise BadRequest(f"ros2: unknown request {number}")
         return request.progress
 
     def check_servers(self, node: Ros2Node | None) -> None:
-        """Detect lost servers, and cancel orphaned goals once their server is back.
+        """Detect servers that have disappeared, and cancel orphaned goals once their server is back.
 
-        Called regularly, with the current node or None.
+        Call this regularly; ``node`` is our current node, or None.
         """
         now = self._clock.now()
         for request in list(self._requests.values()):
@@ -190,7 +195,10 @@ class RequestTracker:
         return found
 
     def _find_server(self, name: str, kind: str) -> wire.Entity:
-        """Return the only server of a name: of two, such as those of two robots, both would execute the request."""
+        """Return the only server of the name.
+
+        Raises NotConnected if there are several, such as those of two robots, since all would execute a request.
+        """
         found = self._find_servers(name, kind)
         if len(found) > 1:
             what = f"ros2: {len(found)} servers of {name.removesuffix(f'/{SEND}')}: all of them would execute it"
@@ -219,7 +227,6 @@ class RequestTracker:
         self._changed()
 
     def _on_response(self, request: _Request, payload: bytes | None) -> None:
-        """Handle the response of a service."""
         if payload is None:
             self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no reply")
             return
@@ -231,7 +238,7 @@ class RequestTracker:
         self._set_progress(request, GoalState.SUCCEEDED, result=json.dumps(types().to_plain(told)))
 
     def _on_goal_response(self, request: _Request, payload: bytes | None) -> None:
-        """Handle the response to a goal; request the result of an accepted one."""
+        """Handle the reply to a goal; request the result if the goal was accepted."""
         try:
             told = None if payload is None else types().decode(f"{request.kind}_SendGoal_Response", payload)
         except MalformedMessage as error:
@@ -256,7 +263,6 @@ class RequestTracker:
         self._call_part(request, RESULT, service, asked, partial(self._on_result, request), RESULT_TIMEOUT)
 
     def _on_result(self, request: _Request, payload: bytes | None) -> None:
-        """Handle the result of an action."""
         if payload is None:
             self._set_progress(request, GoalState.UNKNOWN, f"{request.name}: no result received")
             return
@@ -277,7 +283,7 @@ class RequestTracker:
         self._call_part(request, CANCEL, CANCEL_KIND, asked, partial(self._on_cancel_response, request), REPLY_TIMEOUT)
 
     def _on_cancel_response(self, request: _Request, payload: bytes | None) -> None:
-        """Handle the response to a cancel; the end of the goal arrives separately."""
+        """Handle the reply to a cancel. The end of the goal arrives as its result."""
         try:
             code = (
                 CANCEL_REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
@@ -294,7 +300,7 @@ class RequestTracker:
             self._set_progress(request, GoalState.FAILED, f"{request.name}: its server no longer knows this goal")
 
     def _cancel_again(self, request: _Request, node: Ros2Node | None, now: float) -> None:
-        """Repeat the cancel of a goal if it was lost, or if the goal is orphaned and its server is there."""
+        """Send the cancel of a request again if it may be lost or the goal is orphaned, and its server exists."""
         with self._lock:
             due = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.ORPHANED)
             if not due or node is None or now - request.cancel_sent_at <= CANCEL_RETRY_INTERVAL:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import zenoh
 
 LEASE_MS = 2000
-"""Milliseconds of silence after which the remote end drops this session and its tokens."""
+"""Milliseconds without a message after which Zenoh drops a session and its liveliness tokens."""
 
 NO_ROUTER_HINT = (
     "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot, or `zenoh-bridge-ros2dds` for DDS; "
@@ -23,10 +23,11 @@ NO_ROUTER_HINT = (
 
 @dataclass(frozen=True, slots=True)
 class ZenohAccess:
-    """Access to Zenoh: ``endpoints`` to connect to, and to ``listen`` at, such as ``tcp/127.0.0.1:7447``.
+    """Settings of a Zenoh session: addresses such as ``tcp/127.0.0.1:7447``, mode and credentials.
 
-    ``user`` and ``password`` are credentials for the router. ``ca``, ``certificate`` and ``private_key`` are files: the
-    authority of the router's certificate, and our own. TLS endpoints begin with ``tls/``.
+    The session connects to ``endpoints``, and accepts connections at ``listen``. ``user`` and ``password`` are
+    credentials for the router. ``ca``, ``certificate`` and ``private_key`` are files: the CA certificate of the router,
+    and our own certificate with its key. TLS addresses begin with ``tls/``.
     """
 
     endpoints: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
@@ -40,9 +41,10 @@ class ZenohAccess:
 
 
 def zenoh_access(keys: Any, router: str = "") -> ZenohAccess:
-    """Return the access of a robot file, with ``router`` instead of its own if given.
+    """Return the settings of a Zenoh session from ``keys``, the ``ros2`` section of a robot file.
 
-    Raises BadRequest for an unreadable password file.
+    ``router`` replaces the router's address in the robot file unless it is empty. Raises BadRequest for an unreadable
+    password file.
     """
     password = ""
     if keys.password_file:
@@ -62,9 +64,9 @@ def zenoh_access(keys: Any, router: str = "") -> ZenohAccess:
 
 
 def open_session(part: str, access: ZenohAccess, *, timeout: float = 0.5) -> "zenoh.Session":
-    """Open a session; blocks for at most ``timeout`` seconds. Raises NotConnected, with a hint.
+    """Open a Zenoh session within ``timeout`` seconds. Raises NotConnected, with a hint; ``part`` is the name in it.
 
-    Peers and routers open at once, and go on connecting in the background.
+    In the modes ``peer`` and ``router`` this succeeds at once, and the session connects in the background.
     """
     try:
         import zenoh  # noqa: PLC0415 - an extra
@@ -108,7 +110,10 @@ def _config(zenoh: Any, access: ZenohAccess, timeout: float) -> Any:
 
 
 class ConnectionMonitor:
-    """Counts the connections of a session; ``on_disconnect`` is called, on a thread of Zenoh, when none is left."""
+    """Counts the connections of a Zenoh session; ``on_disconnect`` is called when none is left.
+
+    It is called on a thread of Zenoh.
+    """
 
     def __init__(self, session: "zenoh.Session", on_disconnect: Callable[[], None]) -> None:
         import zenoh  # noqa: PLC0415 - an extra

@@ -1,7 +1,7 @@
-"""Port of a part to its ROS 2 topics, owned by a ``drivers.transport.link.SerialLink``.
+"""Port of a part to its ROS 2 topics, for a ``drivers.transport.link.SerialLink``.
 
-Its bytes are frames (``drivers.ros2.wire.frame``): messages of a channel, which is a topic, or control frames about the
-remote nodes.
+The link reads and writes frames (``drivers.ros2.wire.frame``). A frame is a message of one of the topics (channels), or
+a control frame about the nodes at the other end.
 """
 
 from collections import deque
@@ -22,17 +22,17 @@ RETRY_INTERVAL = 0.1
 """Seconds between attempts to reach a session."""
 
 ROUTER_PORT = 7447
-"""Port of Zenoh routers; stands in for the baud rate."""
+"""Default port number of Zenoh routers. The link has it in the place of a baud rate."""
 
 GetNode = Callable[[str], Ros2Node]
-"""Function that returns the ROS 2 node for a part. Raises NotConnected while there is none."""
+"""Function that returns our ROS 2 node; its argument is the part in the message. Raises NotConnected without one."""
 
 
 @dataclass(frozen=True, slots=True)
 class TopicChannel:
-    """A topic of a part: full name, possible types (best first), and whether the part sends commands on it.
+    """A topic of a part: its full name, its possible types (best first), and whether the part sends commands on it.
 
-    ``depth`` is the maximum number of queued messages; the newest are kept.
+    ``depth`` is the maximum number of messages in the queue; the oldest are dropped.
     """
 
     topic: str
@@ -48,7 +48,7 @@ def make_link(
     report: StatusCallback,
     loop: LoopFactory = ThreadLoop,
 ) -> SerialLink:
-    """Return the link of a part to its topics; a channel's number is its index."""
+    """Return the link of the part ``name`` to its topics; the number of a channel is its index in ``channels``."""
 
     def dial(who: str, port: str, baud: int) -> LinkPort:
         del port, baud
@@ -61,7 +61,10 @@ def make_link(
 
 
 class TopicPort:
-    """A ``drivers.transport.link.LinkPort`` to topics. Raises NotConnected for an unknown type."""
+    """A ``drivers.transport.link.LinkPort`` to the topics ``channels``.
+
+    The constructor raises NotConnected for an unknown type.
+    """
 
     def __init__(self, node: Ros2Node, channels: Sequence[TopicChannel]) -> None:
         self._node, self._channels = node, channels
@@ -125,7 +128,10 @@ class TopicPort:
         return heard
 
     def _update_remotes(self) -> None:
-        """Queue control frames about changes of remote nodes: types of subscribers, number of publishers."""
+        """Queue control frames if the nodes at the other end have changed.
+
+        A frame has the types of the subscribers, or the type of the publishers as often as there are publishers.
+        """
         if self._version != self._node.version:
             self._version = self._node.version
             for number, channel in enumerate(self._channels):
@@ -138,7 +144,10 @@ class TopicPort:
                     self._announce(number, there[:1] * max(senders, self._bridge_counts.get(number, 0), 1))
 
     def _find_remotes(self, number: int, channel: TopicChannel) -> None:
-        """Find the remote nodes of a channel; commands go to every subscriber, of any type and hash."""
+        """Find the subscribers or publishers of a channel, and announce their types.
+
+        Commands are sent to every subscriber, whatever its type hash.
+        """
         role = wire.SUBSCRIBER if channel.is_command else wire.PUBLISHER
         everybody = self._node.entities(role, channel.topic)
         found = [each for each in everybody if each.kind in channel.kinds]
@@ -160,7 +169,7 @@ class TopicPort:
             self._control_frames.append(wire.about_frame(number, *kinds))
 
     def _announce_mismatch(self, number: int, channel: TopicChannel, others: Sequence[str]) -> None:
-        """Queue a control frame if the unexpected types on a topic have changed."""
+        """Queue a control frame if the types ``others``, which the channel does not support, have changed."""
         what = "a node listens for" if channel.is_command else "a node sends"
         why = f"expected {' or '.join(channel.kinds)}, but {what} {' and '.join(others)}" if others else ""
         if self._mismatches.get(number, "") != why:
@@ -169,7 +178,10 @@ class TopicPort:
 
 
 def absent_error(part: str, channel: TopicChannel, reason: str = "") -> NotConnected:
-    """Return the error for a channel without a remote node, or with the ``reason`` why its nodes are unusable."""
+    """Return the error for a channel without a node at its other end.
+
+    ``reason`` is the reason why the nodes there are unusable; empty if there are none.
+    """
     if reason:
         return NotConnected(f"{part}: {reason}", hint=topic_hint(channel.topic))
     role = "subscriber" if channel.is_command else "publisher"

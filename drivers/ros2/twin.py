@@ -26,12 +26,12 @@ from drivers.sim.world import SimulatedWorld
 from drivers.sim.world_objects import BackupLimit
 
 MAX_WHEEL_SPEED = 100.0
-"""Wheel speed in m/s above the limits of any section, so that the wheels never limit the speed."""
+"""Maximum wheel speed in m/s of the simulated wheels, which is too high to ever limit a base."""
 
 
 @dataclass(slots=True)
 class _NavigationGoal:
-    """A goal of the stand-in for Nav2, with its progress."""
+    """Goal of the simulated Nav2, with its progress."""
 
     navigator: Navigator
     frame: str
@@ -40,9 +40,10 @@ class _NavigationGoal:
 
 
 class Ros2Twin:
-    """A ``drivers.api.Ros2`` with only Nav2's actions, which drive the base's twin straight to a place.
+    """Simulated ROS 2 nodes: a ``drivers.api.Ros2`` whose only actions are those of Nav2.
 
-    ``published`` keeps sent messages, as (topic, type, values). There are no services and no other actions.
+    They drive the simulated base straight to a place. There are no services. ``published`` lists the sent messages as
+    (topic, type, values).
     """
 
     name = "ros2"
@@ -91,7 +92,7 @@ class Ros2Twin:
         return self.plug.online
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return the newest message that was published here on a topic."""
+        """Return the newest message that was published on a topic by this object; the value is None without one."""
         values = next((each[2] for each in reversed(self.published) if each[0] == topic), None)
         now = self._clock.now()
         return Reading(values, now, Quality.NONE if values is None else Quality.GOOD)

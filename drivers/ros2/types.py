@@ -1,6 +1,7 @@
-"""Message types of ROS 2: conversion of values to and from CDR, by rosbags, and type hashes.
+"""ROS 2 types: conversion of messages to and from CDR, by the package rosbags, and type hashes.
 
-Loading takes a tenth of a second, and the first message of a type some milliseconds: drivers do both when they open.
+Loading the types takes a tenth of a second, and the first message of a type takes some milliseconds. Drivers do both
+when they open.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,7 +50,7 @@ MESSAGES: Mapping[str, str] = {
     ),
     "vision_msgs/msg/Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
 }
-"""Message types that rosbags lacks: their fields, one per line."""
+"""Definitions of the message types that rosbags lacks, by name; one field per line."""
 
 SERVICES: Mapping[str, tuple[str, str]] = {
     "std_srvs/srv/Empty": ("", ""),
@@ -66,7 +67,11 @@ SERVICES: Mapping[str, tuple[str, str]] = {
 """Definitions of services by type name: request and response."""
 
 _NAVIGATION_RESULT = "uint16 error_code\nstring error_msg"
-"""Result of Nav2 since Kilted; Jazzy has only ``error_code``, Humble a ``std_msgs/Empty``. See ``decode_result``."""
+"""Definition of the result of Nav2's actions since ROS 2 Kilted.
+
+In Jazzy it has only ``error_code``, in Humble it is a ``std_msgs/Empty``. See
+``drivers.ros2.action_server.decode_result``.
+"""
 
 _NAVIGATION_FEEDBACK = (
     "geometry_msgs/PoseStamped current_pose\nbuiltin_interfaces/Duration navigation_time\n"
@@ -101,27 +106,27 @@ ACTIONS: Mapping[str, tuple[str, str, str]] = {
 
 
 _EMPTY_FIELD = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
-"""Field of a type without fields on the wire."""
+"""Field that a type without any field has on the wire."""
 
 _MAX_DEPTH = 12
-"""Maximum nesting of the values in a plain message."""
+"""Maximum nesting of values in the result of ``TypeRegistry.to_plain``."""
 
 _MAX_LENGTH = 1000
-"""Maximum length of the arrays in a plain message."""
+"""Maximum length of arrays in the result of ``TypeRegistry.to_plain``."""
 
 
 class MalformedMessage(DriverError):
-    """Bytes that are no message of the expected type."""
+    """Error for received bytes that are not a message of the expected type."""
 
 
 @cache
 def types() -> "TypeRegistry":
-    """Return the registry of types: those of ROS 2 Jazzy in rosbags, and ours. Created once."""
+    """Return the registry of types: those of ROS 2 Jazzy, and the types defined in this module. Created once."""
     return TypeRegistry()
 
 
 class TypeRegistry:
-    """Types by their ROS 2 names, such as "geometry_msgs/msg/Twist"."""
+    """Registry of ROS 2 types by name, such as "geometry_msgs/msg/Twist", with their conversion to and from CDR."""
 
     def __init__(self) -> None:
         self._store: Any = get_typestore(Stores.ROS2_JAZZY)
@@ -139,7 +144,7 @@ class TypeRegistry:
         return True
 
     def define(self, name: str, text: str) -> None:
-        """Add a type from its definition. Raises BadRequest for an invalid one."""
+        """Add a message type; ``text`` is its definition. Raises BadRequest for an invalid definition."""
         try:
             ((constants, fields),) = get_types_from_msg(text, name).values()
             for used in _field_types(fields):
@@ -152,7 +157,7 @@ class TypeRegistry:
             raise BadRequest(f"{name}: invalid definition: {error}") from error
 
     def define_service(self, name: str, request: str, response: str) -> None:
-        """Add the types of a service."""
+        """Add the types of the service ``name`` from the definitions of its request and response."""
         # A service's hash covers its request, response and event.
         self.define(f"{name}_Request", request)
         self.define(f"{name}_Response", response)
@@ -164,7 +169,10 @@ class TypeRegistry:
         self._store.register({name: ([], list(zip(words, kinds, strict=True)))})
 
     def define_action(self, name: str, goal: str, result: str, feedback: str) -> None:
-        """Add the types of an action, with those of its services and topics."""
+        """Add the types of the action ``name`` from the definitions of goal, result and feedback.
+
+        The types of the services and topics of the action are added as well.
+        """
         for part, text in (("Goal", goal), ("Result", result), ("Feedback", feedback)):
             self.define(f"{name}_{part}", text)
         which = f"{UUID} goal_id"
@@ -174,7 +182,7 @@ class TypeRegistry:
         self.define(f"{name}_FeedbackMessage", f"{which}\n{name}_Feedback feedback")
 
     def digest(self, name: str) -> str:
-        """Return the hash of a type, as in keys. Raises BadRequest for an unknown type."""
+        """Return the type hash (RIHS01) of a type, as in Zenoh keys. Raises BadRequest for an unknown type."""
         digest: str = self._store.hash_rihs01(self._require_type(name))
         return digest
 
@@ -196,10 +204,10 @@ class TypeRegistry:
             raise BadRequest(f"{name}: a value does not fit the type of its field: {error}") from error
 
     def decode(self, name: str, payload: bytes) -> Any:
-        """Return the message as an object with the fields of the type.
+        """Return a message as an object with the fields of the type ``name``.
 
-        CDR of either byte order; XCDR2 and parameter lists, which ROS 2 never sends, are refused by name. Raises
-        MalformedMessage, with the received bytes.
+        ``payload`` is CDR of either byte order. Raises MalformedMessage, which quotes the received bytes; also for
+        XCDR2 and parameter lists, which ROS 2 does not use.
         """
         try:
             if wrong := _encapsulation_fault(payload):
@@ -210,7 +218,7 @@ class TypeRegistry:
             raise MalformedMessage(f"expected {name}, got {len(payload)} bytes{begin}: {error}") from error
 
     def stamp(self, name: str, payload: bytes) -> int:
-        """Return the time in the header of a message (ns), without decoding the rest; 0 for a type without one."""
+        """Return the stamp (ns) in the header of a message without decoding the rest; 0 for a type without a header."""
         fields = self._store.fielddefs[self._require_type(name)][1]
         if fields[0][1] != (Nodetype.NAME, "std_msgs/msg/Header") or len(payload) < 12:
             return 0
@@ -219,7 +227,7 @@ class TypeRegistry:
         return seconds * 10**9 + rest
 
     def to_plain(self, message: object, depth: int = _MAX_DEPTH) -> Any:
-        """Return a message as plain values for JSON; long arrays are cut."""
+        """Return a message as plain values for JSON. Long arrays are cut; ``depth`` is the maximum nesting."""
         if isinstance(message, np.ndarray):
             return message[:_MAX_LENGTH].tolist()
         if isinstance(message, np.generic):
@@ -232,7 +240,7 @@ class TypeRegistry:
         return message
 
     def _require_type(self, name: str) -> str:
-        """Return ``name`` if the type is known; our own types are defined on first use. Raises BadRequest."""
+        """Return ``name`` if the type is known. Types of this module are defined on first use. Raises BadRequest."""
         if name in self._store.fielddefs:
             return name
         if name in MESSAGES:
@@ -286,7 +294,7 @@ _ENCAPSULATIONS = {
 
 
 def _encapsulation_fault(payload: bytes) -> str:
-    """Return the fault in the header of a payload; empty for CDR."""
+    """Return why the header of a payload is not that of CDR; empty if it is."""
     if len(payload) < 4:
         return "too short for a CDR header"
     if payload[0] == 0 and payload[1] in (0, 1):
@@ -296,12 +304,12 @@ def _encapsulation_fault(payload: bytes) -> str:
 
 
 def _parent_of(name: str, known: Mapping[str, object]) -> str | None:
-    """Return the service or action to which a type belongs."""
+    """Return the service or action in ``known`` to which the type ``name`` belongs; None if there is none."""
     return next((each for each in known if name == each or name.startswith(f"{each}_")), None)
 
 
 def _field_types(fields: Sequence[Any]) -> list[str]:
-    """Return the message types of the fields of a type."""
+    """Return the names of the message types that ``fields`` use."""
     inner = [of[0] if what in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (what, of) for _, (what, of) in fields]
     return [of for what, of in inner if what == Nodetype.NAME]
 

@@ -1,4 +1,4 @@
-"""Virtual robot with ROS 2 behind a Zenoh router on loopback: virtual devices on topics, and a stand-in for Nav2."""
+"""Virtual robot with ROS 2: virtual devices on topics behind a Zenoh router on loopback, and a simulated Nav2."""
 
 import socket
 from collections.abc import Callable, Iterable
@@ -50,9 +50,10 @@ DOCK = "irobot_create_msgs/action/Dock"
 
 
 class VirtualNav2:
-    """Serves actions under ``names`` (to a pose, through poses, onto the ``dock``), and drives ``base`` by them.
+    """Simulated Nav2: executes goals of three actions by driving the virtual ``base``.
 
-    If ``rejects_goals`` is True, it rejects all goals.
+    ``names`` are those of the actions to a pose, through poses, and onto the ``dock``. If ``rejects_goals`` is True,
+    all goals are rejected.
     """
 
     def __init__(self, base: VirtualRos2Base, names: tuple[str, str, str], dock: WorldDock | None = None) -> None:
@@ -63,7 +64,7 @@ class VirtualNav2:
         base.velocity_source = self._steer
 
     def serve(self, node: Ros2Node) -> None:
-        """Serve the actions on a node; called again after the router was away."""
+        """Serve the actions on ``node``; called again for a new node after each restart of the router."""
         for name, kind in zip(self._names, (NAVIGATE_TO_POSE, NAVIGATE_THROUGH_POSES, DOCK), strict=True):
             ActionServer(node, name, kind, partial(self._begin, kind), ignore_cancel)
 
@@ -81,7 +82,10 @@ class VirtualNav2:
         return True
 
     def _steer(self, now: float, odometry: Pose2D) -> Velocity | None:
-        """Return the velocity of the base; None without an active goal."""
+        """Return the velocity for the base at time ``now``; None without an active goal.
+
+        ``odometry`` is its pose by odometry, for goals in that frame.
+        """
         if self._goal is None:
             return None
         goal, navigator, frame = self._goal
@@ -107,7 +111,7 @@ class VirtualNav2:
 
 
 class VirtualFrames(VirtualTopics):
-    """Publishes on /tf the robot's odometry frame on the map, and the robot in its odometry frame."""
+    """Publishes two transforms: the robot's odometry frame on the map, and the robot in that frame."""
 
     def __init__(self, base: VirtualRos2Base, topic: str) -> None:
         super().__init__([TopicChannel(topic, (TF,))])
@@ -133,7 +137,10 @@ def _transform(frame: str, child: str, pose: Pose2D) -> dict[str, object]:
 
 
 def _dock_approach(dock: WorldDock | None) -> list[tuple[float, float, float]]:
-    """Return the way onto a dock: from before it to a little beyond its contacts."""
+    """Return the poses of a drive onto a dock, each as x, y and heading; empty without a dock.
+
+    The first is before the dock, the last slightly beyond its contacts.
+    """
     away = () if dock is None else (0.6, DOCK_SIZE[0] / 2 + BASE_RADIUS - 0.04)
     return [
         (dock.x + it * cos(dock.heading), dock.y + it * sin(dock.heading), dock.heading + pi) for it in away if dock
@@ -153,7 +160,7 @@ POLL_INTERVAL = 0.005
 
 @dataclass(frozen=True, slots=True)
 class RouterSettings:
-    """Router of a virtual robot: domain, namespace, and the address at which it listens."""
+    """Settings of a virtual robot's router: ROS domain, namespace, and the address at which it listens."""
 
     domain: int
     namespace: str
@@ -161,9 +168,9 @@ class RouterSettings:
 
 
 class Ros2Terminal:
-    """Serves ``devices`` over Zenoh with its own router, as ``drivers.virtual.terminal.PseudoTerminal`` does on a wire.
+    """Serves virtual ``devices`` over Zenoh with its own router, as a ``PseudoTerminal`` does on a serial line.
 
-    ``path`` is the address of the router. ``unplug`` ends the router with all of its declarations.
+    ``path`` is the address of the router. ``unplug`` ends the router with all topics and services on it.
     """
 
     def __init__(self, settings: RouterSettings, clock: Clock) -> None:
@@ -177,7 +184,7 @@ class Ros2Terminal:
         self._end_requested = Event()
         self._thread: Thread | None = None
         self.node_setups: list[Callable[[Ros2Node], None]] = []
-        """Called with each new node, to add other services such as actions."""
+        """Functions that are called with each new node, to add services such as actions."""
 
     def open(self) -> None:
         """Connect all devices. Does nothing while it is open."""
@@ -223,7 +230,7 @@ class Ros2Terminal:
             self._session, self._node = session, node
 
     def call_paused(self, question: Callable[[], T]) -> T:
-        """Return the result of ``question``, called while the devices are paused."""
+        """Return the result of ``question``, which is called while no device is advanced."""
         with self._lock:
             return question()
 
@@ -257,7 +264,7 @@ def free_address() -> str:
 
 
 def graph(keys: ZenohKeys, stage: SimContext) -> VirtualDevice:
-    """Return the router of a virtual robot, which serves its other parts."""
+    """Return the router of a virtual robot as a device. The other virtual parts are served by it."""
     terminal = Ros2Terminal(
         RouterSettings(ros_domain(keys), keys.namespace, stage.listen_address or free_address()), stage.clock
     )
@@ -292,7 +299,7 @@ def ranger(keys: Ros2RangeKeys, stage: SimContext) -> VirtualDevice:
 
 
 def camera(keys: Ros2CameraKeys, stage: SimContext) -> VirtualDevice:
-    """Return a virtual camera, which sees the world from its true pose."""
+    """Return a virtual camera, which sees the simulated world from its true pose."""
     upright = keys.upright()
     lens = PinholeLens(upright.width, upright.height, upright.field_of_view)
     renderer = Renderer(stage.world or SimulatedWorld(), lens, noise=stage.camera_noise, seed=stage.seed)

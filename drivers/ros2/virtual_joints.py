@@ -1,4 +1,4 @@
-"""Virtual joints of a robot with ROS 2, at the remote end of their topics. Frames in, frames out."""
+"""Virtual joints of a robot with ROS 2: receive command frames of the topics, and return state frames."""
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
@@ -20,10 +20,10 @@ MAX_MOTOR_SPEED = 6.0
 
 
 class VirtualJoints(VirtualTopics):
-    """Virtual joints with a controller: of trajectories, as ``joint_trajectory_controller``, or of positions.
+    """Virtual joints with a ROS 2 controller: of trajectories, as ``joint_trajectory_controller``, or of positions.
 
-    It uses the ROS names of the joints, and also publishes the state of another joint, as robots do. ``command_count``
-    counts received commands.
+    ``states`` and ``command`` are topic names, ``kind`` is the type of the commands. The joints have their ROS names.
+    As on real robots, a further joint is in the state messages. ``command_count`` counts received commands.
     """
 
     def __init__(
@@ -73,7 +73,10 @@ class VirtualJoints(VirtualTopics):
             self.shafts[names[channel - 1]].goal = float(told.data)
 
     def _set_trajectory(self, message: Any, now: float) -> None:
-        """Replace the current trajectory from the current positions on, as a controller does."""
+        """Replace the current trajectory by a received one, starting at the current positions.
+
+        Like a real controller, it ignores a trajectory that does not have all joints.
+        """
         if set(message.joint_names) != set(self.shafts):  # as with allow_partial_joints_goal: false
             return
         self._points = [(now, {name: shaft.position for name, shaft in self.shafts.items()})]

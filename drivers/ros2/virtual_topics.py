@@ -37,11 +37,11 @@ _FRAMES: Mapping[int, Mapping[str, tuple[str, ...]]] = {
     },
     base.WHEEL_DROP: {"left": ("wheel_drop_left",), "centre": (), "right": ("wheel_drop_right",)},
 }
-"""Frames of a Create 3's contact sensors, by the type of the hazard."""
+"""``frame_id`` of the contact sensors of a Create 3, by type of hazard and side."""
 
 
 class VirtualTopics:
-    """Base of virtual devices on ``channels``: a ``drivers.virtual.terminal.WireDevice``. Thread-safe."""
+    """Base class of virtual devices on ``channels``: a ``drivers.virtual.terminal.WireDevice``. Thread-safe."""
 
     baud = ROUTER_PORT
 
@@ -70,7 +70,7 @@ class VirtualTopics:
             return self._take_frames(now)
 
     def poll(self, now: float) -> bytes:
-        """Advance the time; return the frames that are due."""
+        """Advance to time ``now``; return the frames that are due."""
         with self._lock:
             return self._take_frames(now)
 
@@ -84,20 +84,21 @@ class VirtualTopics:
         return self.channels[channel].kinds[0]
 
     def _handle_message(self, channel: int, payload: bytes, now: float) -> None:
-        """Handle a message."""
+        """Handle a message that was received on ``channel`` at time ``now``."""
 
     def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:  # noqa: ARG002 - of those that say something
-        """Yield the messages that are due, with their channels."""
+        """Yield the messages that are due at ``now``, each with the index of its channel."""
         return ()
 
 
 class VirtualRos2Base(VirtualTopics):
-    """A virtual base with a ``body``; ``stamped`` makes it subscribe to TwistStamped.
+    """Virtual base on ROS 2 topics, with a simulated ``body``; ``topics`` are its topics by key.
 
-    It reports the contacts of its body, and those set by a test: ``bumper``, ``cliff``, ``wheel_drop``, and
-    ``hazards``, each a type and a frame. Its odometry begins at ``origin``, as for a robot that has driven before.
-    ``velocity_source`` drives it while it returns a velocity, as Nav2 does. Odometry is sent every
-    ``odometry_interval`` seconds, delayed by ``odometry_delay``. ``received_velocities`` are commands with their times.
+    With ``stamped`` it subscribes to TwistStamped instead of Twist. It reports the contacts of its body, and those set
+    by a test: ``bumper``, ``cliff``, ``wheel_drop``, and ``hazards`` (type and ``frame_id`` of each). Its odometry
+    begins at ``origin``, as for a robot that has driven before. While ``velocity_source`` returns a velocity, that
+    drives the base, as Nav2 does. Odometry is sent every ``odometry_interval`` seconds, delayed by ``odometry_delay``.
+    ``received_velocities`` lists the received commands with their times.
     """
 
     def __init__(
@@ -222,7 +223,11 @@ class VirtualRos2Base(VirtualTopics):
 
 
 class VirtualScan(VirtualTopics):
-    """A virtual range finder that measures with ``look``: ``beams`` all around, ``rate`` times a second."""
+    """Virtual range finder on a ROS 2 topic, which measures with ``look``.
+
+    ``yaw`` is its mounting angle on the base (radians). A scan has ``beams`` beams all around; ``rate`` is in scans per
+    second.
+    """
 
     def __init__(
         self, look: RangeFunction, topic: str, *, yaw: float = 0.0, beams: int = 360, rate: float = 8.0, seed: int = 0
@@ -249,7 +254,11 @@ class VirtualScan(VirtualTopics):
 
 
 class VirtualPictures(VirtualTopics):
-    """A virtual camera that sends the result of ``draw`` (height, width, 3; BGR), ``rate`` times a second."""
+    """Virtual camera on a ROS 2 topic: sends the result of ``draw``, ``rate`` times per second.
+
+    Pictures have the shape (height, width, 3), BGR. With ``compressed`` they are sent as JPEG in CompressedImage
+    messages.
+    """
 
     def __init__(
         self, draw: Callable[[float], Image], topic: str, *, compressed: bool = False, rate: float = 10.0

@@ -1,4 +1,4 @@
-"""Keys, liveliness tokens and attachments of `rmw_zenoh`; and frames between a part and its session.
+"""Wire format of `rmw_zenoh`: keys, liveliness tokens and attachments; and the frames of a topic port.
 
 See docs/design.md of ros2/rmw_zenoh. No I/O.
 """
@@ -20,7 +20,7 @@ SEND, RESULT, CANCEL = "_action/send_goal", "_action/get_result", "_action/cance
 CANCEL_KIND = "action_msgs/srv/CancelGoal"
 
 BRIDGE = "zenoh-bridge-ros2dds"
-"""Marks an entity behind a bridge, as its node and as its type hash: see ``drivers.ros2.bridge``."""
+"""Value that marks an entity behind a bridge, as its node and as its type hash; see ``drivers.ros2.bridge``."""
 
 DEFAULT_QOS = "::,10:,:,:,,"
 """Default quality of service, that of rclcpp: reliable, volatile, the last ten messages kept."""
@@ -35,23 +35,23 @@ _FRAME = struct.Struct("<HI")
 _NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 
 ABOUT_CHANNEL = 0xFFFF
-"""Channel of control frames about remote nodes."""
+"""Channel number of control frames about the nodes at the other end of a channel."""
 
 MISMATCH_CHANNEL = 0xFFFE
-"""Channel of control frames about another type under the name of a topic."""
+"""Channel number of control frames about nodes that use another type under the name of a topic."""
 
 _MAX_FRAME_BYTES = 64_000_000
 """Maximum size of a frame; larger ones are invalid."""
 
 
 def to_dds_type(name: str) -> str:
-    """Return a type as in keys: "std_msgs/msg/String" is "std_msgs::msg::dds_::String_"."""
+    """Return a ROS 2 type as it is used in Zenoh keys: "std_msgs/msg/String" is "std_msgs::msg::dds_::String_"."""
     package, kind, word = name.split("/")
     return f"{package}::{kind}::dds_::{word}_"
 
 
 def from_dds_type(name: str) -> str:
-    """Return the ROS 2 name of a type, the inverse of ``to_dds_type``. Raises ValueError for another form."""
+    """Return the ROS 2 name of a type in a Zenoh key, as ``to_dds_type`` makes it. Raises ValueError."""
     package, kind, inner, word = name.split("::")
     if inner != "dds_" or not word.endswith("_"):
         raise ValueError(f"{name}: no type of DDS")
@@ -59,7 +59,10 @@ def from_dds_type(name: str) -> str:
 
 
 def topic_key(domain: int, name: str, kind: str = "*", digest: str = "*") -> str:
-    """Return the key of a topic or a service, with its DDS type ``kind`` and its type hash ``digest``."""
+    """Return the Zenoh key of a topic or a service, with its DDS type ``kind`` and its type hash ``digest``.
+
+    The defaults "*" match any type and hash.
+    """
     return f"{domain}/{name.strip('/')}/{kind}/{digest}"
 
 
@@ -85,7 +88,10 @@ NAME_HINT = "names consist of letters, digits and _, separated by /, such as /ro
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """A node, or an end point of one: ``name`` is its topic or service, ``kind`` its ROS 2 type."""
+    """A ROS 2 node, or a topic or service of a node: ``name`` is its topic or service, ``kind`` its ROS 2 type.
+
+    ``role`` tells which, such as publisher or subscriber. ``zid`` is the Zenoh session, ``digest`` the type hash.
+    """
 
     role: str
     domain: int
@@ -110,10 +116,7 @@ class Entity:
 
     @property
     def is_latched(self) -> bool:
-        """True if the end point is transient local, so that late subscribers get its last messages.
-
-        rmw numbers this durability 1.
-        """
+        """True if late subscribers get the last messages of this publisher (durability "transient local")."""
         return self.qos.split(":")[1:2] == ["1"]
 
     @property
@@ -123,14 +126,14 @@ class Entity:
 
     @property
     def key(self) -> str:
-        """Key on which the end point sends or receives."""
+        """Zenoh key on which the entity sends or receives."""
         if self.is_bridged:
             return self.name.strip("/")
         return topic_key(self.domain, self.name, to_dds_type(self.kind), self.digest)
 
 
 def parse_entity(token: str) -> Entity | None:
-    """Return the entity of a token; None if it is not understood."""
+    """Return the entity that a liveliness token announces; None if the token is not understood."""
     parts = token.split("/")
     if len(parts) < 9 or parts[0] != LIVELINESS_PREFIX:
         return None
@@ -158,9 +161,9 @@ def _demangle(name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """Attachment of a message: sequence number, send time (ns since 1970), and sender.
+    """Attachment of a message in `rmw_zenoh`: sequence number, send time (ns since 1970), and id of the sender.
 
-    In `rmw_zenoh` before 0.2.4 it ``has_names``: each field is preceded by its name, and must be.
+    Before version 0.2.4 each field is preceded by its name, and an attachment must have the same form: ``has_names``.
     """
 
     number: int
@@ -190,51 +193,51 @@ def parse_attachment(data: bytes) -> Attachment | None:
 
 
 def channel_code(channel: int, kind: int) -> int:
-    """Return the code of a channel, and of a type's index in it, for a frame."""
+    """Return the number in a frame for a channel and ``kind``, the index of the message's type in that channel."""
     return channel | kind << 8
 
 
 def frame(channel: int, payload: bytes, kind: int = 0) -> bytes:
-    """Return a message of a channel as a frame. ``kind`` as in ``channel_code``."""
+    """Return a message of a channel as a frame. ``kind`` is the index of its type in the channel."""
     return _FRAME.pack(channel_code(channel, kind), len(payload)) + payload
 
 
 def about_frame(channel: int, *kinds: str) -> bytes:
-    """Return a control frame with the types of the remote nodes of a channel; none if there are no nodes."""
+    """Return a control frame with the types of the nodes at the other end of ``channel``; no types if no nodes."""
     return frame(ABOUT_CHANNEL, struct.pack("<H", channel) + " ".join(kinds).encode())
 
 
 def mismatch_frame(channel: int, reason: str) -> bytes:
-    """Return a control frame with the reason of a type mismatch on a channel; empty once it has ended."""
+    """Return a control frame with the reason of a type mismatch on ``channel``; an empty reason ends the mismatch."""
     return frame(MISMATCH_CHANNEL, struct.pack("<H", channel) + reason.encode())
 
 
 def parse_mismatch(payload: bytes) -> tuple[int, str]:
-    """Return channel and reason of a ``mismatch_frame``. Raises ValueError for an invalid one."""
+    """Return channel and reason from the payload of a ``mismatch_frame``. Raises ValueError if malformed."""
     if len(payload) < 2:
         raise ValueError("too short")
     return struct.unpack_from("<H", payload)[0], payload[2:].decode(errors="replace")
 
 
 DISCOVERY_REQUEST = frame(ABOUT_CHANNEL, b"")
-"""Requests control frames about the remote nodes of every channel."""
+"""Frame that requests control frames about the nodes at the other end of every channel."""
 
 
 def parse_about(payload: bytes) -> tuple[int, tuple[str, ...]]:
-    """Return channel and types of an ``about_frame``. Raises ValueError for an invalid one."""
+    """Return channel and types from the payload of an ``about_frame``. Raises ValueError if malformed."""
     if len(payload) < 2:
         raise ValueError("too short")
     return struct.unpack_from("<H", payload)[0], tuple(payload[2:].decode().split())
 
 
 class TopicFrameFinder:
-    """Splits a stream into frames: (channel, payload). An oversized frame discards the buffer."""
+    """Splits a stream of bytes into frames; a frame with an invalid size discards the buffered bytes."""
 
     def __init__(self) -> None:
         self._buffer = b""
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Return the frames that are complete now."""
+        """Add received bytes; return the complete frames, each as channel and payload."""
         held = self._buffer + data if self._buffer else data
         at, found = 0, []
         while at + _FRAME.size <= len(held):

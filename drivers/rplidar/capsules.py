@@ -1,10 +1,11 @@
 """Capsules of an express scan: 84 bytes for 32 measurements, at twice the rate of a plain scan.
 
 Bytes 0 and 1: A and 5 in the upper halves, the XOR of all other bytes in the lower halves. Bytes 2 and 3: the angle of
-the first measurement in 1/64 degree, clockwise; bit 15 is set in the first capsule of a scan. Then sixteen cabins of
-five bytes: two distances in mm from bit 2 on, and a byte with the lower four bits of the correction of each angle, in
-1/8 degree (without a sign, as in the vendor's driver); its upper two bits are the lowest of each distance. Angles
-between two capsules are interpolated, so a capsule can be decoded only when the next one has arrived.
+the first measurement in 1/64 degree, clockwise; bit 15 is set in the first capsule of a scan. Then sixteen groups
+("cabins") of five bytes follow, each with two measurements. Bytes 0 and 1, and 2 and 3, of a cabin are the two
+distances in mm, from bit 2 on; their bits 0 and 1 are the upper bits of the angle corrections. Byte 4 has the lower
+four bits of both corrections, in 1/8 degree, without a sign, as in the vendor's driver. The angles of the measurements
+are interpolated between two capsules, so a capsule is decoded only when the next one has arrived.
 """
 
 from functools import reduce
@@ -30,7 +31,10 @@ _DISTANCE = 0xFFFC
 
 
 def pack_capsule(angle: int, distance: Words, *, first: bool = False) -> bytes:
-    """Return the bytes of a capsule: its ``angle`` (1/64 degree), and 32 distances (1/4 mm) truncated to mm."""
+    """Return the bytes of a capsule with its ``angle`` (1/64 degree) and 32 distances (1/4 mm, truncated to mm).
+
+    ``first`` marks the first capsule of a scan.
+    """
     body = (angle | first << 15).to_bytes(2, "little")
     pairs = (distance & _DISTANCE).astype("<u2").reshape(-1, 2)
     body += b"".join(pair.tobytes() + b"\0" for pair in pairs)
@@ -42,13 +46,13 @@ NO_NODES = Nodes(np.empty(0, np.bool_), np.empty(0, np.uint8), np.empty(0, np.ui
 
 
 class CapsuleFinder:
-    """Finds capsules in a stream of chunks with noise; capsules with a wrong checksum are dropped.
+    """Finds capsules in a stream of bytes, and decodes them. Capsules with a wrong checksum are dropped.
 
-    Its counters are those of ``nodes.NodeFinder``.
+    The counters ``nodes``, ``skipped_bytes`` and ``resyncs`` are as in ``drivers.rplidar.nodes.NodeFinder``.
     """
 
     delay = CAPSULE_NODES / EXPRESS_SAMPLE_RATE
-    """Seconds from the arrival of a measurement to its output."""
+    """Seconds by which the decoding of a capsule is late, since it needs the next capsule."""
 
     def __init__(self) -> None:
         self.nodes = 0
@@ -59,7 +63,7 @@ class CapsuleFinder:
         self._rest = b""
 
     def restart(self) -> None:
-        """Drop the incomplete capsule; the counters stay."""
+        """Drop the incomplete capsule; the counters are kept."""
         self._last, self._place, self._rest = None, None, b""
 
     def feed(self, data: bytes) -> Nodes:
@@ -83,7 +87,7 @@ class CapsuleFinder:
         return _concatenate([NO_NODES, *parts])
 
     def _read(self, data: bytes, turned: int) -> Nodes:
-        """Return the nodes of a capsule; the next one begins ``turned`` (1/64 degree) later."""
+        """Return the measurements of a capsule; ``turned`` is the angle to the next capsule (1/64 degree)."""
         cabins = np.frombuffer(data[4:], np.uint8).reshape(-1, 5).astype(np.uint16)
         words = (cabins[:, 0:4:2] | cabins[:, 1:4:2] << 8).reshape(-1)
         low = np.stack((cabins[:, 4] & 0xF, cabins[:, 4] >> 4), axis=1).reshape(-1)

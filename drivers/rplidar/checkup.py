@@ -48,7 +48,7 @@ def checkup(keys: RPLidarKeys, context: DriverContext) -> Iterator[Finding]:
 
 
 def _request(port: ExclusivePort, baud: int, command: wire.RPLidarCommand, descriptor: bytes, size: int) -> bytes:
-    """Return the ``size`` bytes of the reply behind its ``descriptor``; empty without a reply."""
+    """Send a command; return the ``size`` bytes that follow ``descriptor`` in the reply, no bytes without a reply."""
 
     def rest(data: bytes) -> bytes:
         behind = data.partition(descriptor)[2][:size]

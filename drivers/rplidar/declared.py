@@ -1,4 +1,4 @@
-"""Declaration and keys of the RPLIDAR."""
+"""Declaration of the RPLIDAR driver, and the keys of its section in a robot file."""
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys
@@ -8,7 +8,7 @@ from drivers.rplidar.models import MODELS
 
 @keys
 class RPLidarKeys(RangeKeys, SerialKeys):
-    """Keys of an RPLIDAR."""
+    """Keys of the ``range`` section of a robot file for an RPLIDAR."""
 
     model: str = key(default="a1", among=MODELS, help="The model.")
 

@@ -28,13 +28,13 @@ SECTOR_WIDTH = 10
 """Degrees: a complete turn has a measurement in every sector of this width, except for ``MAX_LOST_SECTORS``."""
 
 MAX_LOST_SECTORS = 4
-"""Sectors that may be lost on the wire in a complete turn."""
+"""Maximum number of sectors without a measurement in a complete turn, since bytes may be lost on the wire."""
 
 MAX_NODES = 8000
-"""Maximum nodes that are buffered without the end of a turn, if the first node of each turn is lost: four seconds."""
+"""Maximum number of buffered nodes (four seconds) if the nodes that mark the start of a turn are lost."""
 
 METRES_PER_STEP = 0.00025
-"""Metres per step of a distance on the wire."""
+"""Metres per unit of the distances on the wire."""
 
 
 class ScanAssembler:
@@ -75,7 +75,7 @@ class ScanAssembler:
             self._count += end - start
 
     def _finish(self, now: float) -> RangeScan | None:
-        """Return the turn that has ended; None if it is incomplete."""
+        """Return the turn that has ended as a scan; None if too many sectors have no measurement."""
         if not self._parts:
             return None
         angle = np.concatenate([part[0] for part in self._parts]).astype(np.float64)
@@ -96,7 +96,11 @@ class ScanAssembler:
         return RangeScan(ranges, START, STEP, (begun + now) / 2, self._number - 1, model.min_range, model.max_range)
 
     def _beam_ranges(self, place: npt.NDArray[np.intp], distance: Words) -> Ranges:
-        """Return the smallest distance of each beam; one without a measurement takes the smaller neighbour."""
+        """Return the smallest distance in metres of each beam; NaN without an echo.
+
+        ``place`` are the beam indices of the measurements. A beam without a measurement gets the smaller distance of
+        its two neighbours.
+        """
         metres = (distance * METRES_PER_STEP).astype(np.float32)
         metres[(metres < self._model.min_range) | (metres > self._model.max_range)] = np.inf
         ranges = np.full(BEAMS, np.inf, dtype=np.float32)
@@ -116,26 +120,29 @@ STALE_AFTER = 0.5
 """Seconds without another turn after which the latest is stale: two missed turns at 5.5 turns per second."""
 
 EXPRESS_TIMEOUT = 1.0
-"""Seconds without a complete turn after which an express scan with lost bytes is replaced by a plain one."""
+"""Seconds without a complete turn after which an express scan with lost bytes is replaced by a plain scan."""
 
 SCAN_TIMEOUT = 3.0
 """Seconds without a complete turn after which the scan is restarted: a motor needs two to reach its speed."""
 
 RETRY_INTERVAL = 1.0
-"""Seconds until the next try after a missing reply; the motor stands still in that time."""
+"""Seconds from a fault, such as a missing reply, to the next start; the motor is stopped in between."""
 
 GATHER_TIME = 0.02
-"""Seconds in which the link gathers bytes: 4000 nodes per second would otherwise arrive in a thousand chunks."""
+"""Seconds for which the link collects bytes before they are handled, since 4000 nodes per second arrive.
+
+Without it the thread would wake a thousand times per second.
+"""
 
 
 class RPLidar:
-    """Driver of an RPLIDAR over a link at ``wire.BAUD``, which it owns: a ``drivers.api.Ranger``.
+    """Driver of an RPLIDAR over a serial link, which it owns: a ``drivers.api.Ranger``.
 
     ``model`` is a key of ``MODELS``. ``place`` is the mounting pose on the base: x forward and y left in metres, yaw in
-    radians. In the ``blind`` sectors, pairs of bearings of the base in radians, anticlockwise from the first to the
-    second, the robot's own posts are in the way: measurements there are dropped. The motor turns from ``open`` to
-    ``close``. ``changed`` is called from the link's thread with each turn; it must return at once. Raises ValueError
-    for an unknown model, and for a place that is not finite.
+    radians. ``blind`` are the sectors that the robot itself blocks; measurements there are dropped. A sector is two
+    bearings in the frame of the base, in radians, and extends anticlockwise from the first to the second. The motor
+    turns from ``open`` to ``close``. ``changed`` is called from the link's thread with each turn; it must return at
+    once. Raises ValueError for an unknown model, and for a place that is not finite.
     """
 
     name = "range"
@@ -265,10 +272,10 @@ class RPLidar:
         self._changed()
 
     def _require_scans(self) -> None:
-        """Raise NoReply if no complete turn has arrived for too long during a scan.
+        """Raise NoReply if no complete turn has arrived for ``SCAN_TIMEOUT`` seconds during a scan.
 
-        A lost byte costs a capsule or two of an express scan, but only one node of a plain one: so an express scan with
-        lost bytes is replaced by a plain one.
+        An express scan with lost bytes is replaced by a plain one after ``EXPRESS_TIMEOUT``. A lost byte costs one or
+        two capsules of 32 measurements in an express scan, but only one measurement in a plain one.
         """
         elapsed = self._clock.now() - max(self._session.scanning_since, self._scanned_at)
         if self._session.is_express and elapsed > EXPRESS_TIMEOUT and self._finder.resyncs > self._resyncs:
@@ -279,7 +286,7 @@ class RPLidar:
             raise NoReply(message, hint="does its head turn? check its belt, and the power of its USB port")
 
     def _fail(self, error: DriverError) -> None:
-        """Report a new fault, and restart after a while."""
+        """Report a fault unless it was the last one, and restart the session after ``RETRY_INTERVAL``."""
         if str(error) != str(self._trouble):
             kind = "fault" if isinstance(error, DeviceFault) else "offline"
             self._report(DeviceStatus(self.name, kind, str(error), error.hint))

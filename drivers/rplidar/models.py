@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 MOTOR_PWM = 660
-"""Duty cycle of 1023 at which the vendor's driver runs the motor of an A2."""
+"""Duty cycle at which the vendor's driver runs the motor of an A2; 1023 is full power."""
 
 SAMPLE_RATE = 2000.0
 """Measurements per second of a plain scan."""

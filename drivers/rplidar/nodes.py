@@ -21,16 +21,16 @@ MIN_NODES_IN_ROW = 4
 """Number of consecutive nodes after which bytes count as synchronised again."""
 
 _ROW_SPAN = NODE_SIZE * (MIN_NODES_IN_ROW - 2)
-"""Bytes from the first to the last pair of nodes in a row."""
+"""Bytes from the first to the last pair of consecutive nodes in a row of ``MIN_NODES_IN_ROW`` nodes."""
 
 MAX_ANGLE_STEP = 30 * 64
-"""Maximum difference of the angles of consecutive nodes, in steps.
+"""Maximum difference of the angles of two consecutive nodes, in 1/64 degree.
 
-An A1 computes the angle of a beam from its distance, so at an edge the angle leaps, and not always forward.
+An A1 corrects the angle of a beam by its distance, so at the edge of an object the angle jumps, sometimes backwards.
 """
 
 SEARCH_WINDOW = 256
-"""Bytes that are searched for a row at a time; mostly the row begins in the first few."""
+"""Number of bytes that are searched at once for a row of nodes. Usually the row is in the first few."""
 
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
@@ -39,10 +39,10 @@ Words = npt.NDArray[np.uint16]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nodes:
-    """Measurements in order of time, as raw values of the wire; all arrays have the shape (n,).
+    """Measurements of a scan in order of time, as the raw values on the wire. All arrays have the shape (n,).
 
-    ``new``: bool, the first of a turn. ``quality``: uint8, 0..63. ``angle``: uint16, 1/64 degree, clockwise.
-    ``distance``: uint16, 1/4 mm, 0 without an echo.
+    ``new``: bool, True for the first node of a turn. ``quality``: uint8, 0..63. ``angle``: uint16, 1/64 degree,
+    clockwise. ``distance``: uint16, 1/4 mm, 0 without an echo.
     """
 
     new: Flags
@@ -73,31 +73,31 @@ class Nodes:
 
 
 class NodeFinder:
-    """Finds nodes in a stream of chunks with noise.
+    """Finds nodes in a stream of bytes, which may arrive in chunks of any size and contain noise.
 
-    Check bits are not enough for synchronisation: one position of noise in four passes, and so do unsynchronised bytes
-    while a wall has a constant distance. So a node must also follow the previous one: with another angle, within
-    ``MAX_ANGLE_STEP``, if both have an echo. After a failure bytes are dropped until ``MIN_NODES_IN_ROW`` nodes follow
-    one another.
+    The check bits of a node are not enough to find where nodes begin: noise passes them at one position in four. Bytes
+    at wrong positions also pass them while the lidar faces a wall at a constant distance. So a node must also follow
+    the previous one: its angle differs, by at most ``MAX_ANGLE_STEP`` if both have an echo. After a failure bytes are
+    dropped until ``MIN_NODES_IN_ROW`` nodes follow one another.
     """
 
     delay = 0.0
-    """Seconds from the arrival of a measurement to its output."""
+    """Seconds by which the decoding of a node is late: none. Same attribute as in ``CapsuleFinder``."""
 
     def __init__(self) -> None:
         self.nodes = 0
         self.skipped_bytes = 0
         self.resyncs = 0
-        """Number of times that bytes had to be dropped."""
+        """Number of times that bytes had to be dropped to find the start of a node again."""
         self._last = b""  # the last node; empty while not synchronised
         self._rest = b""
 
     def restart(self) -> None:
-        """Drop the incomplete node; the counters stay."""
+        """Drop the incomplete node; the counters are kept."""
         self._last = self._rest = b""
 
     def feed(self, data: bytes) -> Nodes:
-        """Add received bytes; return the nodes that are certain, in order."""
+        """Add received bytes; return the complete nodes, in order, except those that the next bytes must confirm."""
         raw = np.frombuffer(self._last + self._rest + data, dtype=np.uint8)
         follows = _find_followed(raw)
         places = [np.empty(0, dtype=np.int64)]  # of the first bytes of the nodes
@@ -127,7 +127,7 @@ class NodeFinder:
 
 
 def _find_followed(raw: Bytes) -> Flags:
-    """Return for each position whether a node begins there that is followed by another."""
+    """Return for each position in ``raw`` whether a node begins there that is followed by another node."""
     if len(raw) < 2 * NODE_SIZE:
         return np.empty(0, dtype=np.bool_)
     checks = ((raw ^ raw >> 1)[: 1 - NODE_SIZE] & raw[1 : 2 - NODE_SIZE] & 1).astype(np.bool_)
@@ -141,7 +141,10 @@ def _find_followed(raw: Bytes) -> Flags:
 
 
 def _find_row(follows: Flags, at: int) -> int:
-    """Return the first position from ``at`` on with ``MIN_NODES_IN_ROW`` nodes in a row, or possibly so."""
+    """Return the first position from ``at`` on at which ``MIN_NODES_IN_ROW`` nodes begin.
+
+    Near the end of the data, return the first position at which such a row may begin but is incomplete.
+    """
     unknown = len(follows) - _ROW_SPAN
     for start in range(at, unknown, SEARCH_WINDOW):
         end = min(start + SEARCH_WINDOW, unknown)

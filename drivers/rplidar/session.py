@@ -1,4 +1,4 @@
-"""Start of an RPLIDAR scan: stop the previous one, request the info, check the health, start the motor."""
+"""Session with an RPLIDAR: stops an earlier scan, requests the info, checks the health, starts motor and scan."""
 
 from collections.abc import Generator, Iterator
 from math import inf
@@ -12,7 +12,7 @@ from drivers.rplidar.models import MOTOR_PWM, RPLidarModel
 from drivers.transport.link import SerialLink
 
 SessionStep = Iterator[None]
-"""Coroutine of the start, resumed at each poll until it ends."""
+"""Coroutine that executes the start of a scan; it is resumed at each poll until it ends."""
 
 STOP_PAUSE = 0.1
 """Seconds after a stop, as in the vendor's driver; the protocol requires 1 ms."""
@@ -39,11 +39,11 @@ _BOARD = Struct("<I")
 
 
 class RPLidarSession:
-    """Session with a range finder, from the opening of the port on. For the link's thread.
+    """Session with an RPLIDAR, from the opening of the port on. All methods are called on the link's thread.
 
-    ``info`` is the model and firmware, once received. ``scanning_since`` is the start of the scan; infinity before.
-    ``is_express`` is True for an express scan, which has capsules and twice the sample rate; it is chosen if the
-    firmware supports it, unless ``avoids_express``.
+    ``info`` is the model and firmware, None until received. ``scanning_since`` is the start time of the scan, infinity
+    before. ``is_express`` is True for an express scan, which has capsules and twice the sample rate. It is used if the
+    firmware supports it, unless ``avoids_express`` is set.
     """
 
     def __init__(self, name: str, model: RPLidarModel, link: SerialLink, clock: Clock, report: StatusCallback) -> None:
@@ -63,7 +63,7 @@ class RPLidarSession:
         self._steps: SessionStep = self._start_steps(0.0)
 
     def restart(self, delay: float) -> None:
-        """Stop the scan, and start again in ``delay`` seconds. Raises NotConnected if the port is gone."""
+        """Stop the scan, and start it again after ``delay`` seconds. Raises NotConnected if the port is gone."""
         self.scanning_since = inf
         self.stop()
         self._steps = self._start_steps(delay)
@@ -74,9 +74,9 @@ class RPLidarSession:
         self._buffer += data
 
     def poll(self) -> bytes:
-        """Continue the start; return the bytes of the scan that have arrived.
+        """Continue the start of the scan; return the bytes of the scan that have arrived, none before its start.
 
-        Raises NoReply if the device does not reply, DeviceFault if it is out of order, NotConnected if the port is
+        Raises NoReply if the device does not reply, DeviceFault if it reports a fault, NotConnected if the port is
         gone.
         """
         next(self._steps, None)
@@ -119,7 +119,7 @@ class RPLidarSession:
         return True
 
     def _quieten(self) -> SessionStep:
-        """Stop a scan of an earlier program, and wait until the line is quiet."""
+        """Stop a scan that an earlier program left running, and wait until no more bytes arrive."""
         while True:
             self._link.write(wire.request(wire.RPLidarCommand.STOP))
             began = self._clock.now()

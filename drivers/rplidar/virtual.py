@@ -21,14 +21,17 @@ from drivers.sim.world import SimulatedWorld
 from drivers.virtual.device import VirtualDevice
 
 SAMPLE_RATES = Struct("<HH")
-"""Reply to ``RPLidarCommand.SAMPLE_RATES``: microseconds per measurement, plain and express."""
+"""Format of the reply to ``RPLidarCommand.SAMPLE_RATES``: microseconds per measurement, plain and express."""
 
 EXPRESS_PAYLOAD = Struct("<BHH")
-"""Payload of ``RPLidarCommand.EXPRESS``: the number of the scan mode, flags, and an unused number."""
+"""Format of the payload of ``RPLidarCommand.EXPRESS``: number of the scan mode, flags, and an unused number."""
 
 
 class ScanModeSetting(IntEnum):
-    """Settings that ``RPLidarCommand.SETTING`` may query; all but the first two take the number of a scan mode."""
+    """Settings that ``RPLidarCommand.SETTING`` queries. All but the first two belong to a scan mode.
+
+    The query then has the number of the scan mode.
+    """
 
     COUNT = 0x70
     TYPICAL = 0x7C
@@ -48,7 +51,10 @@ class ScanMode:
     answer_type: int
 
     def setting_value(self, setting: int) -> bytes:
-        """Return the value of a setting, empty if unknown. Periods and metres in 1/256."""
+        """Return a setting of this scan mode as bytes; empty for an unknown setting.
+
+        Period (microseconds) and range (metres) are in units of 1/256.
+        """
         match setting:
             case ScanModeSetting.PERIOD:
                 return round(self.period * 256).to_bytes(4, "little")
@@ -62,7 +68,10 @@ class ScanMode:
 
 
 def answer_setting(payload: bytes, modes: tuple[ScanMode, ...], typical: int) -> bytes:
-    """Return the reply to ``RPLidarCommand.SETTING`` for these ``modes``; empty if the setting is unknown."""
+    """Return the payload of the reply to ``RPLidarCommand.SETTING``; empty if the setting is unknown.
+
+    ``modes`` are the scan modes, ``typical`` is the number of the recommended one.
+    """
     setting, number = int.from_bytes(payload[:4], "little"), int.from_bytes(payload[4:6], "little")
     if len(payload) < 4:
         return b""
@@ -74,7 +83,7 @@ def answer_setting(payload: bytes, modes: tuple[ScanMode, ...], typical: int) ->
 
 
 NODE_QUALITY = 15
-"""Quality of every measurement with an echo."""
+"""Quality of every measurement of the virtual RPLIDAR that has an echo."""
 
 BOOT_TEXT = b"RP LIDAR System.\r\n"
 """Part of the text that the device prints after a reset, outside of the protocol."""
@@ -83,7 +92,10 @@ BOOT_TIME = 0.5
 """Seconds after a reset in which the device ignores requests."""
 
 MAX_NODES_PER_POLL = 4096
-"""Maximum nodes of one poll: those of a terminal that was suspended for longer are lost."""
+"""Maximum number of nodes that a poll returns.
+
+Older ones are lost, such as after the terminal was suspended.
+"""
 
 MIN_SETTINGS_FIRMWARE = (1, 24)
 """First firmware that replies to queries of scan modes."""
@@ -92,17 +104,17 @@ _SERIES_SHIFT = 4
 
 
 class VirtualRPLidar:
-    """Virtual RPLIDAR: a ``drivers.virtual.terminal.WireDevice``; ``look`` returns distances at bearings of the base.
+    """Virtual RPLIDAR: a ``drivers.virtual.terminal.WireDevice``. ``look`` returns the distances at given bearings.
 
-    ``model`` is a key of ``MODELS``, ``yaw`` the mounting angle on the base (radians). Each distance has an error with
+    ``model`` is a key of ``MODELS``, ``yaw`` the mounting angle on the base (radians). Each distance has an error of
     the standard deviation ``noise``, as a share of it, and is lost with the probability ``dropout_share``, drawn from
-    ``seed``. With ``streaming`` an earlier program left the scan running. A pseudo-terminal has no DTR: an A1 turns all
-    the time, an A2 by ``pwm``. ``firmware`` is the version: from 1.17 on with express scans, from 1.24 on with queries
-    of scan modes.
+    ``seed``. With ``streaming`` an earlier program has left the scan running. ``firmware`` is the version: from 1.17 on
+    with express scans, from 1.24 on with queries of scan modes. A pseudo-terminal has no DTR, so the motor of an A1
+    always turns; that of an A2 turns while ``pwm`` is not 0.
 
-    These attributes may be set at any time: ``condition``, the reported health; ``is_fixed_by_reset``, whether a reset
-    makes it good; ``is_stuck``: the motor does not turn, so there are no measurements; ``is_deaf``: requests are
-    ignored. ``requests`` counts the received requests.
+    These attributes may be set at any time to simulate faults. ``condition`` is the reported health,
+    ``is_fixed_by_reset`` whether a reset makes it good again. With ``is_stuck`` the motor does not turn, so there are
+    no measurements. With ``is_deaf`` requests are ignored. ``requests`` counts the received requests by command.
     """
 
     def __init__(
@@ -158,7 +170,7 @@ class VirtualRPLidar:
         return b"".join(self._execute(command, payload, now) for command, payload in self._requests.feed(data))
 
     def poll(self, now: float) -> bytes:
-        """Return the nodes that were measured until ``now``."""
+        """Return the nodes or capsules that were measured since the last poll, until ``now``."""
         if not self.streaming:
             return b""
         several = capsules.CAPSULE_NODES if self._express else 1
@@ -201,7 +213,7 @@ class VirtualRPLidar:
         return b""
 
     def _execute_newer(self, command: int, payload: bytes, now: float) -> bytes:
-        """Execute commands of firmware 1.17 and 1.24."""
+        """Return the reply to a command of the firmware versions 1.17 and 1.24."""
         match command:
             case RPLidarCommand.EXPRESS if self._is_working and payload[:1] in (b"\0", b"\1"):
                 self._begin(now, express=True)

@@ -42,7 +42,7 @@ _PWM = Struct("<H")
 
 
 def request(command: int, payload: bytes = b"") -> bytes:
-    """Return the bytes of a request. Raises ValueError for a payload that the command cannot have."""
+    """Return the bytes of a request. Raises ValueError if ``command`` takes no payload, or it is too long."""
     if command < _WITH_PAYLOAD:
         if payload:
             raise ValueError(f"RPLIDAR command {command:#x} takes no payload")
@@ -69,7 +69,10 @@ BOARD_REQUEST = request(RPLidarCommand.BOARD, bytes(4))
 
 
 def descriptor(length: int, kind: int, *, repeated: bool = False) -> bytes:
-    """Return the descriptor of a reply of ``length`` bytes of the type ``kind``, or of a series of them."""
+    """Return the descriptor that begins a reply of the type ``kind`` with ``length`` bytes of data.
+
+    ``repeated`` marks a series of replies, such as a scan.
+    """
     return _DESCRIPTOR.pack(START_BYTE, 0x5A, length | (_REPEATED if repeated else 0), kind)
 
 
@@ -81,17 +84,20 @@ EXPRESS_REPLY = descriptor(84, 0x82, repeated=True)
 RATES_REPLY = descriptor(4, 0x15)
 
 EXPRESS_REQUEST = request(RPLidarCommand.EXPRESS, bytes(5))
-"""Requests an express scan of the first mode, which all devices with express scans have."""
+"""Request for an express scan in the first scan mode, which all devices with express scans have."""
 
 
 def setting_reply(payload: bytes) -> bytes:
-    """Return the complete reply to ``RPLidarCommand.SETTING``."""
+    """Return the reply to ``RPLidarCommand.SETTING`` with its descriptor."""
     return descriptor(len(payload), 0x20) + payload
 
 
 @dataclass(frozen=True, slots=True)
 class RPLidarInfo:
-    """Model and firmware of a device; ``model >> 4`` is the number in its name. ``serial`` has 16 bytes."""
+    """Model and firmware of a device, as in the info reply.
+
+    ``model >> 4`` is the series in its name, such as 1 for an A1. ``serial`` has 16 bytes.
+    """
 
     LAYOUT = Struct("<4B16s")
 
@@ -149,7 +155,7 @@ class RPLidarHealth:
 
 
 class RequestFinder:
-    """Finds requests in a stream of chunks: the device's end of the wire."""
+    """Finds requests in the stream of bytes that a virtual RPLIDAR receives."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -172,7 +178,7 @@ class RequestFinder:
             del self._buffer[:size]
 
     def _size(self) -> int | None:
-        """Return the size in bytes of the request at the front of the buffer; None if not known yet."""
+        """Return the size in bytes of the request that begins the buffer; None if not known yet."""
         if len(self._buffer) < 2 or (self._buffer[1] >= _WITH_PAYLOAD and len(self._buffer) < 3):
             return None
         return 2 if self._buffer[1] < _WITH_PAYLOAD else 4 + self._buffer[2]

@@ -8,13 +8,14 @@ from drivers.api import Mood, ScreenContent
 from drivers.clock import Clock
 
 MOUTH_TIMEOUT = 0.3
-"""Seconds without an update after which the mouth shuts."""
+"""Seconds without a new mouth opening after which the mouth of the face shuts."""
 
 
 class BaseScreen:
-    """Common part of every ``drivers.api.Screen``: stores the newest mood, text and mouth opening. Thread-safe.
+    """Base class of screens (``drivers.api.Screen``): stores mood, text and mouth opening. Thread-safe.
 
-    It shows ``awake`` until it rests, and again when it is reopened.
+    The face has the mood ``awake`` until ``rest`` is called, and again after ``open``. After ``rest`` it has the mood
+    ``rest``.
     """
 
     name = "screen"
@@ -28,13 +29,13 @@ class BaseScreen:
         self._lock = Lock()
 
     def open(self) -> None:
-        """Wake up, if it is at rest."""
+        """Show the face awake if it is resting."""
         with self._lock:
             if self._state == self._resting:
                 self._state = self._awake
 
     def rest(self) -> None:
-        """Show the resting face, without text."""
+        """Show the resting face without text."""
         with self._lock:
             self._state = self._resting
 

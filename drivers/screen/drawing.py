@@ -1,4 +1,4 @@
-"""Drawing of a face as shapes, for pages, pictures and films.
+"""Drawing of the robot's face as shapes, for web pages, pictures and videos.
 
 A shape is a chain of cubic Bézier curves, which every renderer supports and which can be animated by numbers.
 """
@@ -20,14 +20,16 @@ from drivers.screen.expression import FaceExpression, TextLayout, layout_text
 Point = tuple[float, float]
 
 CIRCLE_CONTROL = 0.5523
-"""Distance of the control points of a quarter ellipse along its sides, for the best fit."""
+"""Distance of the control points of a quarter ellipse from its ends, as a share of the half-axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceShape:
-    """A chain of curves: first point, then two control points and an end for each curve. A filled shape is closed.
+    """A shape of a face: a chain of cubic curves, with colours. x points to the right, y down.
 
-    x to the right, y down. Colours are ``#rrggbb``, empty for none; lines have round ends. ``opacity`` is 0..1.
+    ``points`` are the first point, then two control points and an end for each curve. ``fill`` and ``line`` are colours
+    as ``#rrggbb``, empty for none; a filled shape is closed. ``width`` is that of the line, whose ends are round.
+    ``opacity`` is 0..1.
     """
 
     points: tuple[Point, ...]
@@ -54,7 +56,7 @@ class FaceShape:
 
 
 def polyline(*points: Point) -> tuple[Point, ...]:
-    """Return straight lines through these points, as curves."""
+    """Return straight lines through the given points, as a chain of curves."""
     found = [points[0]]
     for (x, y), (next_x, next_y) in pairwise(points):
         found += [
@@ -66,7 +68,7 @@ def polyline(*points: Point) -> tuple[Point, ...]:
 
 
 def closed_curve(left: Point, top: Point, right: Point, bottom: Point) -> tuple[Point, ...]:
-    """Return a closed chain with vertical tangents at its left and right point, horizontal ones at top and bottom."""
+    """Return a closed chain of four curves through the given points, which is an ellipse if they are symmetric."""
 
     def level(end: Point, side: Point) -> Point:
         return end[0] + CIRCLE_CONTROL * (side[0] - end[0]), end[1]
@@ -125,7 +127,10 @@ SCALE_ABOVE_TEXT = 0.68
 
 @dataclass(frozen=True, slots=True)
 class FaceDrawing:
-    """Shapes from back to front, always with the same number of shapes and points, and the text below them."""
+    """Shapes of a face from back to front, and the text below it.
+
+    Every drawing has the same number of shapes and points, so that pages can animate them.
+    """
 
     shapes: tuple[FaceShape, ...]
     text: TextLayout
@@ -215,7 +220,7 @@ def _tear(face: FaceExpression) -> FaceShape:
 
 
 def _waves(face: FaceExpression) -> Iterator[FaceShape]:
-    """Yield arcs of sound that approach on both sides, one after the other."""
+    """Yield arcs of sound waves that approach the face on both sides, one after the other."""
     for side in SIDES:
         for number in (0, 1):
             near = (2 * face.breath + number / 2) % 1.0
@@ -226,7 +231,7 @@ def _waves(face: FaceExpression) -> Iterator[FaceShape]:
 
 
 def _letters(face: FaceExpression) -> Iterator[FaceShape]:
-    """Yield the letters Z of a sleeping face, one after the other."""
+    """Yield the letters Z that rise from a sleeping face, one after the other."""
     for number in (0, 1):
         risen = (face.breath + number / 2) % 1.0
         x, y, size = 270 + 30 * risen, 78 - 58 * risen, 6 + 8 * risen
@@ -235,14 +240,14 @@ def _letters(face: FaceExpression) -> Iterator[FaceShape]:
 
 
 def _fade(share: float) -> float:
-    """Return the opacity of an appearing and disappearing shape: 0 at 0 and 1, full in between."""
+    """Return the opacity of a shape that fades in and out while ``share`` goes from 0 to 1."""
     return min(1.0, 6 * share, 3 * (1 - share))
 
 
 # The face as an image: for films and records, where there is no browser.
 
 SUBPIXEL_BITS = 4
-"""Bits of sub-pixel accuracy in OpenCV's drawing functions."""
+"""Number of fractional bits in the pixel coordinates of OpenCV's drawing functions."""
 
 CURVE_PARAMETERS = np.linspace(0.0, 1.0, 11)
 BERNSTEIN = np.stack(
@@ -254,7 +259,7 @@ BERNSTEIN = np.stack(
     ),
     axis=1,
 )
-"""Weights of the control points of a curve at its drawn points, (11, 4)."""
+"""Weights of the four control points of a curve at its 11 drawn points: shape (11, 4)."""
 
 FONT = cv2.FONT_HERSHEY_DUPLEX
 CAPITAL_HEIGHT = 22.0
@@ -306,7 +311,7 @@ def _write_text(image: Image, words: TextLayout, scale: float, corner: tuple[flo
 
 
 def _colour(written: str) -> tuple[int, int, int]:
-    """Return blue, green and red of ``#rrggbb``."""
+    """Return blue, green and red (0..255) of a colour ``#rrggbb``."""
     return int(written[5:7], 16), int(written[3:5], 16), int(written[1:3], 16)
 
 

@@ -76,15 +76,15 @@ BREATH_PERIOD = 4.0
 """Period in seconds of repeating motions: breath of a sleeper, tear, sound waves."""
 
 BREATH_STEPS = 60
-"""Steps per period; a page interpolates between them."""
+"""Number of steps in a period of the repeating motions; a page interpolates between them."""
 
 GOLDEN = 0.6180339887
-"""Its multiples modulo 1 are evenly distributed and never repeat: pseudo-random, but deterministic."""
+"""Golden ratio conjugate, for pseudo-random numbers: its multiples modulo 1 are evenly distributed."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceExpression:
-    """Numeric parameters of a face; 0 is none and 1 full, unless noted. Left and right are symmetric."""
+    """Numeric parameters of a face's expression. 0 is none and 1 full, unless noted. The face is symmetric."""
 
     upper: float = 1.0  # the edge of the upper lid above the middle of the eye; below 0 past it
     lower: float = 1.0  # the edge of the lower lid below it; below 0 past it
@@ -123,15 +123,16 @@ MOODS = {
     ),
     Mood.SPEAKING: FaceExpression(brow_height=0.75, curve=0.45, width=0.75, opening=0.3),
 }
-"""Expression of each mood, with open eyes and the mouth at rest."""
+"""Expression of each mood, with the eyes open (except asleep) and the mouth at rest."""
 
 SHUT_EYES = MOODS[Mood.ASLEEP]
 
 
 def face_expression(shown: ScreenContent, time: float) -> FaceExpression:
-    """Return the expression for the ``shown`` state at ``time`` in seconds.
+    """Return the expression of the face for the content ``shown`` of a screen at ``time`` in seconds.
 
-    A moved mouth opens in any mood; in mood SPEAKING it moves by itself otherwise.
+    In any mood, the mouth opens as far as ``shown`` says. In the mood SPEAKING it also moves if ``shown`` has no mouth
+    opening.
     """
     face = MOODS[shown.mood]
     opening = face.opening + shown.mouth * (1 - face.opening)
@@ -156,18 +157,18 @@ def _pseudo_random(number: float) -> float:
 
 
 def _lid_closure(time: float) -> float:
-    """Return how far the lids are shut: 0 except for one blink in each ``BLINK_INTERVAL``."""
+    """Return how far the eyelids are shut at ``time`` (s), 0..1. There is a blink in each ``BLINK_INTERVAL``."""
     turn, within = divmod(time, BLINK_INTERVAL)
     begun = within - _pseudo_random(turn) * (BLINK_INTERVAL - BLINK_TIME)
     return sin(pi * begun / BLINK_TIME) if 0.0 <= begun <= BLINK_TIME else 0.0
 
 
 def _gaze_at(time: float) -> float:
-    """Return the direction of the eyes: mostly straight ahead, sometimes aside."""
+    """Return the direction of the eyes at ``time`` (s): usually 0 (straight ahead), at times to a side, -1..1."""
     place = _pseudo_random(time // GLANCE_TIME)
     return 0.0 if place < 0.6 else 5.0 * place - 4.0
 
 
 def _syllable_opening(time: float) -> float:
-    """Return the mouth opening for unknown words: syllables of about a quarter of a second."""
+    """Return a mouth opening (0..1) that looks like speech, if the words are unknown."""
     return 0.1 + 0.6 * abs(sin(2 * pi * 2.1 * time) * sin(2 * pi * 0.77 * time))

@@ -15,7 +15,10 @@ from drivers.transport.loop import guard_callback
 
 
 class PrintedScreen(BaseScreen):
-    """A ``drivers.api.Screen`` that passes each new mood and text to ``out``, as in a mission."""
+    """Screen that prints each new mood and text by ``out``: a ``drivers.api.Screen``.
+
+    ``rest`` and ``awake`` are the moods after ``rest`` and after ``open``.
+    """
 
     def __init__(
         self,

@@ -1,6 +1,6 @@
-"""The face on the robot's display: a page for a browser, served from within the run.
+"""Web page with the robot's face, for its display. A server within the run serves the page.
 
-The page starts with the face as SVG. Then it animates its shapes towards the newest numbers.
+The page contains the face as SVG. It animates the shapes of the SVG towards the newest numbers from the server.
 """
 
 import hashlib
@@ -41,7 +41,7 @@ def svg(face: FaceExpression, text: str, size: tuple[int, int] | None = None, *,
 
 
 def shape_numbers(shape: FaceShape) -> list[float]:
-    """Return the animated numbers of a shape: opacity, line width, and points, x before y."""
+    """Return the numbers of a shape that a page animates: opacity, line width, and x and y of each point."""
     places = (place for point in shape.points for place in point)
     return [round(shape.opacity, 2), round(shape.width, 1), *(round(place, 1) for place in places)]
 
@@ -75,7 +75,7 @@ def asset(name: str) -> str:
 
 @cache
 def page_version() -> str:
-    """Return the version of the page, by which an outdated page reloads itself."""
+    """Return the version of the page's files and shapes. An outdated page in a browser reloads itself."""
     shapes = [
         (shape.fill, shape.line, len(shape.points)) for shape in draw_face(face_expression(ScreenContent(), 0.0)).shapes
     ]
@@ -127,13 +127,14 @@ PORT_RETRY_INTERVAL = 1.0
 
 
 class PageScreen(BaseScreen):
-    """A ``drivers.api.Screen`` as a page at ``address``, for up to four browsers on this computer.
+    """Screen on a web page at ``address``, for up to four browsers: a ``drivers.api.Screen``.
 
-    ``port`` 0 is the first free one from 8321 on; any other is awaited while it is taken. ``host`` is the address that
-    it is served at: everyone who can reach it sees the face.
+    ``host`` is the address at which the page is served: everyone who can reach it sees the face. With ``port`` 0 the
+    first free port from 8321 on is used. Any other port is awaited while another program uses it. ``rest`` and
+    ``awake`` are the moods after ``rest`` and after ``open``.
 
-    The robot works without its face. Therefore it counts as online while it waits for its port, and ``health`` has the
-    reason in ``detail``.
+    The robot works without its face. Therefore the screen counts as online while it waits for its port, and the
+    ``detail`` of its health has the reason.
     """
 
     def __init__(

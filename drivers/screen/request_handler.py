@@ -9,10 +9,10 @@ from urllib.parse import urlsplit
 from drivers.screen.server import MAX_LISTENERS, REQUEST_TIMEOUT, PageTcpServer
 
 NEWS_INTERVAL = 1 / 30
-"""Seconds between two checks for news that a page receives."""
+"""Seconds between two checks whether the content of a page has changed."""
 
 HEARTBEAT_POLLS = 30
-"""Checks without news after which the last one is sent again, as a heartbeat for the page."""
+"""Number of checks without a change after which the last content is sent again, as a heartbeat for the page."""
 
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
@@ -30,7 +30,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
     timeout = REQUEST_TIMEOUT
 
     def do_GET(self) -> None:
-        """Send a document or the news."""
+        """Send the document at the requested path, or stream the events of the page."""
         if not _is_numeric_host(self.headers.get("Host", "")):
             self.send_error(HTTPStatus.FORBIDDEN, "use localhost, or a numeric address")
             return
@@ -66,7 +66,7 @@ class PageRequestHandler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def _stream_news(self) -> None:
-        """Stream the news as long as the page listens, including the last ones."""
+        """Stream the server's events to a page as long as it listens, including the last one when the server closes."""
         talks = self.server.connections
         if not talks.listen(self.request, self.client_address[0]):
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_LISTENERS} pages are listening already")

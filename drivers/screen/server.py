@@ -1,8 +1,8 @@
-"""A small HTTP server: documents, and news that a page receives as server-sent events.
+"""Small HTTP server for documents and server-sent events, for browsers on the robot itself.
 
-It is for browsers on the robot itself. It answers only GET, and only requests for ``localhost`` or a numeric address: a
-foreign page whose host name points to this computer (DNS rebinding) requests that name. No foreign page may listen,
-embed the documents, or frame them.
+It answers only GET requests for ``localhost`` or a numeric address. A foreign page whose host name points to this
+computer (DNS rebinding) has another host name in its request, so it is refused. No page of another server may listen to
+the events, embed the documents, or show them in a frame.
 """
 
 import logging
@@ -21,19 +21,22 @@ from drivers.clock import SystemClock
 
 EVENTS = "/events"
 MAX_CONNECTIONS = 32
-"""Maximum simultaneous connections, including listeners. A further one closes the oldest without an answer."""
+"""Maximum number of open connections, including listeners.
+
+A further connection closes the oldest one whose request was not answered yet.
+"""
 
 MAX_LISTENERS = 4
-"""Maximum pages that listen at once."""
+"""Maximum number of pages that listen to the events at the same time."""
 
 REQUEST_TIMEOUT = 5.0
 """Seconds for a request and its answer, at any speed of the browser."""
 
 RETRY_INTERVAL = 0.1
-"""Seconds without accepting connections after the process ran out of descriptors."""
+"""Seconds for which no connection is accepted after the process ran out of file descriptors."""
 
 CLOSE_TIMEOUT = 0.2
-"""Seconds that all connections together have for their last news."""
+"""Seconds that all connections together have to send their last event before they are closed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,25 +48,25 @@ class Document:
 
 
 SiteMap = Mapping[str, Callable[[], Document]]
-"""Documents of a server by path."""
+"""Documents of a server by path: functions that return the current document."""
 
 
 @dataclass(slots=True)
 class Connections:
-    """Open connections of the page server, with their threads."""
+    """Open connections of the page server: ``sockets`` has the thread that serves each one."""
 
     lock: Lock = field(default_factory=Lock)
     sockets: dict[socket.socket, Thread] = field(default_factory=dict)
     deadlines: dict[socket.socket, float] = field(default_factory=dict)
-    """Deadline of each answer; listeners have none."""
+    """Time by which each connection must be answered. Listeners to events have no deadline."""
 
     listeners: dict[socket.socket, str] = field(default_factory=dict)
-    """Address of each listener."""
+    """Client address of each listener to events."""
 
     def listen(self, request: socket.socket, address: str) -> bool:
-        """Register a listener; return True if there is room.
+        """Register a listener to events; return False if there are too many.
 
-        If its address has fewer listeners than another one, the oldest of that one is closed to make room.
+        If another client address has more listeners than ``address``, its oldest one is closed to make room.
         """
         with self.lock:
             if len(self.listeners) >= MAX_LISTENERS:
@@ -79,10 +82,10 @@ class Connections:
 
 
 class PageServer:
-    """Serves ``site`` and, at ``events``, the result of ``news``, one line, whenever it changes.
+    """HTTP server for the documents in ``site``, and for events at the path ``events``.
 
-    ``news`` and the site are called on the server's threads. A slow listener misses intermediate news. Opens no port
-    before ``open``.
+    An event is sent whenever the result of ``news``, one line, changes. A slow listener misses intermediate ones. The
+    functions are called on the server's threads. The port is opened by ``open``.
     """
 
     def __init__(self, site: SiteMap, news: Callable[[], str], events: str = EVENTS) -> None:
@@ -124,7 +127,7 @@ class PageServer:
 
 
 class PageTcpServer(ThreadingTCPServer):
-    """Accepts connections, and gives each a thread that ends with ``close_connections``."""
+    """TCP server of a page: accepts connections, each with a thread that ends with ``close_connections``."""
 
     allow_reuse_address = True
     daemon_threads = True
@@ -137,7 +140,7 @@ class PageTcpServer(ThreadingTCPServer):
         super().__init__(at, BaseRequestHandler)
 
     def get_request(self) -> tuple[Any, Any]:
-        """Accept a connection. Without a free descriptor, wait for a moment: the socket stays ready all the time."""
+        """Accept a connection. If no file descriptor is free, wait for ``RETRY_INTERVAL`` and raise OSError."""
         try:
             return super().get_request()
         except OSError:
@@ -145,7 +148,10 @@ class PageTcpServer(ThreadingTCPServer):
             raise
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Return True if there is room for a connection; the oldest without an answer is closed for it."""
+        """Return True if there is room for a connection.
+
+        If there is none, the oldest connection whose request was not answered yet is closed.
+        """
         del request, client_address
         with self.connections.lock:
             oldest = (
@@ -181,7 +187,7 @@ class PageTcpServer(ThreadingTCPServer):
         thread.start()
 
     def finish_request(self, request: Any, client_address: Any) -> None:
-        """Answer. The HTTP modules are imported for the first browser: they take longer than the rest of a screen."""
+        """Answer a request. The HTTP modules are imported only now, since few screens are ever opened in a browser."""
         from drivers.screen.request_handler import PageRequestHandler  # noqa: PLC0415 - most runs are looked at by none
 
         PageRequestHandler(request, client_address, self)
@@ -194,13 +200,13 @@ class PageTcpServer(ThreadingTCPServer):
             self.connections.deadlines.pop(request, None)
 
     def handle_error(self, *args: Any) -> None:
-        """Log our own errors; a browser that disconnects during an answer is none."""
+        """Log an exception of our own code; ignore one because a browser has disconnected."""
         del args
         if not isinstance(sys.exception(), OSError):
             logging.getLogger(__name__).exception("a page was not answered")
 
     def close_connections(self) -> None:
-        """Close all connections, with a moment for the last news."""
+        """Close all connections after ``CLOSE_TIMEOUT``, in which they can send the last event."""
         with self.connections.lock:
             talks = dict(self.connections.sockets)
         clock = SystemClock()

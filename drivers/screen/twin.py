@@ -1,4 +1,4 @@
-"""Simulated screen with a plug."""
+"""Simulated screen, which can be unplugged."""
 
 from drivers.api import Health, Mood, StatusCallback, ignore
 from drivers.clock import Clock
@@ -7,7 +7,10 @@ from drivers.sim.plug import SimulatedPlug
 
 
 class ScreenTwin(BaseScreen):
-    """A simulated ``drivers.api.Screen``. Unplugged it still stores its state, as the real one."""
+    """Simulated ``drivers.api.Screen``. While unplugged it still stores its content, as the real one does.
+
+    ``rest`` and ``awake`` are the moods after ``rest`` and after ``open``.
+    """
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Cancellation of an utterance, from any thread and at any stage."""
+"""Token by which an utterance is cancelled, from any thread, during synthesis or playback."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from threading import Event, RLock
 
 
 class CancelToken:
-    """Cancellation flag with a callback, which ``on_cancel`` sets for the current stage."""
+    """Cancellation flag of an utterance, with a callback that ``on_cancel`` sets for the current stage."""
 
     def __init__(self) -> None:
         self._cancelled = Event()
@@ -31,7 +31,7 @@ class CancelToken:
 
     @contextmanager
     def on_cancel(self, callback: Callable[[], None]) -> Iterator[None]:
-        """Call ``callback`` upon cancellation while the context is active; at once if already cancelled."""
+        """Context in which ``callback`` is called when the token is cancelled; at once if it already is."""
         with self._lock:
             self._callback = callback
             if self.is_cancelled:

@@ -17,11 +17,11 @@ from drivers.transport.worker_process import Message, WorkerProcess
 WORKER_PROGRAM = Path(__file__).with_name("espeak_worker.py")
 
 SYNTHESIS_TIMEOUT = 3.0
-"""Seconds to synthesise a text, plus 1 s per 1000 letters; the synthesiser needs a tenth of that."""
+"""Seconds to synthesise a text, plus 1 s per 1000 letters; normally a tenth of that is enough."""
 
 
 class SpeechEngine(Protocol):
-    """Converts text to sound. With ``plays_sound`` it also plays it."""
+    """Text-to-speech engine. If ``plays_sound`` is True it also plays the sound."""
 
     @property
     def plays_sound(self) -> bool:
@@ -42,15 +42,19 @@ class SpeechEngine(Protocol):
         ...
 
     def speak(self, text: str, manner: SpeechStyle, token: CancelToken) -> Speech | None:
-        """Return a text as sound; None if it was cancelled, or has been played. Raises DriverError.
+        """Return a text as sound; None if it was cancelled, or the engine has played it. Raises DriverError.
 
-        ``manner`` is complete: the defaults of the robot file are filled in.
+        ``manner`` is voice, language and speed, with the defaults of the robot file filled in. ``token`` cancels the
+        text.
         """
         ...
 
 
 class EspeakEngine(WorkerClient):
-    """espeak-ng through the package ``espeakng-loader``. ``default_manner`` has the voice to use for unknown ones."""
+    """espeak-ng from the package ``espeakng-loader``, in a worker process.
+
+    ``default_manner`` has the voice that is used if a requested voice is unknown.
+    """
 
     plays_sound = False
 
@@ -81,7 +85,10 @@ class EspeakEngine(WorkerClient):
         raise NoReply(f"{self._worker.name}: espeak-ng did not finish the text {text[:40]!r} in time", hint=self._hint)
 
     def _parse_answer(self) -> Speech | None:
-        """Return the answer as speech; called without the lock, so that cancelling is not delayed."""
+        """Return the worker's answer as speech; None without one.
+
+        It must be called without the lock, so that cancelling is not delayed.
+        """
         return None if self._answer is None else parse_speech(*self._answer)
 
     def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:

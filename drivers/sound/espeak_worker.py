@@ -24,7 +24,7 @@ MIN_SPEED, MAX_SPEED = 80, 450
 
 
 class EspeakEventId(ctypes.Union):
-    """Subject of an event of espeak-ng."""
+    """Value of an event of espeak-ng: a number, a name, or a short string such as a phoneme."""
 
     _fields_ = (("number", ctypes.c_int), ("name", ctypes.c_char_p), ("string", ctypes.c_char * 8))
 
@@ -64,9 +64,9 @@ Callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.
 
 
 class EspeakLibrary:
-    """The library espeak-ng. ``sound`` and ``phonemes`` are those of the last text.
+    """The shared library of espeak-ng; ``sound`` and ``phonemes`` are the result of the last text.
 
-    Synthesis polls ``is_obsolete`` five times per second of sound, and stops once it returns True.
+    During synthesis ``is_obsolete`` is called five times per second of sound; synthesis stops once it returns True.
     """
 
     def __init__(self, library: str, data: str, is_obsolete: Callable[[], bool]) -> None:
@@ -85,7 +85,7 @@ class EspeakLibrary:
         self._languages = self._voices_by_language()
 
     def select_voice(self, voice: str) -> bool:
-        """Select a voice; return False if it does not exist. espeak-ng itself does not check variants."""
+        """Select a voice such as "en-us+f2"; return False if it or its variant does not exist."""
         base, plus, variant = voice.partition("+")
         if plus and variant not in self._variants:
             return False
@@ -133,7 +133,7 @@ def send(message: dict[str, object], body: bytes = b"") -> None:
 
 
 def handle_request(espeak: EspeakLibrary, request: dict[str, Any]) -> None:
-    """Answer one request, unless a newer one has arrived meanwhile."""
+    """Synthesise the text of one request and send it, unless a newer request has arrived meanwhile."""
     trouble = ""
     if not espeak.select_voice(request["voice"] or "en"):
         trouble = f"espeak-ng has no voice {request['voice'][:40]!r}"

@@ -17,26 +17,26 @@ from drivers.transport.worker_process import Message, WorkerProcess
 WORKER_PROGRAM = Path(__file__).with_name("sound_worker.py")
 
 STOP_TIMEOUT = 0.06
-"""Seconds after a stop until the player is killed, for silence within 0.1 s."""
+"""Seconds after a stop until the player program is killed, so that there is silence within 0.1 s."""
 
 PLAY_TIMEOUT_MARGIN = 3.0
 """Seconds by which playback may exceed the length of a sound before the player counts as hanging."""
 
 DECODE_TIMEOUT = 20.0
-"""Seconds to decode a file."""
+"""Seconds within which the player must decode a file."""
 
 StartCallback = Callable[[float, float], None]
 """Called when a sound starts, with the time on the clock and its length in seconds."""
 
 
 class SoundState(Enum):
-    """State of a sound in the program. REFUSED: it cannot be decoded."""
+    """State of a sound in the player program. REFUSED: the program cannot decode the file."""
 
     SENT, PLAYING, ENDED, REFUSED = range(4)
 
 
 class SoundEvent(Enum):
-    """Event of a sound: it is new, or the program sends a message about it."""
+    """Event of a sound: SEND when it is sent to the player program, the others for messages about it."""
 
     SEND, START, END, REFUSE = range(4)
 
@@ -47,14 +47,18 @@ TRANSITIONS: Final = {
     (SoundState.SENT, SoundEvent.REFUSE): SoundState.REFUSED,
     (SoundState.PLAYING, SoundEvent.END): SoundState.ENDED,
 }
-"""Transitions of a sound by state and event; others change nothing: a sound without an end is killed by timeout."""
+"""Next state of a sound by state and event. Other pairs change nothing.
+
+If the end of a sound is never reported, a timeout kills the player program.
+"""
 
 
 class SoundPlayer(WorkerClient):
-    """Plays through ``device`` (part of its name; empty: the system's default); ``volume`` 1 leaves sounds unchanged.
+    """Player of sounds through the sound card ``device``, by a worker process. For one thread.
 
-    Without a sound card, sounds take their usual time in silence. ``mute_reason`` has the reason then, and one notice
-    is reported. ``backend`` is one of miniaudio's, for tests. For one thread.
+    ``device`` is part of its name, empty for the system's default. ``volume`` is a factor. Without a sound card, sounds
+    take their usual time in silence; then ``mute_reason`` has the reason, and it is reported once. ``backend`` is one
+    of miniaudio's, for tests.
     """
 
     def __init__(
@@ -112,7 +116,7 @@ class SoundPlayer(WorkerClient):
         return True
 
     def _report_start(self, seconds: float) -> None:
-        """Call the start callback once, if the sound has started."""
+        """Call the callback for the start of a sound once, if the sound has started; ``seconds`` is its length."""
         if self._sound_state in (SoundState.PLAYING, SoundState.ENDED) and self._on_start is not None:
             listener, self._on_start = self._on_start, None
             listener(self._sound_started_at, seconds)
@@ -128,7 +132,10 @@ class SoundPlayer(WorkerClient):
         return self._wait_until(lambda: self._sound_state is SoundState.ENDED, token, left) or self._stop_sound(token)
 
     def _stop_sound(self, token: CancelToken) -> bool:
-        """Silence the player, by force if necessary, and return False. Raises NoReply if not cancelled."""
+        """Stop the current sound, by killing the player if necessary, and return False.
+
+        Raises NoReply if ``token`` is not cancelled, since the player hangs then.
+        """
         if not token.is_cancelled:
             self._worker.kill()
             raise NoReply(f"{self._worker.name}: the loudspeaker hangs", hint=self._hint)
@@ -147,7 +154,7 @@ class SoundPlayer(WorkerClient):
         return False
 
     def on_exit(self, reason: str) -> None:
-        """Note that the program has died; the next one may find a sound card."""
+        """Store that the player program has exited; the next one may find a sound card."""
         self.mute_reason = ""
         super().on_exit(reason)
 

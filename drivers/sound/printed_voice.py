@@ -12,10 +12,11 @@ from drivers.sound.wav import check_sound_file, sound_duration
 
 
 class PrintedVoice:
-    """A ``drivers.api.Voice`` that passes each text to ``out`` in its turn, then is busy for its usual duration.
+    """Voice that prints its texts: a ``drivers.api.Voice`` for a machine without sound.
 
-    It has no thread: the end of an utterance takes effect at the next query, which calls ``changed``.
-    ``default_manner`` has the speed. For a file, the name is printed.
+    Each text is passed to ``out`` when its turn comes. Then the voice is busy for the time that speech would take;
+    ``default_manner`` has the speed. For a sound file, the name is printed. The voice has no thread: the end of an
+    utterance is noticed at the next query, which calls ``changed``.
     """
 
     name = "voice"
@@ -60,7 +61,10 @@ class PrintedVoice:
         return self._enqueue(text, speaking_time(text, fill_manner(manner, self._default_manner).speed), priority)
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Print the name of a file in its turn; it lasts as long as the sound. Raises BadRequest, NotConnected."""
+        """Queue a sound file; its name is printed in its turn, and lasts as long as the sound.
+
+        Raises BadRequest, NotConnected.
+        """
         return self._enqueue(f"[{check_sound_file(self.name, path).name}]", sound_duration(path), priority)
 
     def speaking(self) -> Utterance | None:
@@ -103,7 +107,7 @@ class PrintedVoice:
             self._start_first(self._clock.now())
 
     def _start_first(self, now: float) -> None:
-        """Print the first utterance, unless it has started; one that it interrupts will start over."""
+        """Print the first utterance, unless it has started. An utterance that it interrupts starts again afterwards."""
         first = self._queue.first
         for words in self._queue:
             if words is not first:
@@ -114,7 +118,10 @@ class PrintedVoice:
 
 
 class PrintedUtterance:
-    """A ``drivers.api.Utterance`` that is printed, and lasts ``duration`` seconds from its start."""
+    """Utterance of a ``PrintedVoice``, a ``drivers.api.Utterance``.
+
+    ``duration`` is in seconds from its start; ``started`` is None before.
+    """
 
     mouth: Sequence[MouthShape] = ()
 

@@ -19,13 +19,13 @@ from types import ModuleType
 from typing import Any
 
 BUFFER_MS = 20
-"""Milliseconds of sound per buffer of a device; it has three of them, which a stop cannot take back."""
+"""Milliseconds of sound per buffer of the sound card; a stop cannot take back its three buffers."""
 
 IDLE_TIMEOUT = 10.0
-"""Seconds of silence after which the device is stopped, because it would request silence 50 times per second."""
+"""Seconds of silence after which the sound card is stopped, since it requests silence 50 times per second."""
 
 MAX_DURATION = 600.0
-"""Seconds of a file, which is decoded as a whole. The robot checks WAV files, whose headers may be wrong."""
+"""Maximum seconds of a sound file, which is decoded as a whole. WAV files are checked before they are sent."""
 
 DEFAULT_RATE = 22_050
 """Sample rate of espeak-ng, so that the sound card is ready for the first words."""
@@ -71,12 +71,12 @@ class PlaybackQueue:
         self._draining: QueuedSound | None = None  # the device has the last of it, and not yet played that
 
     def on_device_opened(self, rate: int) -> None:
-        """Reset the idle time for a new device, even if the one before could not be stopped."""
+        """Set the sample rate of a newly opened device, and restart the time of silence."""
         with self._lock:
             self.rate, self._silent_bytes = rate, 0
 
     def add(self, number: int, rate: int, samples: bytes, *, is_complete: bool) -> None:
-        """Append samples to a sound, or start a new one."""
+        """Append ``samples`` to the sound ``number``, or start it; ``is_complete`` marks its last samples."""
         with self._lock:
             sound = next((sound for sound in self._sounds if sound.number == number), None)
             if sound is None:
@@ -98,13 +98,16 @@ class PlaybackQueue:
                     self._report_end(sound)
 
     def start_generator(self) -> Generator[bytes, int, None]:
-        """Return a primed generator of samples for a device."""
+        """Return a generator of samples for a device, on which ``next`` was called once."""
         playing = self.generate_samples()
         next(playing)
         return playing
 
     def generate_samples(self) -> Generator[bytes, int, None]:
-        """Yield as many samples as the device requests; the first yield is a dummy, as miniaudio requires."""
+        """Yield as many samples as the device requests by ``send``.
+
+        The first result is empty, as miniaudio requires.
+        """
         wanted = yield b""
         while True:
             wanted = yield self._take_samples(2 * wanted)
@@ -135,7 +138,11 @@ class PlaybackQueue:
 
 
 class SoundCardPlayer:
-    """The sound card, at the sample rate of the current sound. It is stopped after a long silence."""
+    """Player of queued sounds on the sound card, opened at the sample rate of the current sound.
+
+    ``name`` is part of the device's name; ``pipe`` is the connection to the robot. The sound card is stopped after
+    ``IDLE_TIMEOUT``.
+    """
 
     def __init__(self, name: str, backend: str, volume: float, pipe: MessagePipe) -> None:
         self._name = name
@@ -175,7 +182,7 @@ class SoundCardPlayer:
             self._play_samples(number, rate, samples, is_complete=True)
 
     def _play_samples(self, number: int, rate: int, samples: bytes, *, is_complete: bool) -> None:
-        """Queue samples, on a device that runs at their rate."""
+        """Add samples to a sound, on a device that is opened again if it has another sample ``rate``."""
         with self._lock:
             if rate != self._device.sample_rate or not self._ensure_running():
                 self._reopen_device(rate)
@@ -270,7 +277,10 @@ def _decode_file(path: str, rate: int) -> bytes:
 
 
 def _file_duration(path: str) -> float:
-    """Return the seconds of a file by its content, 0 for WAV: the robot has measured those."""
+    """Return the duration of a sound file in seconds, by its content; 0 if it is unknown.
+
+    It is also 0 for a WAV file, because the robot has checked its duration before.
+    """
     with suppress(miniaudio.MiniaudioError, OSError), Path(path).open("rb") as file:
         begin = file.read(4)
         measures = {b"fLaC": miniaudio.flac_get_file_info, b"OggS": miniaudio.vorbis_get_file_info}

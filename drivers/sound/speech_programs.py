@@ -32,12 +32,16 @@ from drivers.transport.worker_process import last_error_line
 Message = dict[str, Any]
 
 MAX_PIECE_BYTES = 32_768
-"""Bytes of sound per message: less than a pipe buffer, so a stopped player does not block the sender."""
+"""Maximum bytes of sound per message. It is less than a pipe buffer, so a stopped player does not block the sender."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Speech:
-    """Sound as 16-bit mono ``samples``, with the start of each phoneme (s), and a problem of the request, or ""."""
+    """Sound as 16-bit mono ``samples``, with the phonemes and their start times in seconds.
+
+    ``rate`` is in samples per second. ``trouble`` is a problem of the request, such as an unknown voice; empty if there
+    is none.
+    """
 
     samples: bytes
     rate: int
@@ -69,7 +73,7 @@ def parse_speech(message: Mapping[str, Any], body: bytes) -> Speech:
 
 
 def split_sound(number: int, sound: Speech) -> Iterator[tuple[Message, bytes]]:
-    """Yield the messages that play a sound, each with its samples."""
+    """Yield the messages that play a sound as the sound ``number``, each with its part of the samples."""
     size = len(sound.samples)
     for begin in range(0, max(size, 1), MAX_PIECE_BYTES):
         last = begin + MAX_PIECE_BYTES >= size
@@ -133,12 +137,12 @@ def find_synthesiser(folders: str | None = None, *, volume: float = 1.0) -> Synt
 
 
 PIPE_DRAIN_TIMEOUT = 0.2
-"""Seconds to read the pipes of an ended program, which its child processes may keep open."""
+"""Seconds to read the rest of the output of an ended program. Its child processes may keep the pipes open."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProgramOutput:
-    """Output of an ended program, if kept, and the last line of its error output."""
+    """Output of an ended program, and the last line of its error output. ``output`` is empty if it was not kept."""
 
     output: bytes
     last_error_line: str
@@ -154,10 +158,10 @@ def run_program(
     timeout: float,
     keep_output: bool = False,
 ) -> ProgramOutput | None:
-    """Run ``command`` for ``name`` with ``text`` on its standard input; return its output if ``keep_output``.
+    """Run ``command`` with ``text`` on its standard input, until it ends; return its output, None if cancelled.
 
-    Returns None if cancelled. Raises DeviceFault if the program cannot be run or fails, and NoReply if it has not ended
-    after ``timeout`` seconds.
+    ``name`` is the part in error messages. Standard output is kept only if ``keep_output``. Raises DeviceFault if the
+    program cannot be run or fails, and NoReply if it has not ended after ``timeout`` seconds.
     """
     hint = f"echo hello | {shlex.join(command)}" + (" > hello.raw" if keep_output else "")
     try:
@@ -207,14 +211,20 @@ def _read_output(process: "Popen[bytes]", text: bytes, clock: Clock, until: floa
 
 
 def _kill_group(process: "Popen[bytes]") -> None:
-    """Kill a program and its child processes, unless it was reaped and its process id may have been reused."""
+    """Kill a program and its child processes.
+
+    A program that was already waited for is left alone, since its process id may have been reused.
+    """
     if process.returncode is None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
 
 
 MIN_DURATION_SHARE = 1 / 3
-"""Share of the speaking time: a program with error output that ends earlier has not spoken."""
+"""Minimum duration of a program that has error output, as a share of the speaking time of its text.
+
+If it ends earlier, it has not spoken.
+"""
 
 
 class ProgramEngine:

@@ -1,4 +1,4 @@
-"""Utterances of a voice: their order, their progress, and the movement of the mouth."""
+"""Utterances of a voice: queue, speaking time, and the movement of the robot's mouth."""
 
 from bisect import insort
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,8 +17,8 @@ WORDS_PER_MINUTE = 150.0
 def fill_manner(manner: SpeechStyle, default: SpeechStyle) -> SpeechStyle:
     """Return ``manner`` with its missing values taken from ``default``.
 
-    If the default voice is "en-us+f2", only the variant "+f2" applies to another language, and only "en-us" to another
-    variant.
+    A voice such as "en-us+f2" has a language and a variant. If only ``manner.language`` is set, the variant of the
+    default voice is kept. If ``manner.voice`` is only a variant, the language of the default voice is kept.
     """
     base, plus, variant = default.voice.partition("+")
     voice = manner.voice or default.voice
@@ -34,7 +34,10 @@ def fill_manner(manner: SpeechStyle, default: SpeechStyle) -> SpeechStyle:
 
 
 def espeak_name(manner: SpeechStyle) -> str:
-    """Return the voice as espeak calls it: "en-us+f2", or "" for its own choice; a variant needs a language."""
+    """Return the name of a voice for espeak, such as "en-us+f2"; empty if espeak shall choose.
+
+    A variant without a language gets "en".
+    """
     base, plus, variant = manner.voice.partition("+")
     base = base or manner.language
     return f"{base or 'en'}+{variant}" if plus else base
@@ -54,7 +57,7 @@ def speaking_timeout(text: str, manner: SpeechStyle) -> float:
 
 
 class PrioritisedItem(Protocol):
-    """An item of a queue with a priority."""
+    """Item of a queue that has a priority."""
 
     @property
     def priority(self) -> Priority:
@@ -66,18 +69,21 @@ W = TypeVar("W", bound=PrioritisedItem)
 
 
 class UtteranceQueue(Generic[W]):
-    """Current and waiting utterances: highest priority first, then oldest. The caller holds the lock."""
+    """Queue of current and waiting utterances: highest priority first, then oldest.
+
+    The caller must hold the lock of the voice.
+    """
 
     def __init__(self) -> None:
         self._queue: list[W] = []
 
     def __iter__(self) -> Iterator[W]:
-        """Yield a snapshot of the utterances, in order."""
+        """Iterate over a copy of the queue, in order."""
         return iter(tuple(self._queue))
 
     @property
     def first(self) -> W | None:
-        """The utterance to play now, or None."""
+        """Utterance to play now; None if the queue is empty."""
         return self._queue[0] if self._queue else None
 
     def insert(self, item: W) -> None:
@@ -100,9 +106,10 @@ PHONEME_LETTERS = {
     Mouth.WIDE: "iIeEj",
     Mouth.OPEN: "aAV0",
 }
-"""First letters of phonemes (docs/phonemes.md of espeak-ng) by mouth shape; all others have a narrow mouth.
+"""First letters of espeak's phonemes by the mouth shape that they need.
 
-S and Z are those of *shoe* and *measure*, 0 and V the vowels of *lot* and *cup*, _ is a pause.
+All other phonemes have a narrow mouth. S and Z are the sounds in *shoe* and *measure*, 0 and V the vowels of *lot* and
+*cup*, _ is a pause. See docs/phonemes.md of espeak-ng.
 """
 
 _BY_LETTER = {letter: shape for shape, letters in PHONEME_LETTERS.items() for letter in letters}
@@ -126,9 +133,9 @@ def mouth_movement(phonemes: Iterable[tuple[float, str]], end: float) -> tuple[M
 
 
 class SpokenUtterance:
-    """A ``drivers.api.Utterance``: a text, or the file at ``path``. ``ended`` is set at its end or when cancelled.
+    """Utterance of a ``SpeechVoice``, a ``drivers.api.Utterance``: a text, or the sound file at ``path``.
 
-    ``remove`` removes it from its voice.
+    The event ``ended`` is set when it ends or is cancelled. ``remove`` removes it from its voice.
     """
 
     def __init__(
@@ -158,7 +165,10 @@ class SpokenUtterance:
 
     @property
     def started(self) -> float | None:
-        """Time of the utterance's first sample; for a program that plays sound itself, its start."""
+        """Time at which the first sample is played, None before.
+
+        If an external program plays the sound, it is the start of that program.
+        """
         return self._started
 
     @property
@@ -167,14 +177,14 @@ class SpokenUtterance:
 
     @property
     def end(self) -> float:
-        """Time at which the last sample of the utterance will have been played."""
+        """Time at which the utterance ends; meaningful only once it has started."""
         return (self._started or 0.0) + self.seconds
 
     def on_start(self, at: float, seconds: float) -> None:
-        """Record that playback started at ``at``."""
+        """Store that playback has started at the time ``at`` and takes ``seconds``."""
         self._started, self.seconds = at, seconds
 
     def reset_start(self) -> None:
-        """Return to the waiting state after an interrupted playback."""
+        """Store that the utterance has not started, after it was interrupted; it will be played again."""
         if not self.done():
             self._started = None

@@ -1,7 +1,7 @@
-"""WAV headers, for recordings and for sounds that are played; and other sound files.
+"""Headers of WAV files that are recorded or played, and recognition of other sound files.
 
-Programs that write to a pipe, or are killed, leave wrong sizes in the header, so a size is limited to that of the file.
-A data size of 0 is refused: the sound after it cannot be distinguished from other chunks.
+Programs that write to a pipe, or are killed, leave wrong sizes in the header. Therefore a size is limited to that of
+the file. A data size of 0 is refused, since the sound after it cannot be distinguished from other chunks.
 """
 
 from contextlib import suppress
@@ -52,7 +52,8 @@ class BadWav(ValueError):
 class WavFormat:
     """Header of a WAV file: ``rate`` in frames/s, ``width`` in bytes per sample, ``byte_rate`` in bytes/s.
 
-    ``size`` bytes of sound begin at byte ``begin`` of the file, as many as there really are.
+    ``encoding`` is a key of ``ENCODING_NAMES``. The sound is the ``size`` bytes from byte ``begin`` on; sizes beyond
+    the end of the file are reduced.
     """
 
     encoding: int
@@ -70,7 +71,7 @@ class WavFormat:
 
     @property
     def seconds(self) -> float:
-        """Duration of the sound in seconds; if compressed, by the byte rate of the header."""
+        """Duration of the sound in seconds. For a compressed sound it follows from the byte rate."""
         return self.frames / self.rate if self.encoding in SAMPLE_WIDTHS else self.size / self.byte_rate
 
 
@@ -146,10 +147,10 @@ _MP3_BITRATES = {
     True: (0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320),
     False: (0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160),
 }
-"""Bit rates of layer III in kbit/s: of MPEG 1, and of 2 and 2.5."""
+"""Bit rates of MP3 (layer III) in kbit/s by the bits in the header. True: MPEG 1; False: MPEG 2 and 2.5."""
 
 _MP3_SAMPLE_RATES = {3: (44_100, 48_000, 32_000), 2: (22_050, 24_000, 16_000), 0: (11_025, 12_000, 8_000)}
-"""Sample rates by the version bits."""
+"""Sample rates of MP3 by the version bits in the header, then by the rate bits."""
 
 _MP3_SEARCH_BYTES = 65_536
 """Bytes within which the first frame of an MP3 must begin."""
@@ -178,7 +179,10 @@ def _is_wav(begin: bytes) -> bool:
 
 
 def _is_mp3(file: BinaryIO, begin: bytes) -> bool:
-    """Return whether there are two consecutive MP3 frames, after a tag if there is one."""
+    """Return whether the file has two consecutive MP3 frames, at its start or after an ID3 tag.
+
+    ``begin`` are the first bytes of the file.
+    """
     tag = 0
     if begin[:3] == b"ID3" and len(begin) >= 10:
         tag = 10 + sum(byte << shift for byte, shift in zip(begin[6:10], (21, 14, 7, 0), strict=True))
@@ -216,9 +220,9 @@ MAX_DURATION = 600.0
 
 
 def check_sound_file(name: str, path: Path) -> Path:
-    """Return ``path``, which ``name`` is to play. Raises BadRequest for a missing or unplayable file.
+    """Return ``path`` of a sound file. Raises BadRequest if it is missing or cannot be played.
 
-    Also for a WAV file of more than ten minutes.
+    ``name`` is the part in the message. A WAV file must not exceed ten minutes.
     """
     if not path.is_file():
         raise BadRequest(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there")

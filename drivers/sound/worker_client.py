@@ -17,20 +17,23 @@ START_TIMEOUT = 5.0
 """Seconds to wait for a starting program, also after it has died: shared machines are slow."""
 
 HANG_TIMEOUT = 10.0
-"""Seconds after its start until a program that is not ready counts as hanging."""
+"""Seconds from the start of a worker program after which it counts as hanging if it is not ready."""
 
 MAX_DEATHS = 3
-"""Deaths in a row after which requests fail at once; the program is still restarted."""
+"""Number of consecutive exits of the worker program after which requests fail at once.
+
+The program is still restarted.
+"""
 
 
 class ProgramState(Enum):
-    """State of the program. DEAD: the worker process restarts it."""
+    """State of a worker program. In the state DEAD, the ``WorkerProcess`` restarts it."""
 
     CLOSED, STARTING, READY, DEAD = range(4)
 
 
 class ProgramEvent(Enum):
-    """Event of the program or its worker process."""
+    """Event of a worker program or of its ``WorkerProcess``."""
 
     OPEN, START, READY, DIE, CLOSE = range(5)
 
@@ -44,11 +47,17 @@ TRANSITIONS: Final = {
     (ProgramState.READY, ProgramEvent.DIE): ProgramState.DEAD,
     (ProgramState.DEAD, ProgramEvent.START): ProgramState.STARTING,
 }
-"""Transitions of the program by state and event; others change nothing: late messages of a program being closed."""
+"""Next state of a worker program by state and event. Other pairs change nothing.
+
+They occur if a message arrives late from a program that is being closed.
+"""
 
 
 class WorkerClient(ABC):
-    """Client of ``worker``; a ``drivers.transport.worker_process.WorkerHandler``. Subclasses handle the messages."""
+    """Client of the worker process ``worker``: waits for its replies. Subclasses handle its messages.
+
+    It is a ``drivers.transport.worker_process.WorkerHandler``. ``hint`` is the hint in its errors.
+    """
 
     def __init__(self, worker: WorkerProcess, clock: Clock, *, report: StatusCallback = ignore, hint: str = "") -> None:
         self._worker = worker
@@ -125,17 +134,17 @@ class WorkerClient(ABC):
 
     @abstractmethod
     def _handle_message(self, message: Message, body: bytes) -> DeviceStatus | None:
-        """Process a message under the lock; return a notice to report once, or None."""
+        """Handle a message of the worker; return a fault to report once, or None. Called with the lock held."""
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Note that the program runs; it reports itself when it is ready."""
+        """Store that the worker program was started. It sends a message when it is ready."""
         self._started_at = self._clock.now()
         self._handle_program(ProgramEvent.START)
 
     def on_message(self, message: Message, body: bytes) -> None:
-        """Process a message and wake the waiting threads."""
+        """Handle a message of the worker, and wake the threads that wait for it."""
         with self._condition:
             notice = self._process_message(message, body)
             self._condition.notify_all()
@@ -154,6 +163,6 @@ class WorkerClient(ABC):
         return self._handle_message(message, body)
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Note that the program has died."""
+        """Store that the worker program has exited."""
         self._deaths += 1
         self._handle_program(ProgramEvent.DIE)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # a simulated bus opens no port
 _ADAPTERS = Path("/sys/bus/usb-serial/devices")
 
 _WRITE_TIMEOUT = 0.5
-"""Seconds without progress of a write after which the port counts as gone."""
+"""Seconds for which a write may send no byte, until the port counts as disconnected."""
 
 _READ_SIZE = 4096
 
@@ -36,9 +36,9 @@ class BusTransport(Protocol):
         ...
 
     def receive(self, until: float) -> bytes:
-        """Return received bytes as soon as there are some; empty if the clock reaches ``until`` first.
+        """Wait for bytes until the clock reaches ``until``; return them as soon as some arrive, else no bytes.
 
-        With a time in the past, return the bytes that are already buffered.
+        If ``until`` is in the past, return the bytes that are already buffered.
         """
         ...
 
@@ -77,9 +77,9 @@ class SerialTransport:
             raise self._port_error(error) from error
 
     def receive(self, until: float) -> bytes:
-        """Return the bytes received before ``until``.
+        """Wait for bytes until the clock reaches ``until``; return them as soon as some arrive, else no bytes.
 
-        The port is checked once more after that time: this process may be late, and not the servo.
+        The port is checked once more after that time, since this process may have been delayed.
         """
         try:
             while not select.select([self._number], [], [], max(0.0, until - self._clock.now()))[0]:

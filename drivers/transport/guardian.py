@@ -7,14 +7,14 @@ from drivers.transport import guardian_wire
 from drivers.transport.lines import LineFinder
 
 SERVO_SPEED = 300.0
-"""Maximum speed in degrees per second at which a guardian moves a servo, independent of the setpoints."""
+"""Maximum speed in degrees per second at which a guardian moves a servo towards its goal."""
 
 
 class Actuators(Protocol):
     """Two actuators of a guardian. Methods raise OSError if the hardware is gone."""
 
     def set_goals(self, first: int, second: int, now: float) -> None:
-        """Set the goals of both actuators."""
+        """Set the goals of both actuators: power in thousandths, or angles in degrees."""
         ...
 
     def rest(self, now: float) -> None:
@@ -26,12 +26,16 @@ class Actuators(Protocol):
         ...
 
     def positions(self) -> tuple[int, int]:
-        """Return the current values of both actuators."""
+        """Return the current power (thousandths) or angles (degrees) of both actuators, as in a report."""
         ...
 
 
 class ActuatorGuardian:
-    """Executes commands; stops ``actuators`` after ``WATCHDOG_TIMEOUT`` seconds without a line."""
+    """Executes the commands of a driver on ``actuators``, and stops them when the driver is silent.
+
+    They stop after ``WATCHDOG_TIMEOUT`` seconds without a line. ``boot`` is the number of this start, which commands
+    must have.
+    """
 
     def __init__(self, actuators: Actuators, boot: int, now: float) -> None:
         self.boot = boot
@@ -73,7 +77,7 @@ class ActuatorGuardian:
 
 
 class GuardianWheels:
-    """Two motors: ``turn`` sets them to shares of full power, -1..1."""
+    """Two motors of a guardian. ``turn`` sets the power of both, as shares of full power, -1..1."""
 
     def __init__(self, turn: Callable[[float, float], None]) -> None:
         self._turn = turn
@@ -91,7 +95,7 @@ class GuardianWheels:
             self._turn(setpoint[0] / guardian_wire.FULL_POWER, setpoint[1] / guardian_wire.FULL_POWER)
 
     def rest(self, now: float) -> None:  # noqa: ARG002
-        """Stop the motors, even if they are assumed to be stopped."""
+        """Stop the motors. The command is sent even if they are stopped already."""
         self._setpoint = (0, 0)
         self._turn(0.0, 0.0)
 
@@ -99,14 +103,15 @@ class GuardianWheels:
         """Do nothing: motors keep their speed."""
 
     def positions(self) -> tuple[int, int]:
-        """Return the current setpoints of both motors."""
+        """Return the setpoints of both motors in thousandths of full power."""
         return self._setpoint
 
 
 class GuardianServos:
-    """Two hobby servos, moved at ``SERVO_SPEED`` at most: ``pulse`` sets a servo (0, 1) to a degree.
+    """Two hobby servos of a guardian, moved at ``SERVO_SPEED`` at most.
 
-    ``angles`` are their setpoints by an earlier program; None for a servo without a pulse so far.
+    ``pulse`` sets a servo (0 or 1) to an angle in whole degrees. ``angles`` are the angles set by an earlier program;
+    None if unknown, as for a servo that has had no pulse.
     """
 
     def __init__(self, pulse: Callable[[int, int], None], angles: tuple[int | None, int | None]) -> None:
@@ -117,7 +122,7 @@ class GuardianServos:
         self._stamp: float | None = None
 
     def set_goals(self, first: int, second: int, now: float) -> None:
-        """Set the goals of both servos; a servo without a pulse so far moves at once, since its angle is unknown."""
+        """Set the goals of both servos. A servo whose angle is unknown moves to its goal at once."""
         self.advance(now)
         for number, goal in enumerate((first, second)):
             if 0 <= goal <= 180:

@@ -1,11 +1,12 @@
-"""Protocol between a driver and an actuator guardian, both directions. Pure.
+"""Protocol between a driver and an actuator guardian, in both directions: lines of text. Pure.
 
 A guardian has two actuators: two wheels (thousandths of full power, backwards negative), or two servos (whole degrees).
-``?`` requests a report; ``g BOOT FIRST SECOND`` sets both; the guardian replies ``r BOOT FIRST SECOND``: the current
-values, ``-1`` for a servo without a pulse so far. ``BOOT`` is a new number at each start, and commands with another
-number are ignored, so that commands from before a restart move nothing.
+The line ``?`` requests a report, ``g BOOT FIRST SECOND`` sets both actuators. The guardian replies ``r BOOT FIRST
+SECOND`` with the current values; ``-1`` is a servo that has had no pulse so far. The guardian chooses a new number
+``BOOT`` at each start, and ignores commands with another number, so that commands from before a restart move nothing.
 
-``*`` precedes the CRC-16 of the text before it (CCITT, from 0xFFFF), as four hexadecimal digits.
+Each line ends with ``*`` and the CRC-16 (CCITT, initial value 0xFFFF) of the text before it, as four hexadecimal
+digits.
 """
 
 from binascii import crc_hqx
@@ -17,20 +18,20 @@ WATCHDOG_TIMEOUT = 0.3
 """Seconds without a line after which a guardian stops its actuators."""
 
 FULL_POWER = 1000
-"""Value for full power of a wheel."""
+"""Value in the protocol for full power of a wheel."""
 
 UNKNOWN_ANGLE = -1
-"""Angle of a servo without a pulse so far."""
+"""Angle in the protocol of a servo that has had no pulse so far."""
 
 MAX_LINE_LENGTH = 40
-"""Maximum bytes of a line, except for the last error message."""
+"""Maximum bytes of a line. Only the last error message of a guardian may be longer."""
 
 VALUE_RANGE = range(-9999, 32768)
 
 
 @dataclass(frozen=True, slots=True)
 class GuardianCommand:
-    """Command to a guardian: setpoints of both actuators."""
+    """Command to a guardian: setpoints of both actuators, and the guardian's boot number."""
 
     boot: int
     first: int
@@ -39,7 +40,7 @@ class GuardianCommand:
 
 @dataclass(frozen=True, slots=True)
 class GuardianReport:
-    """Report of a guardian: current values of both actuators."""
+    """Report of a guardian: current values of both actuators, and its boot number."""
 
     boot: int
     first: int

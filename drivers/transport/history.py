@@ -1,4 +1,4 @@
-"""History of values, to match a picture with the pose at its time, and statistics of delays."""
+"""History of values, to look up the pose of the camera at the time of a picture; and statistics of delays."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ from threading import Lock
 
 
 class DelayStatistics:
-    """Count, sum and maximum of measured delays. One thread adds, any thread may read."""
+    """Number, sum and maximum of measured delays. One thread adds delays, any thread may read them."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -21,9 +21,11 @@ class DelayStatistics:
         self._count += 1
 
     def counters(self, name: str) -> Mapping[str, int]:
-        """Return totals for ``drivers.api.Health``, in microseconds: ``NAMEs``, ``NAME_us`` and ``longest_NAME_us``.
+        """Return the statistics as counters for ``drivers.api.Health``.
 
-        The mean delay between two readings is the difference of the times divided by that of the counts.
+        They are the number of delays ``NAMEs``, and in microseconds the sum ``NAME_us`` and the maximum
+        ``longest_NAME_us``. The mean delay between two readings is the difference of the sums divided by the difference
+        of the numbers.
         """
         return {
             f"{name}s": self._count,
@@ -33,7 +35,7 @@ class DelayStatistics:
 
 
 class ValueHistory:
-    """History of the last seconds of a few numbers, with linear interpolation. Thread-safe."""
+    """History of a tuple of numbers over the last ``seconds``, with linear interpolation. Thread-safe."""
 
     def __init__(self, seconds: float = 3.0) -> None:
         self._seconds = seconds
@@ -41,7 +43,7 @@ class ValueHistory:
         self._lock = Lock()
 
     def add(self, stamp: float, values: Sequence[float]) -> None:
-        """Add ``values`` at ``stamp``; entries that are not older are replaced."""
+        """Add ``values`` at the time ``stamp``. Values with the same or a later stamp are removed."""
         with self._lock:
             while self._entries and self._entries[-1][0] >= stamp:
                 self._entries.pop()
@@ -50,7 +52,7 @@ class ValueHistory:
                 self._entries.popleft()
 
     def at(self, stamp: float) -> tuple[float, ...] | None:
-        """Return the values at ``stamp``: interpolated, the latest for a later time, None before the first entry."""
+        """Return the values at the time ``stamp``, interpolated; the latest ones if it is later; None if too early."""
         with self._lock:
             later: tuple[float, tuple[float, ...]] | None = None
             for entry in reversed(self._entries):
@@ -63,11 +65,11 @@ class ValueHistory:
             return None
 
     def newest(self) -> tuple[float, tuple[float, ...]] | None:
-        """Return the latest entry, with its stamp; None before the first."""
+        """Return the latest stamp and values; None if the history is empty."""
         with self._lock:
             return self._entries[-1] if self._entries else None
 
     def clear(self) -> None:
-        """Remove all entries."""
+        """Remove all values."""
         with self._lock:
             self._entries.clear()

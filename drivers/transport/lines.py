@@ -1,4 +1,4 @@
-"""Text lines in a stream of chunks with noise. Pure."""
+"""Finds lines of text in a stream of bytes. Pure."""
 
 MAX_LINE_LENGTH = 512
 """Maximum bytes of a line; longer ones are dropped."""

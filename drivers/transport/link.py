@@ -17,29 +17,30 @@ POLL_INTERVAL = 0.02
 
 
 class LinkHandler(Protocol):
-    """Protocol handler of a link. All methods are called from the link's thread.
+    """Handler of the protocol on a link. All methods are called from the link's thread.
 
-    An exception does not end that thread: after NotConnected the link opens the port again, any other new error is
-    reported as a fault.
+    An exception does not end that thread. After NotConnected the link opens the port again; any other exception is
+    reported as a fault, unless it repeats the last one.
     """
 
     def on_connected(self) -> None:
-        """Reset the state and start the session: the port was just opened. An exception closes it again."""
+        """Reset the state and start the session, since the port was just opened. An exception closes the port again."""
         ...
 
     def on_data(self, data: bytes) -> None:
-        """Handle received bytes, in chunks of any size."""
+        """Handle received bytes; a chunk may begin and end within a message."""
         ...
 
     def on_poll(self) -> float | None:
-        """Handle timeouts and renewals; called every ``POLL_INTERVAL`` seconds at least while the port is open.
+        """Handle timeouts, and send due data. Called every ``POLL_INTERVAL`` seconds while the port is open.
 
-        May return the seconds until the next call is needed; bytes are buffered in that time, unless the link is woken.
+        May return the seconds for which no call is needed. Received bytes are buffered in that time, unless ``wake`` is
+        called.
         """
         ...
 
     def on_closing(self) -> None:
-        """Send the last commands: the thread ends, for whatever reason, and the port is closed next."""
+        """Send the last commands, such as a stop. Called once before the thread ends and the port is closed."""
         ...
 
 
@@ -75,10 +76,10 @@ def open_link_port(part: str, port: str, baud: int) -> SerialPort:
 class SerialLink:
     """Owner of a serial port: opens it when it appears, and again after each disconnect.
 
-    Only the link's own thread opens and closes the port; an error on another thread is left in ``_offline_cause``.
-    ``gather_time`` are the seconds in which bytes are buffered after the first one: a device that sends continuously
-    would otherwise wake the thread a thousand times per second. ``opener`` opens the port, ``make_loop`` makes the loop
-    that serves it.
+    ``name`` is the part in messages. ``retry_interval`` is the time in seconds between attempts to open the port. After
+    the first byte, received bytes are collected for ``gather_time`` seconds: a device that sends continuously would
+    otherwise wake the thread a thousand times per second. ``opener`` opens the port, ``make_loop`` makes the loop that
+    serves it. Only the thread of that loop opens and closes the port.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class SerialLink:
         self._loop.end()
 
     def wake(self) -> None:
-        """Call ``on_poll`` now, before its time. Callable from any thread."""
+        """Call the handler's ``on_poll`` now, before it is due. Callable from any thread."""
         self._loop.wake()
 
     @property
@@ -155,7 +156,10 @@ class SerialLink:
                 raise self._offline_error() from error
 
     def _offline_error(self) -> NotConnected:
-        """Return a new error with the reason why the port is not open: several threads may raise one at once."""
+        """Return a new error with the reason why the port is not open.
+
+        It is a new one at each call, since several threads may raise it at the same time.
+        """
         cause = self._offline_cause
         if cause is None:
             return NotConnected(f"{self.name}: {self.port}: not opened yet")
@@ -222,7 +226,7 @@ class SerialLink:
         return pause
 
     def _report_fault(self, error: BaseException) -> None:
-        """Report a fault unless it is the last one: it may occur at every poll."""
+        """Report an exception of the handler as a fault, unless it is the same as the last one."""
         if (fault := _error_text(error)) != self._fault:
             self._fault = fault
             self._report(DeviceStatus(self.name, "fault", fault))

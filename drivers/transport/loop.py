@@ -12,10 +12,10 @@ P = ParamSpec("P")
 
 
 def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
-    """Return ``listener`` as a callback that never raises; its first error is logged, later ones are not.
+    """Return a callback that calls ``listener`` and never raises. Its first exception is logged, further ones are not.
 
-    SystemExit is suppressed as well: a terminal with a broken pipe raises it in any thread that prints.
-    KeyboardInterrupt passes, since it is not an error of the listener.
+    SystemExit is suppressed as well, since a terminal with a broken pipe raises it in any thread that prints.
+    KeyboardInterrupt is raised, because it is not an error of the listener.
     """
     failed = False
 
@@ -38,8 +38,7 @@ def guard_callback(listener: Callable[P, object]) -> Callable[P, None]:
 
 
 LoopBody = Callable[[], float]
-"""Body of a loop: does the due work, returns the seconds until the next call. Must not raise: nothing would catch that.
-"""
+"""Body of a loop: does the work that is due, and returns the seconds until the next call. It must not raise."""
 
 
 class Loop(Protocol):
@@ -64,11 +63,11 @@ class Loop(Protocol):
 
 
 LoopFactory = Callable[[str, LoopBody, Callable[[], object]], Loop]
-"""Makes a loop from its name, its body, and a function that is called once at the end."""
+"""Makes a loop from its name, its body, and a function that is called once when the loop ends."""
 
 
 class ThreadLoop:
-    """``Loop`` on a daemon thread called ``name``, which also calls ``on_end``; ``end`` interrupts a pause."""
+    """``Loop`` on a daemon thread called ``name``, which calls ``body`` repeatedly and ``on_end`` at the end."""
 
     def __init__(self, name: str, body: LoopBody, on_end: Callable[[], object]) -> None:
         self._name = name

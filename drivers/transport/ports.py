@@ -1,4 +1,4 @@
-"""Serial ports: open one exclusively, with an error that names its holder or the missing device.
+"""Serial ports: open a port exclusively; an error names the program that uses it, or says that it is missing.
 
 The kind of a device file is checked without opening it, since opening resets some boards.
 """
@@ -32,13 +32,13 @@ _FILE_KINDS = {
     stat.S_ISSOCK: "a socket",
     stat.S_ISBLK: "a disk",
 }
-"""Kinds of files that are no character devices, unlike serial ports."""
+"""Names of the kinds of files that cannot be serial ports, by the function that recognises them."""
 
 
 def find_non_serial_kind(port: str) -> str | None:
-    """Return the kind of the file at ``port`` if it cannot be a serial port.
+    """Return the kind of the file at ``port``, such as "a folder", if it cannot be a serial port; else None.
 
-    None for a possible port, and if there is no file: it may be plugged in later.
+    A missing file may still be plugged in, so the result is None for it.
     """
     try:
         status = Path(port).stat()
@@ -56,7 +56,7 @@ def find_non_serial_kind(port: str) -> str | None:
 
 
 def require_serial_ports(ports: Mapping[str, str]) -> None:
-    """Raise NotConnected if ports of parts can never be serial ports; the message has all of them."""
+    """Raise NotConnected if any of ``ports`` (port by part) can never be a serial port; name all of them."""
     kinds = {part: what for part, port in ports.items() if (what := find_non_serial_kind(port)) is not None}
     if kinds:
         messages = (f"{part}: {ports[part]}: not a serial port but {what}" for part, what in kinds.items())
@@ -71,7 +71,7 @@ UART_SETTING = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
 
 DEBUG_CONNECTOR_PROBLEM = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
 PINS_HINT = f"port: {PINS_PORT}  (GPIO 14 and 15, after {UART_SETTING})"
-"""Message about a link to the debug connector, and its hint."""
+"""Hint for a port that is a link to the debug connector: use the port on the pins."""
 
 _PI_5 = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
 
@@ -119,7 +119,7 @@ class SerialPort(serial.Serial):
         return data
 
     def write(self, data: "ReadableBuffer", /) -> int:
-        """Send ``data`` completely, as pyserial does, but without a ``select`` after a successful write."""
+        """Send ``data`` completely. In contrast to pyserial there is no ``select`` after a successful write."""
         view = memoryview(data)
         try:
             sent = os.write(self.fileno(), view)
@@ -167,7 +167,7 @@ def open_port(part: str, port: str, baud: int, *, timeout: float = 0.02) -> Seri
 
 
 class PortLostError(OSError):
-    """Loss of a port with a hint of its own."""
+    """Error for a port that was lost, with a hint."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -200,7 +200,7 @@ def _make_in_use_error(part: str, port: str, holders: Sequence[Program]) -> NotC
 
 
 def _errno_of(error: BaseException) -> int | None:
-    """Return the error number: pyserial sometimes has it in the exception, sometimes only in the wrapped one."""
+    """Return the error number of an exception of pyserial, or of the exception that caused it; None if unknown."""
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno
     return _errno_of(error.__context__) if error.__context__ is not None else None

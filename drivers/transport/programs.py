@@ -1,4 +1,4 @@
-"""Programs that hold a port: their names as the user typed them, and the commands that end them."""
+"""Programs that use a port: their names as the user typed them, and the commands that end them."""
 
 import os
 import stat
@@ -17,7 +17,8 @@ DEVICE_GROUPS = frozenset({"audio", "dialout", "input", "plugdev", "uucp", "vide
 def explain_denied(device: Path, path: str = "", groups: Collection[int] | None = None) -> tuple[str, str]:
     """Return why the user may not open ``device``, and the next command to type.
 
-    ``path`` is the name to show, ``groups`` are the group numbers of this login, by default those of this process.
+    ``path`` is the name to show. ``groups`` are the numbers of the groups that the user is in, by default those of this
+    process.
     """
     import grp  # noqa: PLC0415 - Python in a browser does not have it
 
@@ -40,7 +41,7 @@ def explain_denied(device: Path, path: str = "", groups: Collection[int] | None 
 
 
 def _grant_command(path: str, group: str) -> str:
-    """Return the command that gives the user this one device."""
+    """Return the command that lets the user open the device at ``path``, which belongs to ``group``."""
     if group == "tty":  # a Raspberry Pi gives its serial port to the login console
         return "sudo raspi-config  (Interface Options, Serial Port: no login shell, but the port)"
     remark = "until it is plugged in again; permanently: a rule as in `mission robot udev`"
@@ -65,7 +66,7 @@ TCP_LISTEN = "0A"
 MAX_NAME_LENGTH = 60
 
 PTY_MAJORS = range(136, 144)
-"""Major numbers of pseudo-terminals, by the kernel's list of devices; the index is in the fdinfo of the other end."""
+"""Major device numbers of pseudo-terminals on Linux."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +110,7 @@ def _is_ours(words: list[str], at: int, word: str) -> bool:
 
 
 def end_command(holders: Sequence[Program], otherwise: str) -> str:
-    """Return the command that ends those of ``holders`` that belong to MissionTree; ``otherwise`` if there are none."""
+    """Return the command that ends the MissionTree programs among ``holders``; ``otherwise`` if there are none."""
     return "; ".join(each.end_command for each in holders if each.end_command) or otherwise
 
 
@@ -149,7 +150,8 @@ def tcp_holders(port: int) -> list[Program]:
 def _holders(holds: Callable[["os.DirEntry[str]"], bool]) -> Iterator[Program]:
     """Yield the other programs with an open file that ``holds`` accepts, in the order of their process ids.
 
-    Opening a port scans all files of all programs: ``pathlib`` would take ten times as long.
+    Speed matters, because this scans all files of all programs whenever a port is opened. ``pathlib`` would take ten
+    times as long.
     """
     pids = set()
     for process in _entries("/proc"):

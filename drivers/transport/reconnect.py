@@ -1,4 +1,7 @@
-"""Reconnect tracking of an actuator: detects absences, and applies its reconnect policy. Times are arguments."""
+"""Reconnect tracking of an actuator: detects disconnects, and applies the reconnect policy.
+
+The clock is not read: times are arguments.
+"""
 
 from math import inf
 
@@ -7,10 +10,10 @@ from drivers.errors import DeviceFault
 
 
 class ReconnectTracker:
-    """Tracks the absences of a part, and latches it after a long one. Not thread-safe.
+    """Tracks the disconnects of a part, and latches the part after a long one. Not thread-safe.
 
     ``reconnected_at`` is the time of the last reconnect after which earlier commands are dropped, None if there was
-    none; ``latched`` is the reason of the latch, or empty.
+    none. ``latched`` is the reason of the latch; empty if the part is not latched.
     """
 
     def __init__(self, policy: ReconnectPolicy | None = None) -> None:
@@ -21,7 +24,7 @@ class ReconnectTracker:
 
     @property
     def min_absence(self) -> float:
-        """Shortest absence in seconds after which earlier commands are dropped."""
+        """Shortest disconnect in seconds after which earlier commands are dropped."""
         return self._policy.decide_after
 
     def restart(self) -> None:
@@ -29,14 +32,18 @@ class ReconnectTracker:
         self.reconnected_at, self.latched, self._reported_at = None, "", -inf
 
     def on_report(self, now: float, *, restarted: bool = False) -> bool:
-        """Note that the part is online at ``now``, maybe ``restarted``; return whether to drop earlier commands."""
+        """Update with a report of the part at ``now``; return whether earlier commands must be dropped.
+
+        ``restarted`` is True if the report shows that the part has restarted.
+        """
         before, self._reported_at = self._reported_at, now
         return before > -inf and self.on_return(now, now - before, restarted=restarted)
 
     def on_return(self, now: float, absence: float, *, name: str = "it", restarted: bool = False) -> bool:
-        """Note that the part, or the servo ``name`` of it, is back at ``now`` after ``absence`` seconds.
+        """Update with a reconnect at ``now`` after ``absence`` seconds; return whether to drop earlier commands.
 
-        Return whether to drop earlier commands: after a restart, or a long absence.
+        They are dropped after a restart (``restarted``) or a long disconnect. ``name`` is the part, or one of its
+        servos, in the reason of a latch.
         """
         if not (restarted or absence > self._policy.decide_after):
             return False
@@ -46,11 +53,11 @@ class ReconnectTracker:
         return True
 
     def is_silent(self, now: float) -> bool:
-        """Return whether the part was silent for so long by ``now`` that it must report before it moves."""
+        """Return whether the last report is so old at ``now`` that the part must report again before it moves."""
         return -inf < self._reported_at < now - self._policy.decide_after
 
     def is_from_before(self, requested_at: float) -> bool:
-        """Return whether a command at ``requested_at`` is from before the last reconnect."""
+        """Return whether a command at the time ``requested_at`` is from before the last reconnect."""
         return self.reconnected_at is not None and requested_at < self.reconnected_at
 
     def require_unlatched(self, part: str) -> None:
@@ -68,7 +75,7 @@ class ReconnectTracker:
 
 
 class LatchingPart:
-    """Mixin that implements ``drivers.api.Latchable`` by the part's ``_reconnect``, a ``ReconnectTracker``."""
+    """Mixin for parts that can be latched: implements ``drivers.api.Latchable`` by their ``ReconnectTracker``."""
 
     _reconnect: ReconnectTracker
 

@@ -1,9 +1,9 @@
-"""Worker process of MissionTree: messages over its pipes, and a restart after it has died.
+"""Worker process of MissionTree, with messages over its pipes. It is restarted after it has exited.
 
 Code that may crash, holds the GIL, or has another licence runs in a worker: synthesiser, sound card, recogniser. A
-worker is a file run by its path, in Python's isolated mode, and imports no other module of MissionTree but for its
-computations. It exits when its standard input ends, so none outlives the robot. A message is a line of JSON (an
-object); if it has ``bytes: N``, N bytes follow.
+worker is a file run by its path, in Python's isolated mode. It imports no other module of MissionTree, unless its
+computations need one. It exits when its standard input ends, so it never outlives the robot. A message is a line of
+JSON (an object). If the object has ``bytes: N``, N bytes follow the line.
 """
 
 import json
@@ -36,7 +36,7 @@ _READ_SIZE = 65536  # bytes of a read
 
 
 def pack_message(message: Message, body: bytes = b"") -> bytes:
-    """Return the bytes of a message; ``bytes`` is added to it if there is a ``body``."""
+    """Return the bytes of a message; if there is a ``body``, its length is added to the message as ``bytes``."""
     head = {**message, "bytes": len(body)} if body else message
     return json.dumps(head, separators=(",", ":")).encode() + b"\n" + body
 
@@ -55,7 +55,7 @@ class MessageParser:
         self._head: dict[str, Any] | None = None
 
     def feed(self, data: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
-        """Yield the messages that ``data`` completes, each with its body. Raises ValueError for an invalid message."""
+        """Add received bytes; yield each complete message with its body. Raises ValueError for an invalid message."""
         self._data += data
         while True:
             if self._head is None:
@@ -79,7 +79,7 @@ class MessageParser:
 
 
 class WorkerHandler(Protocol):
-    """Handler of a worker's messages. All methods are called from the worker's reading thread and must return soon."""
+    """Handler of a worker's messages. All methods are called from the thread that reads them, and must return soon."""
 
     def on_started(self) -> None:
         """Send the initial messages: a new process has started."""
@@ -90,15 +90,15 @@ class WorkerHandler(Protocol):
         ...
 
     def on_exit(self, reason: str) -> None:
-        """Drop pending requests: the process has died. ``on_started`` follows once there is another."""
+        """Drop pending requests, since the process has exited; ``reason`` says how. A new process is started later."""
         ...
 
 
 class WorkerProcess:
-    """Runs ``program`` (a file) with ``arguments``, and restarts it after 1, 2, 4.. s when it dies.
+    """Runs the Python file ``program`` with ``arguments``, and restarts it after 1, 2, 4.. s when it exits.
 
-    ``name`` is the part of the robot in reports, ``hint`` the command to type if the program does not run. Exits are
-    reported as faults, a repeated one only once. ``command`` is the Python that runs the program.
+    ``name`` is the part in messages. ``hint`` is the hint if the program does not run. An exit is reported as a fault;
+    the same exit is reported only once. ``command`` is the Python that runs the program.
     """
 
     def __init__(
@@ -127,7 +127,10 @@ class WorkerProcess:
         self._thread: Thread | None = None
 
     def open(self, handler: WorkerHandler) -> None:
-        """Start the program, and the thread that reads its messages; returns at once. Safe more than once."""
+        """Start the program, and a thread that calls ``handler`` with its messages; returns at once.
+
+        Safe more than once.
+        """
         if self._thread is None:
             self._ending.clear()
             self._thread = Thread(
@@ -136,7 +139,7 @@ class WorkerProcess:
             self._thread.start()
 
     def close(self) -> None:
-        """Kill the process and end the thread. Safe from any state, more than once, but not from the handler."""
+        """Kill the process and end the thread. Safe from any state, more than once. The handler must not call it."""
         self._ending.set()
         self.kill()
         thread, self._thread = self._thread, None
@@ -160,8 +163,8 @@ class WorkerProcess:
     def send(self, message: Message, body: bytes = b"", *, timeout: float = 1.0) -> None:
         """Send a message completely. Raises NotConnected if the process does not run, NoReply if it does not read.
 
-        ``timeout`` in seconds is for another sender to finish, and for each pause in which the pipe is full. A process
-        with half a message is unusable, so it is killed then.
+        ``timeout`` is the time in seconds to wait for another thread that is sending, and for each pause in which the
+        pipe is full. If only part of a message could be sent, the process is killed.
         """
         if not self._writing.acquire(timeout=timeout):
             raise NoReply(f"{self.name}: {self._program_name}: busy for {timeout:g} s", hint=self._hint)
@@ -259,9 +262,9 @@ class WorkerProcess:
 
 
 def _read_rest(pipe: int, stderr: bytes) -> bytes:
-    """Return ``stderr`` with its rest, as far as that has arrived: both pipes of a program end at the same time.
+    """Return ``stderr`` and the bytes that ``pipe`` has now; call it after the program's output has ended.
 
-    It is not waited for: a child of the program may hold the pipe open for ever.
+    It does not wait for the end of the pipe, because a child of the program may keep it open.
     """
     os.set_blocking(pipe, False)
     with suppress(BlockingIOError):

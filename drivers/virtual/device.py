@@ -35,16 +35,17 @@ class VirtualPort(Protocol):
         ...
 
     def call_paused(self, question: Callable[[], T]) -> T:
-        """Call ``question`` while the devices are paused, and return its result."""
+        """Return the result of ``question``, which is called while the devices are paused."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class VirtualDevice:
-    """Virtual device with a port of the name ``port_name``; ``device`` is None for a part on the wire of another.
+    """Virtual device on the wire: ``device`` with a port of the name ``port_name``.
 
-    ``port`` is its port if that is not a pseudo-terminal. A base returns its true ``pose`` at a time, a head its true
-    ``head_pose``, and each its ``state`` as plain values. All three are called while the device is paused.
+    ``device`` is None for a part that another device simulates. ``port`` is its port if that is not a pseudo-terminal.
+    A base has ``pose``, which returns its true pose at a time, a head has ``head_pose``; ``state`` returns the true
+    state as plain values. These functions are called while the device is paused.
     """
 
     device: WireDevice | None
@@ -66,7 +67,7 @@ class WireBase(WireDevice, Protocol):
 
 
 def make_virtual_base(device: WireBase, wire: str) -> VirtualDevice:
-    """Return a virtual base on a wire; its state is pose and velocity."""
+    """Return a virtual base with the port name ``wire``; its state is its true pose and velocity."""
 
     def state(now: float) -> object:
         return asdict(device.pose(now)) | asdict(device.body.velocity)

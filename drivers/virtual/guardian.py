@@ -15,7 +15,10 @@ from drivers.virtual.device import VirtualDevice
 
 
 class VirtualGuardian(ABC):
-    """Virtual guardian: a ``drivers.virtual.terminal.WireDevice``. Thread-safe. The plug does not power it."""
+    """Virtual guardian: a ``drivers.virtual.terminal.WireDevice``. Thread-safe.
+
+    It keeps running while it is unplugged.
+    """
 
     def __init__(self, baud: int) -> None:
         self.baud = baud
@@ -25,7 +28,7 @@ class VirtualGuardian(ABC):
 
     @abstractmethod
     def make_actuators(self) -> GuardianWheels | GuardianServos:
-        """Return the guardian's actuators, as after a boot."""
+        """Return the guardian's simulated actuators, as they are after a start of the guardian."""
 
     def feed(self, data: bytes, now: float) -> bytes:
         """Handle lines; return the replies."""
@@ -33,7 +36,7 @@ class VirtualGuardian(ABC):
             return self._get_guardian(now).feed(data, now)
 
     def poll(self, now: float) -> bytes:
-        """Advance to time ``now``; a guardian sends nothing by itself."""
+        """Advance to time ``now``; return no bytes, since a guardian only replies."""
         with self._lock:
             self._get_guardian(now).poll(now)
             self.advance(now)
@@ -56,7 +59,10 @@ class VirtualGuardian(ABC):
 
 
 class VirtualCar(VirtualGuardian):
-    """Guardian whose motors turn the wheels of a ``body``, at ``wheels.fastest`` at full power."""
+    """Virtual guardian whose motors turn the wheels of a simulated ``body``.
+
+    ``wheels`` convert wheel speeds to the velocity of the body; its maximum speed is that at full power.
+    """
 
     def __init__(self, body: BaseBody, wheels: TwoWheels, *, baud: int = guardian_wire.BAUD) -> None:
         super().__init__(baud)
@@ -68,7 +74,7 @@ class VirtualCar(VirtualGuardian):
         return GuardianWheels(self._turn)
 
     def advance(self, now: float) -> None:
-        """Command the wheels of the body again: they forget their command, and those of the guardian do not."""
+        """Send the current power of the motors to the simulated body, which would otherwise stop after a while."""
         velocity = self._wheels.velocity(*(share * self._wheels.fastest for share in self.shares))
         self.body.command(velocity.linear, velocity.angular, now)
 
@@ -82,10 +88,10 @@ class VirtualCar(VirtualGuardian):
 
 
 class VirtualServos(VirtualGuardian):
-    """Guardian with two servos, initially at ``angles`` (degrees).
+    """Virtual guardian with two servos, initially at ``angles`` (degrees).
 
-    With ``knows_angles`` an earlier program has set the servos, and the guardian has had power since. ``max_step`` is
-    the widest step of a servo in degrees, from its previous setpoint or initial angle.
+    With ``knows_angles`` an earlier program has set the servos, so the guardian knows their angles. ``max_step`` is the
+    largest step between two setpoints of a servo so far, in degrees; the first step is from the initial angle.
     """
 
     def __init__(self, angles: Sequence[float], *, baud: int = guardian_wire.BAUD, knows_angles: bool = True) -> None:
@@ -122,7 +128,7 @@ class VirtualServos(VirtualGuardian):
 
 
 def make_virtual_servos(device: VirtualServos, pan: ServoAxis, tilt: ServoAxis, wire: str) -> VirtualDevice:
-    """Return two servos behind a guardian; the state is their angles in degrees."""
+    """Return a virtual head of two servos with the port name ``wire``; its state is their angles in degrees."""
 
     def looks(time: float) -> HeadPose:
         return HeadPose(pan.to_radians(device.angle(0, time)), tilt.to_radians(device.angle(1, time)))

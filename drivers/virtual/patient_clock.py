@@ -1,8 +1,7 @@
-"""Clock for simulation in real time, which stops while a virtual device is delayed.
+"""Clock for simulation in real time that stops while a virtual device is delayed.
 
-A real device has a processor of its own. A virtual one shares this machine with all other programs, and is late when it
-is busy: it would seem silent, or without power. On this clock no time passes meanwhile, so a simulation on a busy
-machine is slow, but correct.
+A virtual device shares the processor with all other programs. On a busy computer it replies late, and would seem
+disconnected. On this clock no time passes meanwhile, so a simulation on a busy computer is slow, but correct.
 """
 
 from threading import Lock
@@ -24,12 +23,12 @@ class PatientClock:
         self._heartbeats: dict[object, float] = {}  # time of the last heartbeat by device
 
     def now(self) -> float:
-        """Return the time in seconds: at most ``MAX_DEVICE_DELAY`` after the oldest heartbeat."""
+        """Return the time in seconds; it is at most ``MAX_DEVICE_DELAY`` after the oldest heartbeat of a device."""
         with self._lock:
             return self._now()
 
     def heartbeat(self, device: object) -> None:
-        """Register ``device``, and note that it is not delayed; to be called repeatedly."""
+        """Register ``device``, or store that it is not delayed. Each device calls this repeatedly."""
         with self._lock:
             self._heartbeats[device] = self._now()
 

@@ -1,7 +1,7 @@
 """Pseudo-terminal with a virtual device, which a real driver opens as a serial port.
 
-The device itself is pure: it maps bytes and time to bytes. So the same device runs here in real time, in a unit test
-without a terminal, and in simulated time.
+A device is an object without I/O: it receives bytes and times, and returns bytes. So the same device runs here in real
+time, in a unit test without a terminal, and in simulated time.
 """
 
 import contextlib
@@ -25,10 +25,10 @@ from drivers.virtual.patient_clock import PatientClock
 T = TypeVar("T")
 
 SPIN_TIME = 150e-6
-"""Seconds before a due time that are waited for in a busy loop: no sleep is that precise."""
+"""Seconds before a due time that are waited for in a busy loop, since a sleep is not that precise."""
 
 BAUD_TOLERANCE = 0.03
-"""Maximum relative difference of two baud rates that understand each other."""
+"""Maximum relative difference of the baud rates of two devices that can communicate."""
 
 _TCGETS2 = 0x802C542A
 """Request of Linux for ``struct termios2``, which has any baud rate as a number, in its last four bytes."""
@@ -40,7 +40,7 @@ class WireDevice(Protocol):
 
     @property
     def baud(self) -> int:
-        """Baud rate of the device; bytes at another rate are ignored."""
+        """Baud rate of the device. The terminal drops bytes at another rate."""
         ...
 
     def feed(self, data: bytes, now: float) -> bytes:
@@ -54,7 +54,7 @@ class WireDevice(Protocol):
 
 @runtime_checkable
 class TimedDevice(Protocol):
-    """Device with exact times on its wire: the terminal polls it at these times, not only periodically."""
+    """Device that sends bytes at exact times: the terminal polls it at these times, and also periodically."""
 
     def next_poll_time(self) -> float | None:
         """Return the time at which ``poll`` will return bytes; None if no bytes are pending."""
@@ -63,7 +63,10 @@ class TimedDevice(Protocol):
 
 @runtime_checkable
 class MultiRateDevice(Protocol):
-    """Device of parts with different baud rates: it gets the computer's rate, and decides which parts receive."""
+    """Device whose parts have different baud rates, such as a bus of servos.
+
+    The terminal passes on all bytes and the computer's baud rate; the device decides which parts receive them.
+    """
 
     def set_baud(self, baud: int) -> None:
         """Set the baud rate of the computer."""
@@ -71,7 +74,7 @@ class MultiRateDevice(Protocol):
 
 @runtime_checkable
 class PoweredDevice(Protocol):
-    """Device that has its power from the plug."""
+    """Device that is powered by the plug of its wire, so it starts when it is plugged in."""
 
     def power_on(self, now: float) -> None:
         """Switch the power on at time ``now``."""
@@ -83,12 +86,13 @@ def baud_rates_match(one: int, other: int) -> bool:
 
 
 class PseudoTerminal:
-    """Runs a device on a pseudo-terminal, on a thread of its own; a ``TimedDevice`` is polled on time.
+    """Runs a virtual device on a pseudo-terminal, on a thread of its own; a ``TimedDevice`` is polled on time.
 
-    ``path`` is a stable name (a symbolic link) that survives ``unplug`` and ``replug``, as a udev name does.
-    ``distort`` may be set at any time: it maps the bytes that the device sends to those that arrive (none for silence,
-    flipped bits for noise). For ``busy_wait`` seconds after an exchange the port is polled without sleeping, which
-    occupies a processor: waking from a sleep is too slow for exact times. A ``PatientClock`` waits for the device.
+    ``path`` is a stable name (a symbolic link), which stays the same after ``unplug`` and ``replug``, as a name by a
+    udev rule does. ``distort`` may be set at any time: it receives the bytes that the device sends, and returns those
+    that arrive, such as none or damaged ones. For ``busy_wait`` seconds after an exchange the port is polled without
+    sleeping, since waking from a sleep is too slow for exact times; this occupies a processor. A ``PatientClock`` waits
+    for the device.
     """
 
     def __init__(
@@ -164,7 +168,10 @@ class PseudoTerminal:
             return question()
 
     def client_baud(self) -> int | None:
-        """Return the baud rate that the computer has set; None when unplugged, or if the system does not report it."""
+        """Return the baud rate that the computer has set.
+
+        The result is None while unplugged, or if the system does not report it.
+        """
         try:
             settings = fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2_SIZE))
         except (OSError, ValueError):  # ValueError: the descriptor is -1, unplugged
@@ -182,7 +189,7 @@ class PseudoTerminal:
                 self._patient_clock.unregister(self)
 
     def _run_once(self) -> None:
-        """Wait until bytes arrive or are due, and exchange them."""
+        """Wait until bytes arrive or the device has bytes to send, then exchange them."""
         with self._lock:
             master, due = self._master, self._timed_device.next_poll_time() if self._timed_device else None
         rest = self._poll_interval if due is None else min(self._poll_interval, due - self._clock.now())
@@ -196,7 +203,7 @@ class PseudoTerminal:
             self._exchange()
 
     def _spin(self, due: float | None) -> None:
-        """Wait for ``due`` in a busy loop if it is near; not if bytes have arrived long before it."""
+        """Wait in a busy loop for the time ``due`` if it is less than ``SPIN_TIME`` away; else return at once."""
         while due is not None and 0 < due - self._clock.now() <= SPIN_TIME and not self._ending.is_set():
             pass
 

@@ -1,1 +1,1 @@
-"""Speech: a synthesiser if one is installed, else printed text."""
+"""Voices: speech by a synthesiser if one is installed, else printed text."""

@@ -1,4 +1,4 @@
-"""Check-up of a voice: whether a synthesiser is installed. It stays silent."""
+"""Checkup of a voice: whether a synthesiser is installed. Nothing is spoken."""
 
 from collections.abc import Iterator
 

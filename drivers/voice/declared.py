@@ -9,7 +9,7 @@ from drivers.api.keys import KeyDiagnostic, key, keys
 from drivers.api.sections import VoiceKeys
 
 PLACEHOLDERS = ("voice", "language", "name", "speed", "volume")
-"""Placeholders in braces in a command, as in ``drivers.sound.speech_programs``."""
+"""Names that may stand in braces in the key ``command`` of a voice, as in ``drivers.sound.speech_programs``."""
 
 
 @keys
@@ -24,7 +24,7 @@ class SpeechKeys(VoiceKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield errors in the command that speaks."""
+        """Yield a diagnostic for an invalid command line or an unknown placeholder in the key ``command``."""
         try:
             shlex.split(self.command)
         except ValueError as error:
@@ -40,7 +40,7 @@ class PiperKeys(SpeechKeys):
     """Keys of a voice that uses Piper."""
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a missing model, and the errors of SpeechKeys."""
+        """Yield a diagnostic if ``model`` is missing, and the diagnostics of ``SpeechKeys``."""
         if not self.model:
             yield KeyDiagnostic("a voice with 'driver: piper' needs 'model'", hint="model: en_US-amy-medium.onnx")
         yield from SpeechKeys.diagnostics(self)
@@ -51,7 +51,7 @@ class CommandKeys(SpeechKeys):
     """Keys of a voice that uses a command."""
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a missing command, and the errors of SpeechKeys."""
+        """Yield a diagnostic if ``command`` is missing, and the diagnostics of ``SpeechKeys``."""
         if not self.command:
             yield KeyDiagnostic("a voice with 'driver: command' needs 'command'", hint='command: "my_tts --stdin"')
         yield from SpeechKeys.diagnostics(self)

@@ -33,11 +33,11 @@ from drivers.voice.declared import SpeechKeys
 
 
 class SpeechVoice:
-    """Voice that speaks with ``engine`` and plays with ``player``: a ``drivers.api.Voice``.
+    """Voice that speaks with ``engine`` and plays the sound with ``player``: a ``drivers.api.Voice``.
 
     ``default_style`` is the style of the robot file. An utterance of higher priority interrupts the current one, which
-    is repeated afterwards. An utterance that cannot be played is printed by ``out``, takes as long, and the reason is
-    reported. ``changed`` is called from the thread at the end of each utterance.
+    is repeated afterwards. An utterance that cannot be played is printed by ``out`` and lasts as long as speech would;
+    the reason is reported. ``changed`` is called from the voice's thread at the end of each utterance.
     """
 
     name = "voice"
@@ -99,7 +99,10 @@ class SpeechVoice:
         self._player.close()
 
     def health(self) -> Health:
-        """Return whether the voice can speak; after a failure, the reason."""
+        """Return whether the voice can speak, and the reason if it cannot.
+
+        If it can, but there is no sound card or the last utterance failed, ``detail`` has that reason.
+        """
         with self._condition:
             counters = dict(self._counters)
             if self._thread is None:
@@ -126,7 +129,7 @@ class SpeechVoice:
         )
 
     def speaking(self) -> Utterance | None:
-        """Return the utterance that is playing."""
+        """Return the utterance that is being played; None if there is none."""
         current = self._current
         return current if current is not None and current.started is not None else None
 
@@ -144,7 +147,7 @@ class SpeechVoice:
         return words
 
     def _drop(self, words: SpokenUtterance, *, cancelled: bool = True) -> None:
-        """End ``words`` now: remove them from the queue, and interrupt them if they are playing."""
+        """End the utterance ``words`` now: remove it from the queue, and interrupt it if it is being played."""
         with self._condition:
             if not words.done():
                 words.cancelled = cancelled
@@ -173,7 +176,7 @@ class SpeechVoice:
                 self._changed()
 
     def _say(self, words: SpokenUtterance, cut: CancelToken) -> bool:
-        """Speak or play ``words``; return True if they were played to the end. If that fails, print them."""
+        """Speak or play the utterance ``words``, print it if that fails; return True if it was not interrupted."""
         try:
             whole = self._play_or_speak(words, cut)
         except BadRequest as error:  # not an audio file: there is no duration to wait for
@@ -220,7 +223,7 @@ class SpeechVoice:
             self._report(DeviceStatus(self.name, "fault", *problem))
 
     def _print(self, words: SpokenUtterance, cut: CancelToken) -> bool:
-        """Print ``words`` and wait for their remaining duration; return False if interrupted."""
+        """Print the utterance ``words`` and wait for its remaining duration; return False if interrupted."""
         if cut.is_cancelled:
             return False
         if words.started is None or not self._player.mute_reason:
@@ -238,7 +241,7 @@ SPEECH_WHEELS = ("espeakng_loader", "miniaudio")
 
 @dataclass(frozen=True, slots=True)
 class VoiceSettings:
-    """Settings of a voice from its section; ``backend`` is one of miniaudio's, for tests."""
+    """Settings of a voice from its section of the robot file. ``backend`` is one of miniaudio's, for tests."""
 
     driver: str = "auto"
     style: SpeechStyle = DEFAULT_STYLE
@@ -257,7 +260,7 @@ def make_voice(
     report: StatusCallback = ignore,
     changed: Callable[[], None] = ignore,
 ) -> Voice:
-    """Return a voice; ``out`` prints text that cannot be spoken."""
+    """Return the voice for ``settings``; a printed one if there is no synthesiser. ``out`` prints its texts."""
     engine = _make_engine(settings, clock, report)
     if engine is None:
         from drivers.sound.printed_voice import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
@@ -287,27 +290,27 @@ def _make_engine(settings: VoiceSettings, clock: Clock, report: StatusCallback) 
 
 
 def auto(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return the first available voice: the synthesiser's wheel, an installed synthesiser, printed text."""
+    """Return the best available voice: the wheel of espeak-ng, an installed program, else printed text."""
     return _make_from_keys("auto", keys, context)
 
 
 def espeak(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return the voice of the synthesiser's wheel."""
+    """Return a voice that speaks with the wheel of espeak-ng."""
     return _make_from_keys("espeak", keys, context)
 
 
 def program(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return the voice of an installed synthesiser."""
+    """Return a voice that speaks with an installed program such as espeak-ng."""
     return _make_from_keys("program", keys, context)
 
 
 def piper(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return a voice of Piper."""
+    """Return a voice that speaks with Piper."""
     return _make_from_keys("piper", keys, context)
 
 
 def command(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return the voice of a command line."""
+    """Return a voice that speaks with the command line in its section."""
     return _make_from_keys("command", keys, context)
 
 

@@ -1,4 +1,4 @@
-"""Simulated voice: printed text with a plug."""
+"""Simulated voice, which prints its texts and can be unplugged."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from drivers.sound.printed_voice import PrintedVoice
 
 
 class VoiceTwin(PrintedVoice):
-    """Printed voice that can be unplugged, which silences it.
+    """Simulated voice that prints its texts; while it is unplugged, it says nothing.
 
     Call ``step`` every ``STEP_INTERVAL`` to end utterances.
     """
@@ -51,7 +51,7 @@ class VoiceTwin(PrintedVoice):
         return super().say(text, manner, priority)
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Queue the name of a file for printing. Raises BadRequest; NotConnected if unplugged."""
+        """Queue a sound file, whose name is printed. Raises BadRequest; NotConnected if unplugged."""
         self.plug.check_online()
         return super().play(path, priority)
 

@@ -1,1 +1,1 @@
-"""Waveshare rovers with JSON over a serial line: WAVE ROVER, UGV Rover, UGV Beast and similar ones."""
+"""Waveshare's rovers that exchange JSON over a serial line: WAVE ROVER, UGV Rover, UGV Beast and similar ones."""

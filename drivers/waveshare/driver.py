@@ -18,19 +18,22 @@ from drivers.waveshare import wire
 from drivers.waveshare.declared import WaveshareKeys
 
 REPORT_INTERVAL = 0.02
-"""Seconds between two reports that are requested."""
+"""Seconds between two reports that the driver requests from the rover."""
 
 HEARTBEAT_TIMEOUT = 0.4
-"""Seconds without a command after which the rover is set to stop."""
+"""Seconds without a command after which the rover stops; the driver sends this setting to the rover."""
 
 DEFAULT_HEARTBEAT_TIMEOUT = 3.0
-"""Default of the rover's timeout: ``HEART_BEAT_DELAY`` of the vendor's ``ugv_config.h``."""
+"""Seconds without a command after which a rover stops by default.
+
+It is ``HEART_BEAT_DELAY`` in the vendor's ``ugv_config.h``.
+"""
 
 CONFIRMATION_TIMEOUT = 2.0
-"""Seconds of reports without a confirmation of the heartbeat, after which the user is warned."""
+"""Seconds of reports after which the user is warned if the rover has not confirmed ``HEARTBEAT_TIMEOUT``."""
 
 MEDIAN_LENGTH = 5
-"""Number of reports in the median: lines have no checksum, and a digit may be damaged."""
+"""Number of reports whose median is used, since a line has no checksum and may have a damaged digit."""
 
 EMPTY_VOLTAGE, FULL_VOLTAGE = 9.0, 12.6
 """Volts of three lithium cells in series at 0 and at 100 percent."""
@@ -70,9 +73,9 @@ def waveshare_base(
 
 
 class WaveshareProtocol(DiffDriveProtocol):
-    """Protocol of a rover with wheels ``track`` metres apart.
+    """Protocol of a Waveshare rover with wheels ``track`` metres apart.
 
-    Without ``encoders`` the rover goes at ``speed_at_full`` (m/s) at full power, and its pose is dead reckoning.
+    ``speed_at_full`` (m/s) is the speed of a rover without ``encoders`` at full power; its pose is dead reckoning.
     """
 
     instruments = Instruments("encoders", "encoders")
@@ -133,7 +136,10 @@ class WaveshareProtocol(DiffDriveProtocol):
         return {"reports": self._reports, "malformed": self._malformed, "overlong": self._lines.overlong}
 
     def _feedback(self, message: wire.WaveshareFeedback, now: float, parsed: ParsedReports) -> None:
-        """Add the state of the median of the newest reports, and a warning if the heartbeat is not confirmed."""
+        """Add the state for a report, as the median of the newest reports, to ``parsed``.
+
+        Also add a warning if the rover has not confirmed the heartbeat timeout.
+        """
         self._newest.append(message)
         if len(self._newest) < MEDIAN_LENGTH:
             return

@@ -1,4 +1,4 @@
-"""Virtual Waveshare rover at wire level, with the command order of its firmware."""
+"""Virtual Waveshare rover at wire level, which executes the commands as the vendor's firmware does."""
 
 import json
 from math import inf
@@ -17,16 +17,17 @@ BANNER = b"Initialize LittleFS for Flash files ctrl.\r\nWiFi init.\r\nUGV starte
 """Some of the lines that the firmware prints at boot."""
 
 LOOP_INTERVAL = 0.008
-"""Minimum seconds of a pass of the firmware's loop: the time of a report at 115200 baud."""
+"""Minimum seconds of a pass of the firmware's main loop: the time to send a report at 115200 baud."""
 
 BATTERY_VOLTAGE = 12.1
 
 
 class VirtualWaveshare:
-    """Virtual rover on the ``body`` of a base: a ``drivers.virtual.terminal.WireDevice``. Thread-safe.
+    """Virtual Waveshare rover with a simulated ``body``: a ``drivers.virtual.terminal.WireDevice``. Thread-safe.
 
-    ``track`` is the distance of the wheels in metres, ``unit`` the setpoint for 1 m/s. ``echoes`` is False for firmware
-    without an echo. ``report_delay`` delays the reports. ``commanded`` holds the latest speeds in force.
+    ``track`` is the distance of the wheels in metres, ``unit`` the setpoint for 1 m/s. ``encoders`` is False for a
+    rover that does not measure its wheel speeds. ``echoes`` is False for firmware without an echo. ``report_delay``
+    delays the reports. ``commanded`` are the current setpoints of the left and the right wheel.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class VirtualWaveshare:
         return data + b"".join(self.report_delay.pop_due(now))
 
     def _drive(self, now: float) -> None:
-        """Command the wheels of the body again: they forget their command sooner than those of the rover."""
+        """Send the current setpoints to the simulated body, which would otherwise stop earlier than the rover."""
         velocity = self._wheels.velocity(*(speed / self._unit for speed in self.commanded))
         self.body.command(velocity.linear, velocity.angular, now)
 
@@ -124,7 +125,7 @@ class VirtualWaveshare:
 
     @property
     def speeds(self) -> dict[str, float]:
-        """Wheel speeds of the encoders in m/s; zero without encoders."""
+        """Wheel speeds in m/s as the rover reports them: left ``L`` and right ``R``; zero without encoders."""
         if not self._encoders:
             return {"L": 0, "R": 0}
         left, right = self.body.wheel_encoders.speeds

@@ -20,16 +20,19 @@ SPEED, HEARTBEAT, REPORT, FLOW, INTERVAL, ECHO = 1, 136, 130, 131, 142, 143
 FEEDBACK = 1001
 
 FULL_POWER = 0.5
-"""Setpoint for full power on a rover without encoders: its firmware multiplies it by 512 for a PWM of 8 bits."""
+"""Setpoint for full power on a rover without encoders: the firmware multiplies it by 512 for an 8-bit PWM."""
 
 MAX_WHEEL_SPEED = 2.0
 """Maximum wheel speed in m/s of a rover with encoders; it ignores higher setpoints."""
 
 MAX_VALUE = 10_000.0
-"""Maximum plausible value in a report."""
+"""Maximum absolute value of a number in a valid report."""
 
 MAX_VOLTS = 50.0
-"""Maximum plausible voltage: a higher value is in hundredths of a volt, as in later firmware."""
+"""Voltage in volts above which the reported number is taken for hundredths of a volt.
+
+Later firmware reports these.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +55,7 @@ class WaveshareEcho:
 
 
 def command(number: int, **fields: float) -> bytes:
-    """Return the line of a command; whole numbers unchanged, others with three digits."""
+    """Return the line of a command. Integers are written as they are, other numbers with three decimal places."""
     pairs = (f',"{name}":{value if isinstance(value, int) else f"{value:.3f}"}' for name, value in fields.items())
     return f'{{"T":{number}{"".join(pairs)}}}\n'.encode()
 

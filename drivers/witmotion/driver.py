@@ -10,11 +10,14 @@ from drivers.witmotion import wire
 from drivers.witmotion.declared import WitMotionKeys
 
 STALE_AFTER = 0.1
-"""Seconds without another report after which the latest is stale: too old for balancing."""
+"""Seconds without a new report after which the latest is stale: it would be too old for balancing."""
 
 
 class WitMotionImu:
-    """Driver of a WitMotion IMU over a link that it owns. ``level`` is roll and pitch (rad) when upright."""
+    """Driver of a WitMotion IMU over a link that it owns: a ``drivers.api.Imu``.
+
+    ``level`` is the measured roll and pitch (rad) while the robot is upright.
+    """
 
     name = "imu"
 

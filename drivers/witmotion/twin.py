@@ -1,4 +1,7 @@
-"""Simulated IMU: attitude of the simulated body, or without physics of an upright robot that turns with its base."""
+"""Simulated IMU: reports the attitude of the simulated body.
+
+In a simulation without physics, the robot is always upright and turns with its base.
+"""
 
 from drivers.api import Attitude, Health, Quality, Reading
 from drivers.api.sections import ImuKeys
@@ -9,7 +12,7 @@ GRAVITY = 9.81
 
 
 class ImuTwin:
-    """Simulated IMU on a ``context``: a ``drivers.api.Imu``."""
+    """Simulated IMU: a ``drivers.api.Imu``. ``context`` provides the clock and the attitude of the robot."""
 
     name = "imu"
 
@@ -19,7 +22,7 @@ class ImuTwin:
         self._latest: Reading[Attitude] = Reading(None, 0.0, Quality.NONE)
 
     def attitude(self) -> Reading[Attitude]:
-        """Return the current attitude; the last one, stale, while unplugged."""
+        """Return the current attitude; while unplugged, the last one before, which is stale."""
         now = self._context.clock.now()
         if self.plug.online:
             self._latest = Reading(self._measure(now), now, Quality.GOOD)

@@ -10,7 +10,7 @@ DEFAULT_INTERVAL, CONFIGURED_INTERVAL = 0.1, 0.01
 
 
 class VirtualWitMotion:
-    """Virtual IMU: a ``drivers.virtual.terminal.WireDevice``. ``report`` is the content of its reports."""
+    """Virtual IMU: a ``drivers.virtual.terminal.WireDevice``. A test may set ``report``, the content of its reports."""
 
     def __init__(self, baud: int = 115_200) -> None:
         self.baud = baud
@@ -30,7 +30,7 @@ class VirtualWitMotion:
         return b""
 
     def poll(self, now: float) -> bytes:
-        """Return the report that is due by now; missed ones are dropped."""
+        """Return the report that is due at ``now``, if any. Missed reports are not sent later."""
         if now < self._due:
             return b""
         self._due = max(self._due + self.interval, now)

@@ -1,7 +1,7 @@
-"""Serial protocol of WitMotion's IMUs. Source: WitMotion's standard protocol.
+"""Serial protocol of WitMotion's IMUs, by WitMotion's standard protocol.
 
-A report is three packets of eleven bytes: acceleration, rates, angles; each has ``0x55``, its kind, four numbers of 16
-bits, and the sum of the ten bytes before. Reports are periodic, at a configurable rate.
+A report is three packets of eleven bytes: acceleration, turn rates, angles. A packet is ``0x55``, its kind, four
+numbers of 16 bits, and the sum of the ten bytes before. Reports are sent periodically, at a configurable rate.
 """
 
 import struct
@@ -19,10 +19,10 @@ PACKET_KINDS = frozenset(range(0x50, 0x5B))
 FORCE_PER_STEP = 16 * 9.80665 / 32768
 RATE_PER_STEP = 2000 * pi / 180 / 32768
 ANGLE_PER_STEP = pi / 32768
-"""Values of one step on the wire in m/s2, rad/s and rad."""
+"""Angle in radians of one step on the wire."""
 
 UNLOCK = b"\xff\xaa\x69\x88\xb5"
-"""Command that permits settings for ten seconds; without a later save, they are lost at power-off."""
+"""Command that permits settings for ten seconds. Settings that are not saved are lost at power-off."""
 
 HUNDRED_HERTZ = b"\xff\xaa\x03\x09\x00"
 """Command that sets 100 reports per second."""
@@ -32,7 +32,10 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class WitMotionReport:
-    """Report of an IMU: forces (m/s2), rates (rad/s), angles (rad) about x, y, z as printed on the case."""
+    """Report of an IMU: acceleration ``forces`` (m/s2), turn ``rates`` (rad/s) and ``angles`` (rad) about x, y, z.
+
+    The axes are those printed on the case.
+    """
 
     forces: Triple
     rates: Triple
@@ -56,7 +59,7 @@ def pack(report: WitMotionReport) -> bytes:
 
 
 class WitMotionReportFinder:
-    """Finds reports in a stream of chunks. ``malformed`` counts packets with a wrong checksum."""
+    """Finds reports in a stream of bytes. ``malformed`` counts packets with a wrong checksum."""
 
     def __init__(self) -> None:
         self.malformed = 0
@@ -64,7 +67,7 @@ class WitMotionReportFinder:
         self._packets: dict[int, Triple] = {}
 
     def feed(self, data: bytes) -> Iterator[WitMotionReport]:
-        """Yield the complete reports; the packet with the angles is the last of each."""
+        """Add received bytes; yield each complete report. The packet with the angles completes a report."""
         self._bytes += data
         while (start := self._bytes.find(HEADER)) >= 0 and len(self._bytes) >= start + PACKET_SIZE:
             packet = self._bytes[start : start + PACKET_SIZE]
