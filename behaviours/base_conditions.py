@@ -15,8 +15,9 @@ from drivers.api.measures import length_text
 class ObstacleWithin(Leaf):
     """Check whether the range finder sees an obstacle within `distance`.
 
-    Succeeds if the newest scan has one in a sector around straight ahead, fails if not. It never runs, and is suspended
-    while there is no recent scan. Distances are from the range finder, which does not see objects below its plane.
+    Succeeds if the newest scan has one in a sector around straight ahead, fails if not. It answers at once, and is
+    suspended while there is no recent scan. Distances are from the range finder, which does not see objects below its
+    plane.
     """
 
     tag = "obstacle_within"
@@ -58,7 +59,7 @@ class BaseCondition(Leaf):
 
     @abstractmethod
     def judge(self, state: BaseState) -> Status:
-        """Return SUCCESS, or fail with a reason, for a report."""
+        """Return SUCCESS, or fail with a reason, for the newest report ``state`` of the base."""
 
 
 class _SideCondition(BaseCondition):
@@ -81,8 +82,8 @@ class _SideCondition(BaseCondition):
 class Bumped(_SideCondition):
     """Check whether a bumper is pressed.
 
-    Succeeds while it is pressed at the given side, or at any side; fails if not. It never runs. After a base has backed
-    off, the bumper is free again.
+    Succeeds while it is pressed at the given side, or at any side; fails if not. It answers at once. After a base has
+    backed off, the bumper is free again.
     """
 
     tag = "bumped"
@@ -96,7 +97,7 @@ class Bumped(_SideCondition):
 class Cliff(_SideCondition):
     """Check whether a cliff sensor sees no floor.
 
-    Succeeds while the sensor of the given side, or any sensor, sees no floor; fails if not. It never runs.
+    Succeeds while the sensor of the given side, or any sensor, sees no floor; fails if not. It answers at once.
     """
 
     tag = "cliff"
@@ -110,7 +111,7 @@ class Cliff(_SideCondition):
 class BatteryBelow(BaseCondition):
     """Check whether the battery of the base is below a charge.
 
-    Succeeds if the newest report is below `percent`, fails if not. It never runs. Under load the charge dips for a
+    Succeeds if the newest report is below `percent`, fails if not. It answers at once. Under load the charge dips for a
     moment. For a debounced value use `battery.low` or `battery.critical` in an expression, with the thresholds of the
     robot file.
     """
@@ -127,7 +128,7 @@ class BatteryBelow(BaseCondition):
 class Docked(BaseCondition):
     """Check whether the base stands on the contacts of its dock.
 
-    Succeeds while it does, fails if not. It never runs.
+    Succeeds while it does, fails if not. It answers at once.
     """
 
     tag = "docked"
@@ -140,7 +141,7 @@ class Docked(BaseCondition):
 class ButtonPressed(BaseCondition):
     """Check whether a button of the base is pressed.
 
-    Succeeds while it is pressed, fails if not. It never runs, so check it at every tick: a press is short.
+    Succeeds while it is pressed, fails if not. It answers at once, so check it at every tick: a press is short.
     """
 
     tag = "button_pressed"

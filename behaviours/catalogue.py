@@ -89,9 +89,10 @@ LEAF_PATHS: Mapping[str, str] = {
 
 
 class Catalogue(Mapping[str, type[Leaf]]):
-    """Leaves by tag: first those at ``paths``, imported on demand, then ``loaded`` classes.
+    """Leaves by tag: built-in ones, imported at their first look-up, and the ``loaded`` classes of other packages.
 
-    ``skipped`` lists the files and packages whose leaves could not be loaded.
+    ``paths`` has the module and class of each built-in leaf, by tag. ``skipped`` lists the files and packages whose
+    leaves could not be loaded.
     """
 
     def __init__(self, paths: Mapping[str, str], loaded: Mapping[str, type[Leaf]] = MappingProxyType({})) -> None:

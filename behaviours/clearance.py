@@ -29,10 +29,10 @@ def rotate_points(points: Points, angle: float) -> Points:
 
 
 def free_distance(points: Points, heading: float = 0.0) -> float:
-    """Return the distance (m) that a base can drive along ``heading`` before an obstacle is within the margin.
+    """Return the distance (m) that a base can drive along ``heading`` before its rim is near one of ``points``.
 
-    The heading is in radians from straight ahead. Returns infinity if nothing is in the way. Obstacles behind the base
-    do not count, however close they are.
+    "Near" is closer than CLEARANCE_MARGIN. The heading is in radians from straight ahead. Returns infinity if nothing
+    is in the way. Obstacles behind the base do not count, however close they are.
     """
     c, s, reach = math.cos(heading), math.sin(heading), BASE_RADIUS + CLEARANCE_MARGIN
     way = math.inf
@@ -46,7 +46,7 @@ def free_distance(points: Points, heading: float = 0.0) -> float:
 def safe_speed(distance: float, *, braking: float, reaction: float) -> float:
     """Return the speed (m/s) from which a base can stop within ``distance`` metres.
 
-    It rolls on for ``reaction`` seconds, then brakes at ``braking`` m/s^2, so it covers v T + v^2 / 2b in all.
+    The base rolls on for ``reaction`` seconds, then brakes at ``braking`` m/s^2, so it covers v T + v^2 / 2b in all.
     """
     if math.isinf(distance):
         return math.inf

@@ -25,7 +25,7 @@ RIGHT_BEAMS = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 BEAM_HOLD_TIME = 0.3
-"""Seconds for which a beam of the dock counts as received, since single reports miss it.
+"""Seconds for which a beam of the dock still counts as received after the last report of it; some reports miss a beam.
 
 (The vendor's docking combines 20 reports.)
 """
@@ -40,7 +40,10 @@ MAX_SEARCH_ANGLE = math.radians(380)
 """Angle in radians by which the base turns to search for the dock before the leaf fails."""
 
 CROSSING_ANGLE = math.radians(50)
-"""Angle in radians beside the dock at which the base crosses to the middle, still within a side receiver's range."""
+"""Angle in radians between the direction of the dock and the base's course to the dock's middle line.
+
+On this course, a side receiver of the base still receives the dock's beams.
+"""
 
 CROSSING_SPEED, MAX_CROSSING_DISTANCE = 0.08, 3.0
 """Speed in m/s of the crossing, and its maximum length in metres."""
@@ -58,13 +61,13 @@ BACK_OFF_DISTANCE, BACK_OFF_SPEED, BACK_OFF_TIMEOUT = 0.35, 0.1, 7.0
 """Distance (m) and speed (m/s) of backing off after a miss, and its timeout in seconds."""
 
 MAX_TRIES = 3
-"""Number of misses of the contacts before the leaf fails."""
+"""Number of times that the base may miss the contacts of the dock before the leaf fails."""
 
 NO_BEAMS = DockBeam(0)
 
 
 class HomingStage(StrEnum):
-    """Stage of docking, a state of ``TRANSITIONS``; the values are texts for people."""
+    """Stage of docking; ``TRANSITIONS`` lists the possible changes. Its value is the leaf's reason, for people."""
 
     LEAVE = "turning past the dock, to measure where it is"
     SEARCH = "looking for the dock"
@@ -76,7 +79,11 @@ class HomingStage(StrEnum):
 
 
 class HomingEvent(Enum):
-    """Event that ends a stage of docking. HEARD_AHEAD, HEARD_ASIDE: a sweep has measured the direction of the dock."""
+    """Event that ends a stage of docking.
+
+    HEARD_AHEAD and HEARD_ASIDE: a turn has measured the direction of the dock, and the base is in front of the dock
+    (AHEAD) or to one side of it (ASIDE).
+    """
 
     SILENCE, HEARD_AHEAD, HEARD_ASIDE, AIMED, CONTACTS_MISSED, DOCK_LOST = range(6)
 
@@ -98,11 +105,11 @@ TRANSITIONS: Final = {
 class Homing:
     """State of the way to the dock between two steps. ``origin`` and ``since`` (s) are where and when the stage began.
 
-    ``side`` is the direction of turns and crossings, 1 for left, and ``course`` the heading to keep. In the present
-    sweep, the centre receiver received ``beams`` at headings from ``first_heading`` to ``last_heading``.
-    ``centre_heard_at`` is the time of its last beam, ``beam_heard_at`` that of any receiver. ``astray_since`` is when
-    the base left the middle sector. ``near`` is set after the base has aimed from close by. ``failure`` is the reason
-    if homing has failed.
+    ``side`` is the direction of turns and crossings, 1 for left, and ``course`` the heading to keep. During the search,
+    the centre receiver received ``beams`` at headings from ``first_heading`` to ``last_heading``. ``centre_heard_at``
+    is the time at which it last received a beam, ``beam_heard_at`` the last time for any receiver. ``astray_since`` is
+    when the base left the middle sector of the beams. ``near`` is set after the base has aimed from close by.
+    ``failure`` is the reason if homing has failed.
     """
 
     origin: Pose2D
@@ -122,7 +129,11 @@ class Homing:
 
 
 def step(homing: Homing, state: BaseState, now: float, speed: float) -> tuple[Homing, Velocity]:
-    """Return the next state and the velocity to send; ``speed`` (m/s) is that of the drive to the dock."""
+    """Return the next state of ``homing``, and the velocity to send.
+
+    ``state`` is the newest report of the base, ``now`` the time in seconds. ``speed`` (m/s) is used on the drive to the
+    dock.
+    """
     if state.dock.centre:
         homing = replace(homing, centre_heard_at=now)
     if state.dock:
@@ -220,7 +231,7 @@ def _restart_search(homing: Homing, state: BaseState, now: float) -> tuple[Homin
 
 
 def _enter_stage(homing: Homing, event: HomingEvent, state: BaseState, now: float) -> Homing:
-    """Enter the stage that follows ``event``, with the present pose and time as its origin."""
+    """Enter the stage that follows ``event``. It begins at the present pose and at ``now``."""
     return replace(homing, stage=TRANSITIONS[homing.stage, event], origin=state.pose, since=now, astray_since=None)
 
 

@@ -22,7 +22,7 @@ AT_REST, STARTING, WORKING, HALTING = range(4)
 
 
 class HaltableNode(Node):
-    """Halting half of ``behaviours.leaf.Leaf``."""
+    """Part of ``behaviours.leaf.Leaf`` that halts a leaf: waits for its end, or stops its actuators."""
 
     drives: ClassVar[frozenset[str]] = frozenset()
     halt_limit: ClassVar[float] = 1.0
@@ -52,9 +52,9 @@ class HaltableNode(Node):
         return False
 
     def on_pause(self) -> None:
-        """Stop the driven parts after ``COMMAND_TIMEOUT`` seconds without a tick, or suspended. The next tick resumes.
+        """Stop the actuators of a leaf that was not ticked, or was suspended, for ``COMMAND_TIMEOUT`` seconds.
 
-        By default a base (it stops by itself), voice and screen are left alone.
+        The next tick resumes the leaf. By default a base (it stops by itself), voice and screen are left alone.
         """
         if moving := self.drives - UNPAUSED_PARTS:
             self.run.safe_stop(moving)
@@ -102,7 +102,7 @@ class HaltableNode(Node):
                 log.exception("%s: its actuators could not be stopped", self.label)
 
     def abandon_halt(self) -> None:
-        """Forget a start or halt in progress."""
+        """Mark the leaf as at rest, even if it is starting or halting; the caller has stopped its actuators."""
         self._leaf_stage, self._halt_by = AT_REST, None
 
     def _has_stopped(self) -> bool:

@@ -23,7 +23,10 @@ DEFAULT_MAX_AGE = 0.5
 
 
 class PerceptLeaf(Leaf, Generic[P]):
-    """Base of leaves that look for one type of percept. Subclasses set ``percepts`` (largest first) and ``noun``."""
+    """Base of leaves that look for one type of percept.
+
+    Subclasses set ``percepts`` (largest first), and ``noun``, the word for such a percept in messages: "face".
+    """
 
     needs = frozenset({"camera"})
     noun: ClassVar[str] = ""
@@ -87,7 +90,7 @@ SAG_TOLERANCE = math.radians(3.0)
 """Radians from the goal within which a measured head may come to rest, since a loaded servo stops short."""
 
 SETTLE_TIME = 1.0
-"""Seconds without motion after which a head that has not arrived never will: no servo starts later."""
+"""Seconds without motion after which a head counts as at rest: as arrived if it is near its goal, else as stuck."""
 
 MIN_LOOK_DISTANCE = 0.02
 """Minimum distance in metres between the camera and a point to look at."""

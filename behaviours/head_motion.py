@@ -41,7 +41,11 @@ class _HeadSwing(Leaf):
         return self.run.now() - self._since_home
 
     def swing_range(self, home: HeadPose, axis: str) -> tuple[float, float]:
-        """Return middle and amplitude of the swing in radians, shifted and then cut to keep the head's limits."""
+        """Return middle and amplitude of the swing on ``axis`` in radians.
+
+        If the swing about ``home`` would exceed the head's limits, its middle is moved; if it is wider than the limits,
+        its amplitude is reduced.
+        """
         limits = self.robot.head.limits
         low, high = limits.pan if axis == "pan" else limits.tilt
         amplitude = min(self.amplitude, (high - low) / 2)

@@ -15,7 +15,7 @@ DEFAULT_MAX_AGE = 3.0
 """Seconds for which a phrase counts as heard by default."""
 
 MAX_AGE = 30.0
-"""Seconds for which every ``perception.api.Hearing`` keeps words."""
+"""Seconds for which every implementation of ``perception.api.Hearing`` keeps recognised phrases."""
 
 
 class HearingLeaf(Leaf):
@@ -66,7 +66,7 @@ class Listen(HearingLeaf):
         return self.wait(self.deafness_reason() or self._other_words() or "listening")
 
     def _other_words(self) -> str:
-        """Return the words that were heard instead as a text, or an empty text."""
+        """Return a text that says how often other words were heard since the start; empty if there were none."""
         hearing = self.robot.hearing
         others: Sequence[Words] = [
             each for each in (*hearing.words(), *hearing.refused()) if each.start >= self.started_at
@@ -81,8 +81,8 @@ class Listen(HearingLeaf):
 class HeardLeaf(HearingLeaf):
     """Check whether a phrase was said recently.
 
-    Succeeds if the phrase was heard within the last `within` seconds, fails if not. It never runs, so a mission can do
-    other things in the meantime. It is suspended while there is no sound.
+    Succeeds if the phrase was heard within the last `within` seconds, fails if not. It answers at once, so a mission
+    can do other things in the meantime. It is suspended while there is no sound.
     """
 
     tag = "heard"

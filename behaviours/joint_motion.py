@@ -90,9 +90,9 @@ def range_coupling(leader: str, leader_limits: JointLimits, follower: str, follo
 class JointMirror:
     """Sends the joints of ``follower`` to the positions of ``leader``, as ``couplings`` say.
 
-    Followers approach slowly at first, and after a pause. If a leader does not report, its followers come to rest. If
-    ``step`` is called seldom, ``time`` (s) is the duration of each move, so that the motion is even; 0 moves at full
-    speed. For one thread.
+    Followers approach slowly at first, and after a pause. If a leader's position is unknown, its followers come to
+    rest. If ``step`` is called only a few times a second, set ``time`` (s) to the interval, so that the motion is even;
+    with 0, each move is at full speed. For one thread.
     """
 
     def __init__(self, leader: Joints, follower: Joints, couplings: Sequence[Coupling], *, time: float = 0.0) -> None:
@@ -146,7 +146,7 @@ REPORT_TIMEOUT = 3.0
 
 
 class ReportWait:
-    """Timeout for joints that do not report although their arm is connected, for example because a servo is not driven.
+    """Timeout for joints that do not report although their arm is connected, for example because a servo has no power.
 
     Time does not count while the arm is disconnected.
     """

@@ -13,7 +13,7 @@ from drivers.errors import BadRequest
 # The arguments of a leaf, declared once, in its class: for the checker, the catalogue, the schema and the docs.
 
 REQUIRED: Any = object()
-"""Default of an argument that must be given."""
+"""Marks an ``Argument`` without a default: a mission must give it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,8 @@ from drivers.api import Angle, Duration, JointState
 class JointAt(Leaf):
     """Check whether a joint is at an angle.
 
-    Succeeds if the newest measurement is within `tolerance`, fails if not. It never runs, and is suspended while the
-    joint does not report.
+    Succeeds if the newest measurement is within `tolerance`, fails if not. It answers at once, and is suspended while
+    the joint does not report.
     """
 
     tag = "joint_at"
@@ -91,7 +91,7 @@ class _AnyJoint(Leaf):
 class JointHot(_AnyJoint):
     """Check whether a joint is hot.
 
-    Succeeds if one of `joints` is hotter than `over`, fails if none is. It never runs.
+    Succeeds if one of `joints` is hotter than `over`, fails if none is. It answers at once.
     """
 
     tag = "joint_hot"
@@ -112,7 +112,7 @@ class JointHot(_AnyJoint):
 class JointLoaded(_AnyJoint):
     """Check whether a joint carries a high load, in either direction.
 
-    Succeeds if the load of one of `joints` exceeds `over`, fails if none does. It never runs.
+    Succeeds if the load of one of `joints` exceeds `over`, fails if none does. It answers at once.
     """
 
     tag = "joint_loaded"
@@ -133,7 +133,7 @@ class JointLoaded(_AnyJoint):
 class JointMoving(_AnyJoint):
     """Check whether a joint is moving.
 
-    Succeeds if one of `joints` is on its way to a goal, fails if none is. It never runs.
+    Succeeds if one of `joints` is on its way to a goal, fails if none is. It answers at once.
     """
 
     tag = "joint_moving"

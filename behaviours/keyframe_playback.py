@@ -27,7 +27,7 @@ from drivers.api.fast_dataclass import dataclass
 from drivers.errors import BadRequest
 
 PEAK_SPEED_FACTORS: Mapping[Interpolation, float] = {"minimum_jerk": 1.875, "cubic": 1.5, "linear": 1.0}
-"""Ratio of peak to mean speed between two keyframes.
+"""Ratio of peak to mean speed between two keyframes, for each interpolation.
 
 minimum_jerk: Flash and Hogan, 1985. cubic: a monotone cubic whose end slopes are at most its mean slope; its peak is
 that between zero slopes.
@@ -39,7 +39,7 @@ JointValues = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True)
 class KeyframeMotion:
-    """Laid-out motion: times in seconds, and the positions of all joints (radians) at each time.
+    """Motion through keyframes: ``times`` in seconds, and ``positions`` of all joints (radians) at each time.
 
     ``slopes`` are the joint speeds (rad/s) at each time of a cubic motion.
     """
@@ -91,10 +91,11 @@ def lay_out(
     interpolation: Interpolation = "minimum_jerk",
     run_in: float = math.inf,
 ) -> KeyframeMotion:
-    """Lay out ``keyframes`` from ``start``, with each segment long enough for the joints' ``speeds`` (rad/s).
+    """Return the motion from ``start`` through ``keyframes``, slowed down where joints are too slow for it.
 
-    A joint that a keyframe does not name keeps its position. ``pace`` divides all times. The joints come to rest at the
-    first keyframe, and no joint moves faster than ``run_in`` (rad/s) on the way there.
+    ``speeds`` are the maximum joint speeds (rad/s). A joint that a keyframe does not name keeps its position. ``pace``
+    is the playback speed: 2 halves all times. The joints come to rest at the first keyframe, and no joint moves faster
+    than ``run_in`` (rad/s) on the way there.
     """
     times, positions = [0.0], [dict(start)]
     before, cap = 0.0, run_in
@@ -134,12 +135,18 @@ def _harmonic(one: float, other: float) -> float:
 
 
 def _minimum_jerk(share: float) -> float:
-    """Return the share (0..1) of the distance after ``share`` (0..1) of the time of a minimum-jerk motion."""
+    """Return how much of the distance (0..1) a minimum-jerk motion has covered.
+
+    ``share`` (0..1) is the share of its time that has passed.
+    """
     return share**3 * (10 - 15 * share + 6 * share**2)
 
 
 def _hermite(share: float) -> tuple[float, float, float]:
-    """Return the weights of distance, start slope and end slope after ``share`` (0..1) of a cubic's time."""
+    """Return the factors of distance, start slope and end slope of a cubic Hermite curve.
+
+    ``share`` (0..1) is the share of the curve's time that has passed.
+    """
     left = 1 - share
     return share**2 * (3 - 2 * share), share * left**2, -(share**2) * left
 

@@ -14,7 +14,7 @@ LAZY_MODULES = frozenset({"py_trees.demos", "py_trees.display", "py_trees.progra
 class LazyModuleFinder:
     """Import hook for ``sys.meta_path`` that delays the execution of modules until their first attribute access.
 
-    It follows the LazyLoader recipe in importlib's documentation; ``names`` are the modules.
+    ``names`` are the full names of the modules. It follows the LazyLoader recipe in importlib's documentation.
     """
 
     def __init__(self, names: frozenset[str]) -> None:

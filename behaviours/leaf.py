@@ -46,7 +46,10 @@ RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
 
 
 RENAMED = {"word": "tag", "uses": "optional_parts", "stores": "output_doc"}
-"""Old names of declarations, each with the new one. An error names both, since a leaf without a tag is ignored."""
+"""Old and new names of the class attributes that declare a leaf.
+
+A class that still uses an old name is an error whose message has the new name; otherwise the leaf would be ignored.
+"""
 
 
 class Leaf(HaltableNode):
@@ -166,7 +169,10 @@ class Leaf(HaltableNode):
         return self.run.now() - since
 
     def joint_violations(self, _reach: JointRanges, /) -> list[str]:
-        """Return error texts for demands that the joints cannot fulfil. The checker calls it for a known robot."""
+        """Return an error text for each argument that the robot's joints cannot fulfil; empty by default.
+
+        The checker calls it if the robot is known. The argument has the joints with their limits.
+        """
         return []
 
     def update(self) -> Status:
@@ -305,7 +311,7 @@ class Leaf(HaltableNode):
         return self.fail(f"{self.label}: returned {short_repr(status)} instead of a status")
 
     def _overrun_failure(self, seconds: float) -> Status:
-        """Fail, and record the overrun, for a tick that the watchdog ended after so many seconds."""
+        """Fail, and record the overrun, for a tick that the watchdog ended after ``seconds``."""
         self.run.overrun_failure = self.key, round(seconds, 1)
         return self.fail(f"{self.label}: blocked the tick for {seconds:.1f} s")
 

@@ -22,7 +22,7 @@ APPROACH_TIME = 1.0
 """Time constant in seconds of the approach to a goal: the speed is the remaining distance divided by it."""
 
 STOP_DELAY = 0.25
-"""Seconds of its present speed that a walk continues after a stop command, on average."""
+"""Distance that a walk still covers after a stop command, on average, in seconds of its present speed."""
 
 MIN_WALK_SPEED, MIN_TURN_RATE = 0.03, math.radians(2)
 """Minimum speed (m/s) and turn rate (rad/s) of an approach."""
@@ -40,7 +40,10 @@ class WalkMotion(BaseMotion):
     halt_limit = STAND_TIMEOUT
 
     def approach_speed(self, left: float, speed: float, now: float, *, slowest: float) -> float:
-        """Return the speed with ``left`` to go, at most ``speed``, given the present speed ``now``; 0 to stop."""
+        """Return the speed for the remaining distance ``left`` (m or rad); 0 when it is time to stop.
+
+        It is between ``slowest`` and ``speed``; ``now`` is the present speed. All speeds are in m/s or rad/s.
+        """
         if self._stopping or left <= STOP_DELAY * abs(now) / 2:
             return 0.0
         return min(speed, max(slowest, left / APPROACH_TIME))
@@ -54,7 +57,10 @@ class WalkMotion(BaseMotion):
 
 
 def seconds_to_walk(distance: float, speed: float, limit: float) -> float:
-    """Return the seconds that a walk (m) or turn (rad) may take, including the stand before and after it."""
+    """Return the seconds that a walk (m) or turn (rad) may take, including the stand before and after it.
+
+    ``speed`` is the requested speed, ``limit`` the robot's maximum speed.
+    """
     return abs(distance) / max(min(abs(speed), limit), 1e-6) + READY_TIMEOUT + STAND_TIMEOUT
 
 
@@ -157,7 +163,7 @@ class Fallen(BaseCondition):
     """Check whether the robot has fallen.
 
     Succeeds while the base leans too far to stand, or is about to fall. Without an IMU, it succeeds while the legs
-    carry no load although they should. Fails otherwise, and if no sensor measures either. It never runs.
+    carry no load although they should. Fails otherwise, and if no sensor measures either. It answers at once.
     """
 
     tag = "fallen"
@@ -187,7 +193,7 @@ UPRIGHT_TIMEOUT = 2.0
 
 
 class LegActLeaf(WalkMotion):
-    """Base of leaves that let the legs perform an ``act``."""
+    """Base of leaves that perform an ``act`` of the legs, such as ``stand`` (see ``drivers.api.base.LEG_ACTS``)."""
 
     needs = frozenset({"base", "legs"})
     act: ClassVar[str]

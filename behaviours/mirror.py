@@ -54,7 +54,7 @@ class _LeaderFollowerLeaf(Leaf):
 
     @abstractmethod
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
-        """Return the couplings of leaders and followers."""
+        """Return the pairs of leader and follower joints; ``reach`` has the joints of the robot with their limits."""
 
     def initialise(self) -> None:
         self._couplings, self._stiff = (), ()
@@ -136,7 +136,10 @@ class _LeaderFollowerLeaf(Leaf):
         return list(dict.fromkeys(silent))
 
     def _start_following(self, stiff: tuple[str, ...], *, restart: bool) -> None:
-        """Make the ``stiff`` leaders limp, and start the followers unless they follow already."""
+        """Make the leaders in ``stiff`` limp, and start the followers unless they follow already.
+
+        With ``restart``, or if a leader was stiff, following starts again, with a slow approach.
+        """
         if stiff:
             self._leading_arm.relax(stiff)
         if stiff or restart:
@@ -145,7 +148,7 @@ class _LeaderFollowerLeaf(Leaf):
             self._following = self.begin()
 
     def begin(self) -> bool:
-        """Start the followers; return False if that has to wait."""
+        """Start the followers; return False if they cannot start yet."""
         if self._mirroring is None:
             self.robot.arm.follow(self._couplings)
         else:
@@ -233,7 +236,7 @@ class Mirror(_LeaderFollowerLeaf):
         ]
 
     def _joints(self, reach: JointRanges) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return leaders and followers; if only one side is named, the other side has the same names."""
+        """Return the names of leaders and followers; if only one of the two is given, both have the same names."""
         leading = reach.of_arm(self.other_leader_arm)
         leaders = leading.resolve(self.leader) if self.leader else ()
         followers = reach.resolve(self.follower) if self.follower else ()

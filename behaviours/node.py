@@ -115,7 +115,10 @@ class Node(Behaviour):
         return status
 
     def on_time_passed(self) -> Status:
-        """Return the new status after time without a tick. Deadlines count; nothing starts, no leaf is ticked."""
+        """Return the new status after a time in which the node was not ticked.
+
+        Deadlines that have passed have their effect, but no child starts and no leaf is ticked.
+        """
         return self.status
 
     def suspension_for(self, reason: str) -> Suspension:
@@ -126,7 +129,10 @@ class Node(Behaviour):
         return Suspension(reason, timed_out=now - self._silent_since >= self.run.sensor_timeout)
 
     def show_suspension(self, status: Status, before: Suspension | None) -> None:
-        """Publish the begin or end of a suspension. The caller publishes a changed ``status`` itself."""
+        """Publish the begin or end of a suspension; ``before`` is the suspension before this tick.
+
+        The caller publishes a changed ``status`` itself.
+        """
         if self.suspension is None:
             self._silent_since = None
         elif status is not RUNNING and not self.suspension.timed_out:  # it has an answer all the same

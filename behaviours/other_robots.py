@@ -15,7 +15,7 @@ class RobotSeenLeaf(SeenLeaf[Marker]):
     """Check whether another robot is in view.
 
     `robot_seen: 7` or `robot_seen: R2`. Succeeds if its marker was seen within the last `within` seconds, fails if not.
-    It never runs, and is suspended while no picture is recent enough.
+    It answers at once, and is suspended while no picture is recent enough.
     """
 
     tag = "robot_seen"

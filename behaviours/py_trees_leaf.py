@@ -46,7 +46,7 @@ class PyTreesLeaf(Leaf):
 
     @abstractmethod
     def current_behaviour(self) -> Behaviour:
-        """Return the behaviour to tick from this start on."""
+        """Return the py_trees behaviour that the leaf is to tick until it ends."""
 
     def initialise(self) -> None:
         """Create and set up the behaviour with the present arguments, if necessary."""
@@ -156,7 +156,10 @@ def leaf_of(cls: type[Behaviour]) -> type[Leaf]:
 
 
 def _argument(cls: type, parameter: inspect.Parameter, hint: object) -> Argument | None:
-    """Return the argument for a parameter, or None for an optional parameter that a mission cannot give."""
+    """Return the argument for a constructor's parameter with the type ``hint``.
+
+    None for an optional parameter that a mission cannot give.
+    """
     required = parameter.default is parameter.empty
     union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     options = [option for option in typing.get_args(hint) if option is not type(None)] if union else []

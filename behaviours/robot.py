@@ -57,7 +57,7 @@ class Robot:
 
     @property
     def base(self) -> Base:
-        """Mobile base; like all part properties, BadRequest if the robot has none."""
+        """Mobile base. Raises BadRequest if the robot has none, as all properties of parts do."""
         return _require(self.base_part, "base")
 
     @property

@@ -192,7 +192,7 @@ class TopicLeaf(Leaf):
     """Check a field of a topic's newest message.
 
     Succeeds while the field is within the bounds, fails if not. Without bounds, it checks that the field exists and is
-    not false, zero or empty. It never runs, and is suspended while no message is recent enough.
+    not false, zero or empty. It answers at once, and is suspended while no message is recent enough.
     """
 
     tag = "topic"
@@ -235,7 +235,10 @@ class TopicLeaf(Leaf):
 
 
 def field_value(value: Any, path: str) -> Any:
-    """Return a field of a message by its path. Raises LookupError that lists the existing fields."""
+    """Return a field of a ROS 2 message by its ``path``, such as ``pose.position.x`` or ``ranges[0]``.
+
+    An empty path is the whole message. Raises LookupError that lists the existing fields.
+    """
     for part in path.replace("[", ".[").split(".") if path else ():
         if part.startswith("["):
             try:

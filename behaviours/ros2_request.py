@@ -42,7 +42,7 @@ class Ros2RequestLeaf(Leaf):
         return self.follow(self._request_number)
 
     def follow(self, number: int) -> Status:
-        """Return the status that belongs to the progress of a request."""
+        """Return the leaf's status for request ``number``: RUNNING with its progress, SUCCESS or FAILURE."""
         progress = self.robot.ros2.progress(number)
         if progress.state is GoalState.SUCCEEDED:
             self.result = parse_json(progress.result)
@@ -64,7 +64,10 @@ class Ros2RequestLeaf(Leaf):
 
 
 def has_ended(nodes: Ros2, number: int, since: float) -> bool:
-    """Return True if an action has ended, ``since`` seconds after its cancel. Raises DeviceFault on timeout."""
+    """Return True if an action has ended that was cancelled ``since`` seconds ago.
+
+    Raises DeviceFault if it has not ended within CANCEL_TIMEOUT.
+    """
     progress = nodes.progress(number)
     if not progress.is_final and since > CANCEL_TIMEOUT:
         raise DeviceFault(f"the action was cancelled {since:.0f} s ago, and has not ended", hint="look at its node")

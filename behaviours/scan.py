@@ -100,7 +100,10 @@ class Scan(Leaf):
         self._arrived_at = None
 
     def _has_passed(self, *, sent: bool, arrived: bool) -> bool:
-        """Return True if a smooth scan goes on to the next target; at the last target the head must have arrived."""
+        """Return True if a smooth scan goes on to its next target, as soon as the present one was ``sent`` to the head.
+
+        At the last target it goes on only if the head has ``arrived``.
+        """
         return arrived if self._next_target[1] is None else sent
 
     def _has_dwelt(self, arrived: bool, now: float) -> bool:

@@ -31,8 +31,8 @@ class _PictureCondition(Leaf):
 class SceneUniform(_PictureCondition):
     """Check whether the picture is uniform, as of a blank wall or a covered lens.
 
-    Succeeds if the newest picture has no edges, fails if it has. It never runs, and is suspended until a picture is
-    recent enough.
+    Succeeds if the newest picture has no edges, fails if it has. It answers at once, and is suspended until a picture
+    is recent enough.
     """
 
     tag = "scene_uniform"
@@ -54,7 +54,7 @@ class SceneUniform(_PictureCondition):
 class Dark(_PictureCondition):
     """Check whether it is dark.
 
-    Succeeds if the mean brightness of the newest picture is below `below`, fails if not. It never runs, and is
+    Succeeds if the mean brightness of the newest picture is below `below`, fails if not. It answers at once, and is
     suspended until a picture is recent enough.
     """
 
@@ -73,8 +73,8 @@ class MotionSeenLeaf(_PictureCondition):
     """Check whether something moves in the picture.
 
     Succeeds if at least `share` of the newest picture has changed since the one before, fails if not. The camera's own
-    motion is compensated to about 1 %: use `2 %` while the robot moves. It never runs, and is suspended until a picture
-    is recent enough.
+    motion is compensated to about 1 %: use `2 %` while the robot moves. It answers at once, and is suspended until a
+    picture is recent enough.
     """
 
     tag = "motion_seen"

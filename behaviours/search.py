@@ -38,12 +38,12 @@ class HeadSearch(PerceptLeaf[P]):
         return DEFAULT_MAX_AGE
 
     def keeps_looking(self) -> bool:
-        """Return True to stay at the present pose although ``pause`` is over."""
+        """Return True to stay at the present pose although it was searched for ``pause`` seconds; False by default."""
         return False
 
     @property
     def counted_since(self) -> float:
-        """Time (s, on the run's clock) from which percepts count."""
+        """Time (s, on the run's clock) from which percepts count; older ones are ignored."""
         return self.started_at
 
     def initialise(self) -> None:
@@ -72,7 +72,10 @@ class HeadSearch(PerceptLeaf[P]):
         self.robot.head.stop()
 
     def _looked_long_enough(self) -> bool:
-        """Return True if the pictures searched since the head's arrival span ``pause``, however late they come."""
+        """Return True if the pictures of ``pause`` seconds since the head's arrival were searched.
+
+        The pictures may come late, so their time stamps count.
+        """
         looked = self.robot.sight.looked()
         return self.arrived_at is not None and looked is not None and looked - self.arrived_at >= self.pause
 
@@ -82,7 +85,10 @@ class HeadSearch(PerceptLeaf[P]):
 
 
 def serpentine(pan: tuple[float, float], tilt: tuple[float, float], step: float) -> Iterator[HeadPose]:
-    """Yield poses row by row from the lowest: right to left, up a row, and back (as Rodney scans)."""
+    """Yield poses row by row from the lowest: right to left, up a row, and back.
+
+    ``pan`` and ``tilt`` are the ranges of the area, and ``step`` the largest distance of two poses, in radians.
+    """
     columns = _steps(*pan, step)
     for row, down in enumerate(reversed(_steps(*tilt, step))):
         for across in columns if row % 2 == 0 else reversed(columns):
@@ -103,8 +109,8 @@ _OUTPUT_DOC = "the object: id, name, colour, shape, yaw, pitch, distance"
 class ObjectSeenLeaf(SeenLeaf[Thing]):
     """Check whether a coloured object is in view.
 
-    `object_seen: red ball`. Succeeds if one was seen within the last `within` seconds, fails if not. It never runs, and
-    is suspended while no picture is recent enough.
+    `object_seen: red ball`. Succeeds if one was seen within the last `within` seconds, fails if not. It answers at
+    once, and is suspended while no picture is recent enough.
     """
 
     tag = "object_seen"

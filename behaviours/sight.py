@@ -18,7 +18,10 @@ from drivers.api.fast_dataclass import dataclass
 from perception.api import UNKNOWN, Face
 
 SAME_PERSON_ANGLE = math.radians(15)
-"""Angle in radians within which a face counts as that of a person met before: half a step at two metres."""
+"""Angle in radians between a face and the place of a person met before, within which both count as one person.
+
+At a distance of two metres it is half a step to the side.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +105,8 @@ class FacePerceptLeaf(PerceptLeaf[Face]):
 class FaceSeenLeaf(FacePerceptLeaf):
     """Check whether a face is in view.
 
-    Succeeds if a face was seen within the last `within` seconds, fails if not. It never runs, and is suspended while no
-    picture is recent enough.
+    Succeeds if a face was seen within the last `within` seconds, fails if not. It answers at once, and is suspended
+    while no picture is recent enough.
     """
 
     tag = "face_seen"
@@ -131,8 +134,8 @@ class FaceSeenLeaf(FacePerceptLeaf):
 class FacesAtLeast(FacePerceptLeaf):
     """Check whether several faces are in view.
 
-    Succeeds if at least `number` faces were seen within the last `within` seconds, fails if not. It never runs, and is
-    suspended while no picture is recent enough.
+    Succeeds if at least `number` faces were seen within the last `within` seconds, fails if not. It answers at once,
+    and is suspended while no picture is recent enough.
     """
 
     tag = "faces_at_least"
@@ -158,8 +161,8 @@ class FacesAtLeast(FacePerceptLeaf):
 class FaceCentred(FacePerceptLeaf):
     """Check whether a face is in the middle of the picture.
 
-    Succeeds if the largest face, or the given one, is within that angle of the camera's axis, fails if not. It never
-    runs, and is suspended while no picture is recent enough.
+    Succeeds if the largest face, or the given one, is within `within` of the camera's axis, fails if not. It answers at
+    once, and is suspended while no picture is recent enough.
     """
 
     tag = "face_centred"
@@ -235,7 +238,10 @@ class FindFace(FacePerceptLeaf, HeadSearch[Face]):
 
 
 def face_argument(value: object) -> Face | None:
-    """Return the face in an argument, or None. Raises ValueError for any other value."""
+    """Return the value of a leaf's argument ``face``: a face, or None if there is none.
+
+    Raises ValueError for any other value.
+    """
     if value is None or isinstance(value, Face):
         return value
     raise ValueError(f"'face' needs a face that a behaviour has found, such as ${{person}}, got {value!r}")
@@ -244,7 +250,7 @@ def face_argument(value: object) -> Face | None:
 # The leaf that makes out who somebody is.
 
 FACE_TIMEOUT = 1.0
-"""Seconds without the face before a failure: a face keeps its id for as long out of view."""
+"""Seconds without the face in view after which the leaf fails; a face out of view keeps its id as long."""
 
 
 class Identify(PerceptLeaf[Face]):

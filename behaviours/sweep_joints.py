@@ -13,9 +13,10 @@ from drivers.api import Keyframe
 
 
 class SwingPath:
-    """Motion of joints between ``low`` and ``high`` (radians) with ``period`` seconds, from ``low`` on, after a run-in.
+    """Motion of joints between ``low`` and ``high`` (radians) with a ``period`` in seconds.
 
-    ``phases`` are the lead of each joint in radians of a full cycle.
+    It begins at ``low``, after a slow approach to that position. ``phases`` are the lead of each joint in radians of a
+    full cycle.
     """
 
     def __init__(self, low: float, high: float, period: float, phases: Mapping[str, float], *, sine: bool) -> None:

@@ -30,7 +30,7 @@ class VisitedCells:
         self._cells.add(_cell(pose.x, pose.y))
 
     def unvisited_share(self, pose: Pose2D, heading: float, length: float) -> float:
-        """Return the share 0..1 of the next ``length`` metres along ``heading`` that is in new cells."""
+        """Return the share 0..1 of the next ``length`` metres along ``heading`` that is in cells not visited yet."""
         steps = int(length / CELL_SIZE)
         c, s = CELL_SIZE * math.cos(heading), CELL_SIZE * math.sin(heading)
         new = sum(_cell(pose.x + k * c, pose.y + k * s) not in self._cells for k in range(1, steps + 1))
@@ -138,7 +138,10 @@ class Wander(BaseMotion):
     # --- where to ---------------------------------------------------------------------------------------------------
 
     def _choose(self, pose: Pose2D, things: Points) -> float | None:
-        """Return the heading to keep; a new one only if the present one is blocked or another one is much better."""
+        """Return the heading to keep (radians, odometry frame); None if all headings are blocked by ``things``.
+
+        A new heading is chosen only if the present one is blocked or another one is much better.
+        """
         ways = [free_distance(things, heading) for heading in HEADINGS]
         if max(ways) <= CLEARANCE_MARGIN:
             return None
@@ -152,25 +155,28 @@ class Wander(BaseMotion):
         return pose.heading + HEADINGS[best]
 
     def _score(self, pose: Pose2D, heading: float, way: float) -> float:
-        """Return the score of a heading: its free distance, its share of new floor, and the turn that it needs."""
+        """Return the score of a heading, from its free distance ``way`` (m), its share of new floor, and its turn."""
         length = min(way, MAX_USEFUL_DISTANCE)
         new = self._visited.unvisited_share(pose, pose.heading + heading, length)
         return length * (0.2 + new) * (1.0 - 0.4 * abs(heading) / math.pi)
 
     def _speed(self, off: float, way: float, *, blind: bool) -> float:
-        """Return the speed (m/s) for a free distance (m) and a heading error (rad); ``blind``: no range finder."""
+        """Return the speed (m/s) for a free distance ``way`` (m) and a heading error ``off`` (rad).
+
+        ``blind`` is True without a range finder.
+        """
         safe = safe_speed(way, braking=self.braking, reaction=REACTION_TIME)
         return min(self.speed, safe, BLIND_SPEED if blind else math.inf) * max(0.0, 1.0 - abs(off) / MAX_DRIVING_ANGLE)
 
     # --- what is there ----------------------------------------------------------------------------------------------
 
     def _obstacles(self, pose: Pose2D, points: Points | None) -> Points:
-        """Return the obstacles in view and the remembered ones, relative to the base."""
+        """Return the obstacles in view (``points``) and the remembered ones, relative to the base."""
         known = rotate_points([(x - pose.x, y - pose.y) for x, y in self._hits], pose.heading)
         return known if points is None else points + known
 
     def _remember_hit(self, pose: Pose2D, where: Sides) -> None:
-        """Remember an obstacle or edge at the rim of the base, and begin to back off."""
+        """Remember an obstacle or edge at the sides ``where`` of the base's rim, and begin to back off."""
         sides = [angle for name, angle in _BUMPERS.items() if getattr(where, name)]
         if self._last_hit is None:
             for angle in sides:
@@ -179,7 +185,10 @@ class Wander(BaseMotion):
         self._last_hit, self._course = (self._last_hit or (pose, self.run.now())), None
 
     def _must_back_off(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:
-        """Return True if the base has to back off farther, and can."""
+        """Return True if the base has to back off farther from ``origin``, and can.
+
+        ``since`` is the time when it began, ``things`` are the obstacles around the base.
+        """
         distance = math.hypot(pose.x - origin.x, pose.y - origin.y)
         room = free_distance(things, math.pi)
         return distance < BACK_OFF_DISTANCE and room > 0.0 and self.run.now() - since < BACK_OFF_TIMEOUT

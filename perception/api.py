@@ -176,11 +176,11 @@ class Marker(Percept):
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Properties of a whole picture, in grey levels of 255.
+    """Properties of a whole picture, in grey levels of 0 to 255.
 
-    ``stamp`` is the time of its frame, ``brightness`` its mean. ``contrast`` is the difference of neighbouring spots
-    where it is largest: about 1 for a blank wall or a covered lens, some tens for a room. ``motion`` is the share 0..1
-    that has changed since the frame before, None if motion is not used.
+    ``stamp`` is the time of its frame, ``brightness`` its mean. ``contrast`` is the largest difference between
+    neighbouring small areas: about 1 for a blank wall or a covered lens, some tens for a room. ``motion`` is the share
+    0..1 of the picture that has changed since the frame before, None if motion is not used.
     """
 
     stamp: float
@@ -250,7 +250,10 @@ class Hearing(Protocol):
     """Access of a behaviour to recognised phrases, without waiting."""
 
     def listened(self) -> float | None:
-        """Return the time up to which the robot has listened, None before the start; it stops while disconnected."""
+        """Return the time up to which the sound was searched; None before the first sound.
+
+        The time stands still while the microphone is disconnected.
+        """
         ...
 
     def words(self) -> Sequence[Words]:

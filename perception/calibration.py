@@ -29,7 +29,7 @@ MIN_VIEW_DISTANCE = 0.015
 class Chessboard:
     """A chessboard: number of inner corners ``across`` and ``down``, and the side of a square in metres.
 
-    Raises ValueError for fewer than three corners per direction, or a square without a side.
+    Raises ValueError for fewer than three corners per direction, or if the side is not above 0.
     """
 
     across: int

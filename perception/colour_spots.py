@@ -158,7 +158,10 @@ def to_colour_disc(picture: Image) -> DiscPlaces:
 
 
 def _nearest_colour_table(places: DiscPlaces) -> Labels:
-    """Return the number of the nearest of ``places`` for each (hue in 2 degrees << 8 | saturation of 255)."""
+    """Return the number of the nearest colour in ``places`` for each hue and saturation, as a flat lookup table.
+
+    The index of an entry is hue * 256 + saturation, with the hue in steps of 2 degrees and the saturation of 0..255.
+    """
     hue, saturation = np.meshgrid(np.arange(180) * (pi / 90), np.arange(256) / 255, indexing="ij")
     x, y = saturation * np.cos(hue), saturation * np.sin(hue)
     off = [*(np.hypot(x - at_x, y - at_y) for at_x, at_y in places), np.full(x.shape, MAX_COLOUR_DISTANCE)]

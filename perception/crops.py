@@ -91,7 +91,7 @@ def portrait_face_box(portrait: Image | GreyImage) -> Box:
 
 @dataclass(frozen=True, slots=True)
 class _Surroundings:
-    """A part of a picture, scaled by ``scale``; ``corner`` is its top left corner in the picture."""
+    """Surroundings of a face in a picture, scaled by ``scale``; ``corner`` is their top left in the picture."""
 
     image: Image | GreyImage
     scale: float

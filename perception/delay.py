@@ -27,16 +27,16 @@ PRIOR_SPREAD = 0.1
 """Uncertainty of the camera delay before it is learnt: seconds, one sigma."""
 
 MIN_TURN = radians(0.4)
-"""Difference of a turn between two delays (radians) below which a pair of pictures has no information."""
+"""Smallest turn of the camera in radians from which a pair of pictures has information about the delay."""
 
 PROBE_INDICES = [0, len(GRID) // 2, len(GRID) - 1]
-"""Indices of the delays in ``GRID`` whose poses show whether the camera turns."""
+"""Indices of three delays in ``GRID``: the first, middle and last. If their poses differ, the camera turns."""
 
 MAX_PAIR_INTERVAL = 0.3
 """Largest time in seconds between the two pictures of a pair; beyond it, too little of them overlaps."""
 
 GRID_MARGIN = 0.02
-"""Seconds: a delay this close to the start of ``GRID`` may lie outside, and is not used."""
+"""Margin in seconds at the start of ``GRID``: an estimated delay within it may really lie outside, and is not used."""
 
 MAX_USABLE_SPREAD = 0.02
 """Seconds, one sigma: largest uncertainty of a usable delay."""
@@ -73,10 +73,13 @@ ONSET_OFFSETS: Floats = np.array([-0.06, 0.0, 0.1])
 """Seconds before an exposure of three poses that show whether a turn has just begun; shape (3,), float64."""
 
 MAX_WATCHED_PICTURES = 2
-"""Pictures compared at the start of a camera turn while learning rests: there a changed delay shows first."""
+"""Number of pictures that are compared at the start of a camera turn although learning rests.
+
+A delay that has changed shows first at the start of a turn.
+"""
 
 SUSPICION_ODDS = 20 * CHANGE_ODDS
-"""Odds of a changed delay from which on learning no longer rests."""
+"""Odds of a changed delay above which the delay is suspected, so that learning goes on."""
 
 MAX_REST = 8.0
 """Seconds that learning rests after a check has confirmed the delay."""
@@ -122,19 +125,23 @@ class CameraDelay:
         return self.is_distrusted or float(self._grid.weights[:, near].sum()) < CONTRADICTION_PROBABILITY
 
     def start_chain(self, yaws: Floats) -> None:
-        """Start a chain of pictures; the first one has these ``yaws`` (radians), one per delay of ``GRID``."""
+        """Start a chain of consecutive pictures whose turns are added up.
+
+        ``yaws`` are the directions of the camera for its first picture, in radians: one per delay of ``GRID``.
+        """
         self._grid.start_chain(yaws)
         self.doubt = 0.0
 
     def learn(
         self, image_turn: float, pose_turns: Floats, yaws: Floats | None = None, unrecorded: Flags | None = None
     ) -> bool:
-        """Process the next picture: ``image_turn`` by the background, ``pose_turns`` by the poses under each delay.
+        """Process the next picture, and return True if the delay needs no learning for a while.
 
-        All in radians; ``pose_turns`` has the shape of ``GRID``. ``yaws`` are the directions of the picture under each
-        delay; without them a chain starts from rest. ``unrecorded`` is as for ``DelayGrid.update``. Returns True if the
-        delay needs no learning for a while: known within ``MAX_KNOWN_SPREAD``, confirmed by ``MIN_CHECKED_PAIRS``
-        pairs.
+        ``image_turn`` is the turn of the camera since the picture before, measured by the background. ``pose_turns`` is
+        the same turn by the recorded poses, for each delay of ``GRID``. ``yaws`` are the directions of the picture
+        under each delay; without them, a chain starts from rest. All are in radians. ``unrecorded`` is as for
+        ``DelayGrid.update``. The delay needs no learning once it is known within ``MAX_KNOWN_SPREAD`` and confirmed by
+        ``MIN_CHECKED_PAIRS`` pairs.
         """
         yaws = self._grid.yaws + pose_turns if yaws is None else yaws
         if max(abs(image_turn), float(np.abs(pose_turns).max())) < MIN_TURN:
@@ -190,7 +197,11 @@ class ExposedFrame:
 
 @dataclass(frozen=True, slots=True)
 class _TurnPicture:
-    """A picture taken during a turn: its stamp, the yaw under each delay, and the levelled picture on demand."""
+    """A picture taken during a turn: its stamp, and the yaw of the camera under each delay.
+
+    ``picture`` returns the picture with columns of equal angle (see ``perception.levelling``), computed at the first
+    call.
+    """
 
     stamp: float
     yaws: Floats
@@ -201,7 +212,8 @@ class ExposureEstimator:
     """Estimates the exposure time of each frame, and learns ``delay`` while the camera turns.
 
     ``gaze(time)`` returns the direction of the camera, the newest one for a later time, or None if unknown. ``now``
-    returns the time; without it, poses count as recorded at once.
+    returns the present time, from which it is known which poses are not recorded yet; without it, all poses count as
+    recorded.
     """
 
     def __init__(
@@ -219,7 +231,7 @@ class ExposureEstimator:
 
     @property
     def is_comparing(self) -> bool:
-        """True if the next frame must be compared with the newest."""
+        """True if the next frame will be compared with the one before, so that it must not be skipped."""
         return self._previous is not None
 
     def expose(self, frame: Frame, camera: Pinhole) -> Frame:
@@ -232,8 +244,8 @@ class ExposureEstimator:
     def gaze(self) -> Gaze | None:
         """Return the direction of the camera at the exposure of the newest frame, with its doubt.
 
-        That time differs from the frame's stamp if a correction of the delay would have moved the stamp before the last
-        one.
+        The frame's own stamp may be later: stamps always increase, even if a correction of the delay moves an exposure
+        to a time before the previous frame's stamp.
         """
         found = self._gaze(self._exposure.time)
         doubt = max(self._exposure.doubt, self.delay.doubt if self._is_chained else 0.0)
@@ -268,7 +280,10 @@ class ExposureEstimator:
         return self._watched_pictures > MAX_WATCHED_PICTURES
 
     def _compare(self, before: _TurnPicture, now: _TurnPicture, camera: Pinhole, *, chained: bool) -> None:
-        """Learn from two pictures, one of them taken in a turn; ``chained`` if the pair before is adjacent."""
+        """Learn from two pictures, one of them taken in a turn.
+
+        ``chained`` is True if ``before`` was compared with its own predecessor; otherwise a new chain starts.
+        """
         one, other = before.picture(), now.picture()
         moved = find_shift(one, other) if one.shape == other.shape else None
         if moved is None:

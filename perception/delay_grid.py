@@ -60,10 +60,16 @@ CHANGE_ODDS = 0.001
 """Prior odds that the camera delay has changed."""
 
 CHANGE_WEIGHT = 5.0
-"""Weight of a possible change in the doubt: to trust a wrong delay costs more than to doubt a right one."""
+"""Weight of a possible change of the delay when its uncertainty is computed.
+
+It is above 1, since it costs more to trust a wrong delay than to doubt a right one.
+"""
 
 MIN_RATE_CHANGE = radians(5)
-"""Smallest change of the turn rate (rad/s) within the span of the grid of an informative picture."""
+"""Smallest change of the camera's turn rate (rad/s) from which a picture has information about the delay.
+
+The change is measured over the time that the delays of ``GRID`` span.
+"""
 
 STEP_RATE_CHANGE = 40.0
 """Increase of ``MIN_RATE_CHANGE`` for poses in steps: rad/s per radian of roughness."""
@@ -119,7 +125,10 @@ class DelayGrid:
         self._innovation = np.zeros_like(self.weights)
 
     def start_chain(self, yaws: Floats) -> None:
-        """Start a chain of pictures; the first one has these ``yaws``, one per delay of ``GRID``."""
+        """Start a chain of consecutive pictures whose turns are added up.
+
+        ``yaws`` are the directions of the camera for its first picture, in radians: one per delay of ``GRID``.
+        """
         self.yaws, self._image_yaw = yaws, float(yaws[len(yaws) // 2])
         mean, variance, _ = self._smooth()
         self._level, self._variance = self._image_yaw - mean, variance + POSE_NOISE**2
@@ -166,7 +175,10 @@ class DelayGrid:
         return sqrt(float(weights @ off**2 / weights.sum()) + surprise**2)
 
     def _update_weights(self, likelihood: Floats) -> None:
-        """Weigh the cells with and without a recent change of the delay; accept a change when it is more likely."""
+        """Multiply the weights of the cells by ``likelihood``, and those for a delay that has just changed.
+
+        A change is accepted when it is more likely than no change.
+        """
         weights = (self.weights ** (1 - 1 / MEMORY_PICTURES) if self.is_informative else self.weights) * likelihood
         evidence = weights.sum()
         self.weights, self._weights_after_change = (
@@ -200,10 +212,10 @@ class DelayGrid:
 
 
 def find_unrecorded(yaws: Floats, newest: float, times: Floats, now: float) -> Flags:
-    """Return which of ``GRID``'s delays need a pose that is not recorded yet: the first ones, with the newest yaw.
+    """Return which delays of ``GRID`` need a pose of the camera that is not recorded yet, as an array of its shape.
 
-    ``yaws`` belong to ``times``; ``newest`` is the newest recorded yaw. A camera at rest has that yaw, too, so only the
-    last ``MAX_POSE_AGE`` seconds before ``now`` count.
+    ``yaws`` are the directions at ``times``, one per delay; a missing one equals ``newest``, the newest recorded yaw. A
+    camera at rest has that yaw, too, so only times within the last ``MAX_POSE_AGE`` seconds before ``now`` count.
     """
     found: Flags = np.logical_and.accumulate((yaws == newest) & (times > now - MAX_POSE_AGE))
     return found

@@ -23,11 +23,11 @@ from perception.model_files import ModelFileError
 MAX_SAME_DISTANCE = 0.5
 """Largest distance between the features (embeddings) of two faces of one person.
 
-The network's author uses 0.6. With ten known people and grey pictures, that accepts half of the looks at strangers.
+The network's author uses 0.6. With ten known people and grey pictures, 0.6 accepts strangers in half of all pictures.
 """
 
 MARGIN_PER_DISTANCE = 15.0
-"""Margin per unit of distance between features: looks at strangers have a standard deviation of 1/15."""
+"""Margin of a ``FaceMatch`` per unit of distance: distances of strangers have a standard deviation of 1/15."""
 
 INSTALL_HINT = "pip install 'missiontree[people]'"
 
@@ -52,8 +52,9 @@ Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
 class DlibRecogniser:
     """A ``perception.identity.FaceRecogniser`` with dlib's network. For one thread at a time.
 
-    ``portraits`` come from ``perception.people.enrol``. They are described at the first look by ``learn``, which may
-    use a cache; by default by ``describe``. Errors of ``describe`` are passed on.
+    ``portraits`` are the pictures of each person, from ``perception.people.enrol``. At the first call of ``match``,
+    their features are computed by ``learn``, which may use a cache; by default by ``describe``. Errors of ``describe``
+    are passed on.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class DlibRecogniser:
         self._learn = learn or self._describe_all
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return the nearest person and the margin; None for a box without pixels."""
+        """Return the most similar person, and the margin as in ``FaceMatch``; None for a box without pixels."""
         try:
             shown = make_portrait(image, face)
         except ValueError:

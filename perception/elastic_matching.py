@@ -18,10 +18,16 @@ from perception.identity import FaceMatch
 from perception.patches import CELLS, DEPTH, Patches
 
 SEARCH_REACH = 2
-"""Cells to each side of its own place in which a patch of a face is searched."""
+"""Distance in cells, to each side, up to which a patch of a face is searched around its own place.
+
+A cell is the step between neighbouring patches of a face.
+"""
 
 PATCH_SPACING = 3
-"""Cells from one searched patch of a face to the next."""
+"""Distance in cells between neighbouring patches that are searched.
+
+A cell is the step between neighbouring patches of a face.
+"""
 
 PATCHES_PER_SIDE = CELLS // PATCH_SPACING
 """Number of searched patches along each side of a face."""
@@ -32,7 +38,7 @@ Matches = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class PictureDescription:
-    """A picture of a person: ``views`` to compare with others, and ``templates`` for the views of others."""
+    """A picture of a person: patches as ``views``, to compare, and as ``templates``, to compare views with."""
 
     views: Sequence[Patches]
     templates: Sequence[Patches]
@@ -48,7 +54,7 @@ STRANGER_MEAN, STRANGER_DEVIATION = 0.522, 0.0085
 """Prior mean score of looks at strangers, and their standard deviation."""
 
 PRIOR_LOOKS = 20
-"""Number of looks for which the prior on strangers counts, against the looks at the people of the gallery."""
+"""Weight of the prior on strangers, as a number of comparisons: as many comparisons in the gallery count the same."""
 
 THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """Standard deviations of the threshold above the mean of strangers, and extra ones divided by the number of people.
@@ -57,16 +63,20 @@ THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """
 
 MIN_COMPARED_PEOPLE = 3
-"""Number of people from which on their looks may lower the mean and deviation of strangers below the prior."""
+"""Number of people in the gallery from which on the statistics of strangers may fall below the prior.
+
+The statistics are the mean and the standard deviation of their scores.
+"""
 
 OWN_SCORE_SHARE = 0.45
-"""Position of a person's threshold between the mean of strangers and the score of known pictures (half own, half all).
+"""Position of a person's threshold between the mean score of strangers (0) and the score of known pictures (1).
 
-Pictures that are alike, as from one room and day, have high scores, and so do strangers in that room.
+The score of known pictures is the mean of that person's own and of all people's. Pictures that are alike, as from one
+room and day, have high scores, and so do strangers in that room.
 """
 
 MAX_THRESHOLD_DEVIATIONS = 7.0
-"""Largest threshold by ``OWN_SCORE_SHARE``, in standard deviations above the mean of strangers."""
+"""Largest threshold that ``OWN_SCORE_SHARE`` may give, in standard deviations above the mean of strangers."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,10 @@ MAX_KEPT_AGES, MIN_AGES = 9, 5
 """Number of recent picture ages that are kept, and the number needed for their median."""
 
 MIN_AGE_DROP = 0.1
-"""Seconds by which a picture with a wrong stamp seems younger than usual: transport times do not shrink."""
+"""Seconds by which a picture must seem younger on arrival than usual for its stamp to be wrong.
+
+The age of a picture is the time from its stamp to its arrival; the transport itself cannot become so much faster.
+"""
 
 MAX_STEP_BACK = 0.03
 """Seconds by which an exposure may precede the last one; the jitter of stamps is smaller."""
@@ -46,9 +49,10 @@ class ExposureClock:
         self._ages: deque[float] = deque(maxlen=MAX_KEPT_AGES)
 
     def expose(self, stamp: float, delay: float, now: float | None) -> Exposure:
-        """Return the exposure of a picture that was stamped ``delay`` seconds late and arrived ``now``.
+        """Return the exposure of a picture with the time stamp ``stamp``, which is ``delay`` seconds late.
 
-        One wrong stamp in the future would otherwise hold up the stamps of all pictures until that time.
+        ``now`` is the time at which the picture arrived. It reveals a stamp that lies in the future; the exposure is
+        then computed from ``now``, since exposures must increase and all later ones would have to wait for that stamp.
         """
         time, wrong = stamp - delay, False
         if now is not None:

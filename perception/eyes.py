@@ -27,7 +27,7 @@ SCENE_LIFETIME = 0.2
 """Seconds for which a measured scene (brightness, contrast) is valid, unless motion is used."""
 
 MAX_PICTURE_INTERVAL = 0.15
-"""Seconds between two pictures, even if few are needed."""
+"""Maximum seconds between two pictures that are searched, even if few are needed."""
 
 NO_FRAME_PAUSE = 0.005
 """Seconds to pause without a frame, because a closed camera returns at once."""
@@ -107,8 +107,9 @@ class Vision(NewestView):
     def see(self, frame: Frame) -> bool:
         """Search one frame and publish the result; return False for an error.
 
-        An error (of the frame, a detector or a callback) costs that frame. It is stored in ``last_error`` until a frame
-        succeeds, and reported if it differs from the one before.
+        After an error (of the frame, a detector or a callback) the frame has no result, and the next one is searched as
+        usual. The error is stored in ``last_error`` until a frame succeeds, and reported if it differs from the one
+        before.
         """
         try:
             self._search(frame)
@@ -172,9 +173,9 @@ class Vision(NewestView):
 
 
 class Eyes:
-    """Reads ``source`` on its own thread and passes every frame to ``vision``. Errors only cost frames.
+    """Reads frames from ``source`` on its own thread and passes each to ``vision``. After an error it goes on.
 
-    With ``may_rest`` they read no frames after ``REST_AFTER`` seconds without a query. Frames that are not needed
+    With ``may_rest`` it reads no frames after ``REST_AFTER`` seconds without a query. Frames that are not needed
     (``Vision.skip_frames``) are skipped, for at most ``MAX_PICTURE_INTERVAL``.
     """
 

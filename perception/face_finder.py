@@ -127,7 +127,7 @@ AGREEMENT_OVERLAP = 0.6
 """Overlap above which detector and optical flow agree on a face: a Haar box jitters by a tenth of its width."""
 
 MAX_RESTED_FRAMES = 2
-"""Frames in a row in which the position of a face, one of many, may be extrapolated instead of tracked."""
+"""Largest number of consecutive frames in which a face of many is extrapolated instead of tracked."""
 
 RETRY_INTERVAL = 5
 """Frames from a search that missed a face to the next."""
@@ -140,11 +140,11 @@ MAX_TRUST = 3
 class FollowedFace:
     """A face that is tracked from frame to frame.
 
-    ``found_count`` counts its detections, ``misses`` the failed searches since, and ``frames_to_search`` the frames
-    until the next one. ``search_interval`` is from one search to the next, in frames; ``trust`` is confirmations minus
-    failures. ``last_measurement`` is the newest picture in which it was located, with its box; ``rested_frames`` counts
-    the frames since. ``drift`` is its motion per frame before, in pixels. ``is_resting`` is True if it is extrapolated
-    in this frame.
+    ``found_count`` counts its detections, and ``misses`` the failed searches since the last detection.
+    ``search_interval`` is the number of frames between two searches, ``frames_to_search`` that to the next search.
+    ``trust`` is confirmations minus failures. ``last_measurement`` is the newest picture in which the face was located,
+    with its box; ``rested_frames`` counts the frames since. ``drift`` is the motion in pixels per frame up to then.
+    ``is_resting`` is True if the face is extrapolated in this frame.
     """
 
     detection: Detection
@@ -240,14 +240,16 @@ NEWCOMER_INTERVAL = 40
 """Default frames between two searches of the whole picture while a face is known."""
 
 FIRST_NEWCOMER_INTERVAL = 1
-"""Frames to the first search for others after a new face, as people may come together; then it grows by a factor of 4.
+"""Frames from the detection of a new face to the first search for further faces, as people may come together.
+
+The interval to each further search is four times as long, up to the newcomer interval.
 """
 
 EMPTY_SEARCH_INTERVAL = 2
-"""Frames between searches while no face is found, until ``LONG_EMPTY_SEARCH_INTERVAL`` frames without one."""
+"""Frames between two searches while no face is found, for the first ``LONG_EMPTY_SEARCH_INTERVAL`` frames."""
 
 LONG_EMPTY_SEARCH_INTERVAL = 8
-"""Frames between searches after as many frames without a face, doubled if searches are expensive."""
+"""Frames between two searches after this many frames without a face; twice as many if searches are expensive."""
 
 MAX_ASIDE_SEARCHES = 6
 """Searches in a row after which a face in profile is no longer tracked."""
@@ -290,11 +292,11 @@ class ThoroughDetector(Protocol):
     """Search of a whole picture when there is little time."""
 
     def is_expensive(self, image: Image | GreyImage) -> bool:
-        """Return whether searching such a picture takes far longer than its size suggests."""
+        """Return whether a search of ``image`` takes far longer than usual, for example because it is dark."""
         ...
 
     def is_confirmed(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
-        """Return whether searches that are independent of the first see a face at ``box``, too."""
+        """Return whether searches that are independent of the first detection see a face at ``box``, too."""
         ...
 
     def detect_leaning(self, image: Image | GreyImage, known: Detection) -> Iterable[Detection]:
@@ -310,10 +312,11 @@ class FaceFinder:
     """Finds and tracks faces in the frames of one camera or film. For one thread at a time.
 
     ``confirm_interval``: frames between two searches near a certain face. ``max_misses``: failed searches in a row
-    until a face is dropped while flow still tracks it (in profile, or never a face). ``newcomer_interval``: frames
-    between two searches of the whole picture while a face is known; by default that of the detector. A sighting is
-    ``found`` if the detector found it and, for a ``ThoroughDetector``, it was confirmed. An unconfirmed face is
-    searched again in the next frame and dropped at the first miss, because most false ones flicker.
+    until a face is dropped while optical flow still tracks it; it is then in profile, or was no face at all.
+    ``newcomer_interval``: frames between two searches of the whole picture while a face is known; by default that of
+    the detector. A sighting is ``found`` if the detector found it and, for a ``ThoroughDetector``, it was confirmed. An
+    unconfirmed face is searched again in the next frame and dropped at the first miss, because most false faces
+    flicker.
     """
 
     def __init__(
@@ -384,8 +387,8 @@ class FaceFinder:
     def skip_frames(self, limit: int) -> int:
         """Return how many of the next frames, at most ``limit``, may be skipped, and count them as searched.
 
-        None of them would be searched. If there are faces, all of them must have stayed in place since the frame
-        before, and only a third of ``limit`` is skipped.
+        Only frames in which no search is due are skipped. If there are faces, all of them must have stayed in place
+        since the frame before, and at most a third of ``limit`` is skipped.
         """
         before, self._last_centres = self._last_centres, [known.detection.box.centre for known in self._faces]
         pause = self._search_interval()
@@ -459,12 +462,15 @@ class FaceFinder:
         return thorough.is_confirmed(image, found.box, roll=found.roll)
 
     def _expect_return(self, lost: FollowedFace, image: Image | GreyImage) -> None:
-        """Search for a lost face soon, in its size: a person may just have walked past it."""
+        """Search the whole picture soon for faces of the size of a lost face: someone may just have walked past it."""
         self._lost_face_frames = LOST_FACE_FRAMES
         self._lost_face_search = self._search_for_face(lost.detection, image)
 
     def _track(self, known: FollowedFace, before: Image | GreyImage, image: Image | GreyImage, *, wait: bool) -> bool:
-        """Track a face to the new frame; return False if it is gone. With ``wait``, its own search may follow later."""
+        """Track a face to the new frame; return False if it is lost.
+
+        With ``wait``, the search near the face is postponed, so that not too many searches fall into one frame.
+        """
         known.found = False
         known.frames_to_search -= 1
         if known.is_resting:
@@ -475,7 +481,10 @@ class FaceFinder:
         return self._search_near(known, image, carried=carried)
 
     def _search_near(self, known: FollowedFace, image: Image | GreyImage, *, carried: bool) -> bool:
-        """Search for a face at its place; return False if it is gone."""
+        """Search near the place of a known face; return False if it is lost.
+
+        ``carried`` is True if optical flow has tracked the face to this frame.
+        """
         again = self._find_again(known, image)
         if again is not None:
             self._on_found(known, again, image)
@@ -487,7 +496,10 @@ class FaceFinder:
         return carried and known.trust > 0 and known.misses < self._max_misses
 
     def _find_again(self, known: FollowedFace, image: Image | GreyImage) -> Detection | None:
-        """Return a face at its place: as before, or leaning otherwise if confirmed."""
+        """Return the detection near the place of a known face, or None.
+
+        If it is not found with the same lean of the head as before, other leans are tried, and confirmed.
+        """
         at, thorough = known.detection, self._thorough
         again = self._detector.detect_near(image, at.box, roll=at.roll)
         if again is not None or thorough is None or known.trust <= 0:
@@ -497,12 +509,15 @@ class FaceFinder:
         )
 
     def _is_turned_aside(self, known: FollowedFace, image: Image | GreyImage) -> bool:
-        """Return whether a certain face is now in profile; it is carried on for a while."""
+        """Return whether a face that was certain is now in profile; if so, it stays tracked for a while."""
         sure = self._thorough is not None and known.trust == MAX_TRUST and known.aside_searches < MAX_ASIDE_SEARCHES
         return sure and self._thorough is not None and self._thorough.is_turned_aside(image, known.detection.box)
 
     def _search_picture(self, image: Image | GreyImage, *, unless_still: bool) -> None:
-        """Search the whole picture for newcomers by the next search of the plan, and match known faces."""
+        """Search the whole picture for newcomers by the next search of the plan, and match known faces.
+
+        With ``unless_still``, the search is skipped if the picture is unchanged since the last such search.
+        """
         self._frames_since_search = 0
         self._newcomer_wait = min(4 * self._newcomer_wait, self._newcomer_interval)
         due = self._next_search(image)

@@ -45,7 +45,7 @@ MAX_SKIPPED_SEARCHES = 4
 
 
 class StillPictureDetector:
-    """Stores the cells of the newest picture searched by each search. For one thread at a time."""
+    """Tells whether a picture is unchanged since a search, so that the search can be skipped. For one thread."""
 
     def __init__(self) -> None:
         self._searched_pictures: dict[FaceSearch, npt.NDArray[np.float32]] = {}

@@ -1,8 +1,8 @@
 """Pinhole camera: conversion between pixels and directions.
 
 Directions are two angles, as of a head that first pans and then tilts: left about z, then down from the horizon of the
-observer. So ``direction_of`` at gaze zero changes nothing. A pair of angles is the unit vector (cos down cos left, cos
-down sin left, -sin down), with x forward, y left, z up (REP 103).
+observer. A pair of angles is the unit vector (cos down cos left, cos down sin left, -sin down), with x forward, y left,
+z up (REP 103). For a camera that looks straight ahead, ``direction_of`` returns the angles unchanged.
 """
 
 from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan, tau

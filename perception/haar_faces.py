@@ -52,8 +52,8 @@ class CascadeCrop:
 def prepare_picture(image: Image | GreyImage, scale: float, roll: float = 0.0) -> CascadeCrop:
     """Return a whole picture scaled by ``scale``, for a cascade. Raises ValueError for an invalid picture.
 
-    Its contrast is equalised half as much as around a face. The cascade then takes two thirds of the time, and finds 59
-    faces instead of 60.
+    Its contrast is equalised with half the limit that ``prepare_region`` uses. The cascade then takes two thirds of the
+    time, and finds 59 faces instead of 60.
     """
     return _rotate_crop(CascadeCrop(equalise(resize(brighten(to_grey(image)), scale), tiles=8, limit=1.0), scale), roll)
 
@@ -94,10 +94,16 @@ MIN_SIDE = 320
 """Pixels of the longer side to which a smaller picture is enlarged."""
 
 PICTURE_SEARCH = 1.2, 4
-"""Scale step, and neighbours of a face, for single pictures. 3 neighbours: 2 % more faces, and 11 false ones, not 2."""
+"""Scale step of the search in single pictures, and number of overlapping detections that make a face.
+
+With 3 instead of 4 detections, it finds 2 % more faces, but 11 false ones instead of 2.
+"""
 
 FILM_SEARCH = 1.2, 3
-"""Scale step, and neighbours of a face, for films, in which other cascades confirm the faces."""
+"""Scale step of the search in films, and number of overlapping detections that make a face.
+
+In films, ``CONFIRMING_CASCADES`` reject most false faces.
+"""
 
 MIN_FACE_PIXELS = 28  # pixels: a face 3.5 m away for a camera of 640 pixels and 60 degrees
 CASCADE_WINDOW = 24  # pixels of the smallest face that the cascade knows
@@ -119,10 +125,11 @@ CONFIRMING_CASCADES = (
     ("haarcascade_frontalface_alt.xml", 64, 3, False),
     ("haarcascade_frontalface_alt2.xml", 64, 2, True),
 )
-"""Independently trained cascades: file, pixels of the face, neighbours, and whether the picture is mirrored.
+"""Independently trained cascades that confirm a face.
 
-All three accept 90 of 100 true faces, many of them dark, and 3 of 100 false ones that the first cascade sees in gravel
-and coins. Each of them alone accepts about 92, and 11 to 23.
+For each: its file, the width in pixels to which the face is scaled, the number of overlapping detections, and whether
+the picture is mirrored. All three accept 90 of 100 true faces, many of them dark, and 3 of 100 false faces that the
+first cascade sees in gravel and coins. Each of them alone accepts about 92 true faces, and 11 to 23 false ones.
 """
 
 
@@ -154,8 +161,8 @@ class HaarFaceDetector:
     ) -> list[Detection]:
         """Return the faces anywhere in the picture, largest first, whose width is about ``smallest``..``largest`` px.
 
-        They lean by about ``roll`` (radians, to the right). A ``smallest`` above 0 is for films: it finds more faces,
-        and more false ones. Raises ValueError for an invalid picture.
+        The faces lean to the right by about ``roll`` (radians). A ``smallest`` above 0 is for films: the search then
+        finds more faces, and more false ones. Raises ValueError for an invalid picture.
         """
         check_image(image)
         side = max(image.shape)

@@ -105,7 +105,10 @@ class NameVotes:
         self._ballots: dict[int, _Ballot] = {}
 
     def start_look(self, id: int, stamp: float, interval: float) -> bool:  # noqa: A002 - as percepts have it
-        """Return whether a face is due for a look in the picture of ``stamp``; if so, record that look."""
+        """Return whether a face is due for recognition in the picture of ``stamp``; if so, record that time.
+
+        It is due ``interval`` seconds after its last recognition.
+        """
         ballot = self._ballots.setdefault(id, _Ballot())
         if ballot.last_look_at is not None and stamp - ballot.last_look_at < interval - 1e-6:
             return False
@@ -151,7 +154,7 @@ class FaceNamer:
 
 
 class NamedFaceSense:
-    """Sense for faces with names: a ``perception.senses.Sense[Face]`` that names the faces of another one."""
+    """Sense for faces with names: a ``perception.senses.Sense[Face]`` that adds names to the results of ``faces``."""
 
     def __init__(self, faces: Sense[Face], recogniser: FaceRecogniser, interval: float = LOOK_INTERVAL) -> None:
         self._faces = faces

@@ -1,4 +1,4 @@
-"""Errors and size limit of model files. Imports nothing of ours, so that every command can use it."""
+"""Errors and size limit of model files. Imports no other module of MissionTree, so every command can use it."""
 
 from pathlib import Path
 

@@ -37,7 +37,7 @@ NOISE_CROPS = 16
 """Number of crops of noise from which the whitening is computed: 7056 patches."""
 
 VARIANCE_FLOOR = 0.1
-"""Addition to the variance of each component before whitening, as a share of their mean."""
+"""Addition to the variance of each component before whitening, as a share of the mean variance of all components."""
 
 _PATCH_RADIUS = PART_SPACING * (PARTS_PER_SIDE - 1) // 2  # pixels from the middle of a patch to its outermost points
 CELLS = (CROP_SIDE - 2 * _PATCH_RADIUS) // PATCH_STEP
@@ -110,5 +110,8 @@ def _whitening() -> npt.NDArray[np.float32]:
 
 @cache
 def _part_pixels() -> npt.NDArray[np.int64]:
-    """Return the rows, and columns, of a crop at which the points of each patch lie: (CELLS, PARTS_PER_SIDE)."""
+    """Return the pixel positions of the points of each patch along one side of a crop: (CELLS, PARTS_PER_SIDE).
+
+    They are the same for rows and columns.
+    """
     return np.arange(CELLS)[:, None] * PATCH_STEP + np.arange(PARTS_PER_SIDE)[None] * PART_SPACING

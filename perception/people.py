@@ -73,9 +73,10 @@ class PatchRecogniser:
 
 
 def describe_portraits(portraits: Sequence[Image], share: int, eyes: EyeFinder) -> list[PictureDescription]:
-    """Return the descriptions of a person's portraits and their variants, about ``share`` in all.
+    """Return the descriptions of a person's portraits, with about ``share`` templates in all.
 
-    If there are too many portraits, a subset is used, spread over all of them.
+    A template is a portrait or a variant of it (see ``MAX_VARIANTS``). If there are too many portraits, a subset is
+    used, spread over all of them.
     """
     count = min(len(portraits), share)
     taken = [portraits[place * len(portraits) // count] for place in range(count)]

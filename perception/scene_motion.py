@@ -33,10 +33,10 @@ class MotionSense:
     """Measures a scene and its motion: a ``perception.senses.SceneSense``.
 
     A turning camera shifts the whole picture. Phase correlation finds the shift, the previous picture is moved by it,
-    and the overlap is compared. A spot has changed if it is brighter or darker than everything around it before. So
-    most of the remaining shift (the sides of a picture shift more than its middle) does not count: 0.2 % is left for a
-    head that turns at 10 degrees/s, and 1 % at 60, as for a person who walks by. Without a valid shift no motion is
-    reported, as in a fast turn.
+    and the overlap is compared. A spot has changed if it is brighter or darker than everything around it before. The
+    sides of a picture shift more than its middle, but that difference is mostly ignored in this way: 0.2 % of the
+    picture counts as changed for a head that turns at 10 degrees/s, and 1 % at 60, as for a person who walks by.
+    Without a valid shift, as in a fast turn, no motion is reported.
     """
 
     def __init__(self) -> None:
@@ -105,7 +105,8 @@ def shrink(image: Image) -> GreyImage:
 
 
 EDGE_SHARE = 0.01
-"""Share of neighbouring cells that may differ by more than the contrast, because of a few hot pixels."""
+"""Share of neighbouring cells whose difference may be larger than the reported contrast, because of a few hot pixels.
+"""
 
 
 def measure_scene(image: Image | GreyImage, *, stamp: float) -> Scene:

@@ -62,7 +62,7 @@ class FaceSense:
 class ActiveSenses:
     """Senses that a mission uses; the others are None and cost nothing.
 
-    ``scene`` replaces the plain measurement of brightness and contrast, which runs once the scene is queried.
+    ``scene`` replaces the plain measurement of brightness and contrast, which needs no sense.
     """
 
     faces: Sense[Face] | None = None
@@ -89,7 +89,7 @@ class SkippableSource(Protocol):
 
 
 class NewestView:
-    """A ``perception.api.Sight`` that returns the newest ``View``; subclasses set it."""
+    """A ``perception.api.Sight`` that returns the parts of the newest ``View``, which subclasses store in ``_view``."""
 
     _view = View()
 

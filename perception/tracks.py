@@ -104,13 +104,16 @@ class AngleFilter:
         self._rate_variance += jolt
 
     def _add_rate_variance(self, after: float, more: float) -> None:
-        """Add the variance ``more`` to that of the rate, ``after`` seconds ago."""
+        """Add ``more`` to the variance of the rate, as if it had changed ``after`` seconds ago."""
         self._angle_variance += after**2 * more
         self._covariance += after * more
         self._rate_variance += more
 
     def _learn_noise(self, angle: float, after: float, turned: float) -> None:
-        """Update the measurement noise by the distance of a middle angle of three from the line of the others."""
+        """Update the measurement noise by the distance of the middle one of three angles from a straight line.
+
+        ``after`` are the seconds since the last angle, ``turned`` is the turn of the camera since then, in radians.
+        """
         if after <= 0.0 or turned > MAX_STILL_TURN:
             self._recent_angles = [(angle, after)]
             return
@@ -150,7 +153,10 @@ class TrackableSighting(Protocol[P_co]):
 
     @property
     def found(self) -> bool:
-        """True if the detector found it in this frame; False if it was only carried there, which confirms nothing."""
+        """True if the detector found the object in this frame.
+
+        False if its place was only computed, such as by optical flow; such a sighting does not confirm a track.
+        """
         ...
 
     @property
@@ -208,7 +214,10 @@ class _Track(Generic[P]):
         )
 
     def accepts(self, measured: _Measurement[P], deviation: float, stamp: float) -> bool:
-        """Return whether a measurement at that distance from the prediction (radians) may belong to the track."""
+        """Return whether a measurement may belong to the track.
+
+        ``deviation`` is its distance from the track's prediction in radians.
+        """
         gate = GATE_ANGLE + GATE_GROWTH * max(0.0, stamp - self.stamp)
         return deviation <= gate and measured.sighting.kind == self.last_measurement.sighting.kind
 
@@ -248,7 +257,7 @@ class Tracker(Generic[P]):
     """Tracks objects of one sort: data association by nearest neighbour within a gate, with filtered angles.
 
     Ids count from 1 and are never reused. A track starts with a detection and is returned from the second one on, even
-    if there is no other: that costs one frame, but a searching robot does not greet the wallpaper. It ends
+    if there is no other track. That costs one frame, but avoids reactions to most false detections. A track ends
     ``TRACK_TIMEOUT`` seconds after the last sighting. For one thread at a time.
     """
 

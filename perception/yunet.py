@@ -49,7 +49,10 @@ class _Network(Protocol):
     """The used part of ``cv2.FaceDetectorYN``."""
 
     def detect(self, image: Image) -> tuple[int, npt.NDArray[np.float32] | None]:
-        """Return rows of x, y, width, height, ten coordinates of eyes, nose and mouth, and the score; or None."""
+        """Return one row per face, or None: x, y, width, height, ten coordinates of landmarks, and the score.
+
+        The landmarks are eyes, nose and corners of the mouth.
+        """
         ...
 
 
@@ -138,7 +141,10 @@ class YuNetFaceDetector:
         return np.asarray(found[int(np.argmax(overlaps))], np.float32)
 
     def _run_network(self, picture: Image | GreyImage, scale: float) -> npt.NDArray[np.float32]:
-        """Return the network's rows for a picture scaled by ``scale``, in pixels of the scaled picture."""
+        """Return the result of the network for a picture: one row per face, as of ``find_landmarks``.
+
+        The picture is first scaled by ``scale``; positions are in pixels of the scaled picture.
+        """
         colour = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture
         shown = brighten(resize(np.asarray(colour, np.uint8), scale))
         height, width = (max(MIN_SIDE, -(-side // SIZE_STEP) * SIZE_STEP) for side in shown.shape[:2])

@@ -32,8 +32,9 @@ NO_PROGRESS_REASON = f"no progress for {NO_PROGRESS_TIMEOUT:g} s"
 class DelegatedMotion(BaseMotion):
     """Base of motions that use a ROS 2 action if the robot offers one, and drive by themselves otherwise.
 
-    While the base is latched, no action starts; a latch under way is a failure. A halt or failure cancels the action,
-    and a halt waits for its end. A pause cancels the action too, and the next tick starts it again.
+    While the base is latched, no action starts. If the base is latched while the action runs, the leaf fails. A halt or
+    failure cancels the action, and a halt waits for its end. A pause cancels the action too, and the next tick starts
+    it again.
     """
 
     optional_parts = frozenset({"ros2"})
@@ -50,16 +51,19 @@ class DelegatedMotion(BaseMotion):
 
     @abstractmethod
     def delegate(self, nodes: Ros2) -> int | None:
-        """Start an action if ``nodes`` offer it, and return its number, else None."""
+        """Start the ROS 2 action of this motion, and return its request number; None if ``nodes`` do not offer it."""
 
     def is_finished(self, state: BaseState | None) -> bool:
-        """Return True if there is nothing left to delegate after a pause."""
+        """Return True if the motion is complete, so its action need not start again after a pause.
+
+        False by default.
+        """
         del state
         return False
 
     @abstractmethod
     def update_progress(self, state: BaseState) -> str:
-        """Store the progress in ``result``, and return it as text."""
+        """Store the progress of the motion in ``result``, and return it as text for the leaf's reason."""
 
     def update(self) -> Status:
         latched = latch_reason(self.robot.base)
@@ -127,7 +131,7 @@ MAX_DRIVING_BEARING = math.radians(20)
 """Bearing in radians beyond which the base turns on the spot."""
 
 MAX_TRIES = 3
-"""Number of misses of the place before a failure."""
+"""Number of times that the base may miss the place before the leaf fails."""
 
 
 class GoTo(DelegatedMotion, Spin):

@@ -29,17 +29,20 @@ TIME_LIMIT_FACTOR, TIME_LIMIT_MARGIN = 1.5, 5.0
 """Factor and margin (seconds) from the expected duration of a motion to its time limit."""
 
 MAX_TICK_TIME = 1.0
-"""Maximum seconds that count between two ticks; a paused run is not ticked, so a pause counts as one second."""
+"""Maximum seconds that a ``MotionClock`` counts for one tick, so that a pause of the run counts as one second."""
 
 NO_PROGRESS_TIMEOUT = 30.0
 """Seconds for which a base under a ROS 2 action may stand still. Nav2 itself gives up after 10 s."""
 
 UNHINDERED_REASONS = ("", "limited")
-"""Reasons for a reduced speed that do not slow the clock of the time limit."""
+"""Values of ``Steering.reason`` that never slow down the ``MotionClock``, even while the base drives slowly."""
 
 
 def seconds_for(distance: float, speed: float, limit: float, acceleration: float) -> float:
-    """Return the duration of a distance (m or rad) from rest to rest, with the braking ramp half as steep."""
+    """Return an estimate, on the long side, of the seconds for a motion from rest to rest over ``distance`` (m or rad).
+
+    ``speed`` is the requested speed, ``limit`` the base's maximum speed, ``acceleration`` that of the base.
+    """
     fastest = max(min(abs(speed), limit), 1e-6)
     return abs(distance) / fastest + 3 * fastest / acceleration
 
@@ -55,7 +58,7 @@ def seconds_to_turn(angle: float, speed: float, limits: BaseLimits) -> float:
 
 
 class MotionClock:
-    """Clock of a motion: counts seconds, slower while the base is held up."""
+    """Clock for the time limit of a motion: counts seconds, and fewer of them while the base must drive slowly."""
 
     def __init__(self) -> None:
         self.spent = 0.0
@@ -66,7 +69,7 @@ class MotionClock:
         self.spent, self._at = 0.0, None
 
     def stop(self) -> None:
-        """Pause until the next ``run``, while a person has control or the base does not report."""
+        """Stop counting until the next call of ``run``, while a person has control or the base does not report."""
         self._at = None
 
     def grant(self, seconds: float) -> None:
@@ -74,12 +77,19 @@ class MotionClock:
         self.spent -= seconds
 
     def scale(self, before: float, limit: float) -> None:
-        """Keep the spent share when the limit changes from ``before`` to ``limit`` seconds."""
+        """Scale the counted seconds when the time limit changes, so that the same share of the limit is used up.
+
+        ``before`` and ``limit`` are the old and the new limit in seconds.
+        """
         if isfinite(before) and isfinite(limit):
             self.spent *= limit / before
 
     def run(self, now: float, steering: Steering) -> float:
-        """Count the time until ``now``, scaled by the permitted share of the speed, and return the seconds spent."""
+        """Count the time since the last call, and return the total of counted seconds.
+
+        The time counts in proportion to the velocity that the base permits: half of it if ``steering`` allows half of
+        the requested velocity.
+        """
         if self._at is not None:
             self.spent += min(now - self._at, MAX_TICK_TIME) * _permitted_share(steering)
         self._at = now
@@ -87,7 +97,7 @@ class MotionClock:
 
 
 def time_limit(seconds: float) -> float:
-    """Return the time limit of a motion with this expected duration in seconds."""
+    """Return the time limit in seconds of a motion that is expected to take ``seconds``."""
     return TIME_LIMIT_FACTOR * seconds + TIME_LIMIT_MARGIN
 
 
@@ -113,7 +123,10 @@ CRAWL_TURN_RATE = math.radians(4)
 """Turn rate in rad/s of the last part of a turn."""
 
 REACTION_TIME = 0.25
-"""Seconds from a report to the motion that follows it: the Kobuki's dead time (users measured 0.2 s) and a tick."""
+"""Seconds from a report of the base until the command that answers it takes effect.
+
+It is the dead time of a Kobuki (users measured 0.2 s) and a tick.
+"""
 
 RANGE_GUARD_TIMEOUT = 5.0
 """Seconds to wait while the range guard stops the base, since people usually walk on."""
@@ -190,9 +203,10 @@ class BaseMotion(Leaf):
         return status
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
-        """Return the expected duration from ``state`` on, or None for a motion that runs until it is halted.
+        """Return the expected seconds of the motion from ``state`` on; None for a motion that runs until it is halted.
 
-        Called with the state at the start of the clock, and again with the same state if the base's limits change.
+        ``start`` is the pose at the start. The time limit is computed from the result. If the base's limits change, it
+        is called again with the same state.
         """
         del state, start
         return None
@@ -207,8 +221,8 @@ class BaseMotion(Leaf):
     def _time_limit_reason(self, state: BaseState, steering: Steering) -> str:
         """Return the reason if the time limit is over, else an empty text.
 
-        If the limits of the base change, the time limit changes too, but the spent share stays. So a series of changes
-        cannot extend a motion for ever.
+        If the limits of the base change, the time limit changes too, but the same share of it stays used up. So a
+        series of changes cannot extend a motion for ever.
         """
         if self._start is None:
             return ""
@@ -242,7 +256,7 @@ class BaseMotion(Leaf):
         return obstacle_reason(state, self.motion_direction, steering)
 
     def resume(self, state: BaseState) -> None:
-        """Forget the progress: a person or reflex has moved the base to a new pose."""
+        """Adapt to a new pose of the base, after a person or a reflex has moved it."""
         del state
         self._stopping = False
 
@@ -256,9 +270,10 @@ class BaseMotion(Leaf):
         return reading.value
 
     def steer(self, velocity: Velocity, activity: str) -> Status:
-        """Send a velocity to the base and keep running. Fails if the base refuses it for longer than REACTION_TIME.
+        """Send a velocity to the base and return RUNNING, with the text ``activity`` as the reason.
 
-        While the range guard stops the base, the leaf waits for RANGE_GUARD_TIMEOUT instead.
+        Fails if the base refuses the velocity for longer than REACTION_TIME. While the range guard stops the base, the
+        leaf waits for RANGE_GUARD_TIMEOUT instead.
         """
         allowed = self.robot.base.drive(velocity)
         if allowed != ZERO_VELOCITY or velocity == ZERO_VELOCITY:
@@ -281,11 +296,12 @@ class BaseMotion(Leaf):
         return SUCCESS if abs(speed) < STANDSTILL_SPEED else self.wait("stopping")
 
     def approach(self, left: float, *, braking: float, crawl: float) -> float:
-        """Return the speed with ``left`` (m or rad) to go; 0 when it is time to stop.
+        """Return the speed for the remaining distance ``left`` (m or rad); 0 when it is time to stop.
 
-        With a constant deceleration b, the remaining distance is v^2 / 2b. A command takes effect a time T after its
-        report, so the remaining distance at that report is (v + b T)^2 / 2b. The exact T matters little: the last part
-        is at crawl speed, and the base stops at half the distance that it crawls in T.
+        ``braking`` is the deceleration to use, ``crawl`` the lowest speed before the stop. With a constant deceleration
+        b, the remaining distance is v^2 / 2b. A command takes effect a time T after its report, so the remaining
+        distance at that report is (v + b T)^2 / 2b. The exact T matters little: the last part is at crawl speed, and
+        the base stops at half the distance that it crawls in T.
         """
         if self._stopping or left <= crawl * REACTION_TIME / 2:
             return 0.0
@@ -345,13 +361,16 @@ def override_reason(steering: Steering) -> str:
 # Turning on the spot to a heading, exactly: what all leaves do the same way that end with a turn.
 
 HEADING_TOLERANCE = math.radians(0.1)
-"""Heading error in radians after a turn that is not corrected."""
+"""Largest heading error in radians after a turn that is accepted without a correction."""
 
 NUDGE_RATE = CRAWL_TURN_RATE / 2
 """Turn rate of a correction in rad/s: a Kobuki's wheels then turn at 4 mm/s, and it accepts whole mm/s."""
 
 MAX_NUDGE_TIME = 5.0
-"""Maximum seconds by which a correction extends the time limit: with rare odometry a turn can end degrees off."""
+"""Maximum seconds by which a correction extends the time limit.
+
+Without such a bound it could be long: if the base reports rarely, a turn can end several degrees off.
+"""
 
 MAX_NUDGES = 3
 """Maximum number of corrections of a turn."""
@@ -377,9 +396,10 @@ class Spin(BaseMotion):
         self._nudges, self._nudge = 0, None
 
     def turn_to(self, heading: float, direction: float, speed: float, state: BaseState, activity: str) -> Status:
-        """Turn to ``heading`` (radians), to the left if ``direction`` is positive, at no more than ``speed`` rad/s.
+        """Turn to ``heading`` (radians), to the left if ``direction`` is 1, to the right if it is -1.
 
-        Returns SUCCESS when the base stands still.
+        ``speed`` is the maximum turn rate in rad/s, ``state`` the newest report, and ``activity`` the reason to show
+        while the base turns. Returns SUCCESS when the base stands still.
         """
         left, now = heading - state.pose.heading, self.run.now()
         if self._nudge is not None:

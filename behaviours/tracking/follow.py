@@ -2,8 +2,8 @@
 
 The rules set the turn rate of the head's aim, and the follower integrates it into a goal. It aims at the predicted
 position of the target at the time when the command takes effect, so the head does not lag behind a walking person or a
-turning base. The base turns by the head's pan: the head leads, the base follows. A base without a head turns by the
-target.
+turning base. The rules for the base take the pan angle of the head as input: the head leads, the base follows. The base
+of a robot without a head turns towards the target itself.
 """
 
 import math
@@ -41,7 +41,7 @@ class OffsetSource(Protocol):
 
 
 class PredictedOffset:
-    """Offset of the target's predicted position. The rates are the target's own, seen from the turning base.
+    """Offset from the aim to the target's predicted position. Its rates are those of the target, not of the robot.
 
     ``acceleration`` (rad/s^2) is the limit of head or base.
     """
@@ -52,7 +52,6 @@ class PredictedOffset:
         self._yaw = self._pitch = MotionPredictor(acceleration)
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
-        """Return the predicted offset from the aim."""
         if target.id != self._id:
             self._id, self._yaw, self._pitch = (
                 target.id,
@@ -70,13 +69,15 @@ class PredictedOffset:
 
 
 class PictureOffset:
-    """Offset from the camera's axis in the newest picture; the rates are differences of pictures."""
+    """Offset from the camera's axis in the newest picture; its rates are the change since the picture before.
+
+    The rates are in rad/s.
+    """
 
     def __init__(self) -> None:
         self._newest: tuple[int, float, Offset] | None = None
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
-        """Return the offset from the camera's axis in the newest picture."""
         del time, base, aim
         found = Offset(target.bearing, target.elevation)
         if self._newest is not None:
@@ -106,7 +107,10 @@ ON_TARGET_ANGLE = math.radians(1)
 """Radians within which a head counts as on target: servos that take whole degrees stand no closer."""
 
 MAX_STANDING_TURN_RATE = math.radians(5)
-"""Turn rate in rad/s above which a base takes part in catching up, by an amount that is unknown until its lag is."""
+"""Turn rate of the base in rad/s above which the head's goal is not moved ahead to catch up with the target.
+
+A turning base helps to catch up, but by an amount that is unknown until its command lag has been learnt.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,13 +177,15 @@ class Follower:
         return FollowCommand(self._goal, turn)
 
     def _restart(self, head: HeadPose) -> None:
-        """Restart from the present pose of the head."""
         self._goal = HeadPose(0.0, 0.0) if self._limits is None else self._limits.clamp(head)
         self._lag.forget_commands()
         self._offset_source = PredictedOffset(self._acceleration) if self._rules.predict else PictureOffset()
 
     def _turn(self, now: float, target: Percept, base: TurnState, span: float, known: dict[str, float]) -> float:
-        """Return the turn rate of a base without a head."""
+        """Return the turn rate (rad/s) of a base without a head.
+
+        ``span`` are the seconds since the last step, ``known`` the inputs of the rules that are known already, by name.
+        """
         # A turn rate is in force until the next one: what counts is the middle of that time.
         time = now + self._lag.seconds + span / 2
         there = self._base_predictor.at(time, base)
@@ -198,7 +204,10 @@ class Follower:
         known: dict[str, float],
         limits: HeadLimits,
     ) -> float:
-        """Advance the head's goal for the time ``now``, and return the turn rate of the base in rad/s."""
+        """Advance the head's goal for the time ``now``, and return the turn rate of the base in rad/s.
+
+        ``span`` are the seconds since the last step, ``known`` the inputs of the rules that are known already, by name.
+        """
         rules, goal = self._rules, self._goal
         # A head has come to its goal for the most part of the time until the next one: it is meant for the middle.
         time = now + HEAD_LAG - span / 2
@@ -215,9 +224,10 @@ class Follower:
         return _law_output(rules.base, {**across, PAN: self._goal.pan})
 
     def _stride(self, law: ControlLaw | None, known: dict[str, float], span: float, limits: HeadLimits) -> float:
-        """Return how far the aim moves in ``span`` seconds, but not beyond the target's predicted position.
+        """Return how far (radians) the aim moves in ``span`` seconds, but not beyond the target's predicted position.
 
-        So the head cannot oscillate about a predicted target, however steep the rules and slow the ticks are.
+        ``known`` are the inputs of the control ``law``. The bound keeps the head from oscillating about a predicted
+        target, however steep the rules and slow the ticks are.
         """
         stride = min(max(_law_output(law, known), -limits.speed), limits.speed) * span
         if not self._rules.predict:
@@ -232,10 +242,10 @@ def _law_output(law: ControlLaw | None, known: dict[str, float]) -> float:
 
 
 def _lead(rate: float, behind: float, limits: HeadLimits) -> float:
-    """Return how far (radians) the goal of a head must be ahead of a target that moves at ``rate``.
+    """Return how far (radians) the goal of a head must be ahead of a target that moves at ``rate`` (rad/s).
 
-    A head brakes for its goal. The goal is placed where a head comes to rest that closes in at full speed, such that
-    the head moves with the target once it has caught up.
+    ``behind`` (radians) is how far the head has to go to the target. A head brakes before its goal. So the goal is
+    placed beyond the target, such that the head moves with the target once it has caught up.
     """
     trail = rate * abs(rate) / (2 * limits.acceleration)
     if rate * behind <= 0.0:

@@ -18,9 +18,10 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class LookupTable:
-    """Surface of ``heights`` over a grid of rising ``axes``, the last varying fastest, with linear interpolation.
+    """Table of a function: its values ``heights`` on a grid, with linear interpolation between the grid points.
 
-    Raises ValueError for an axis with fewer than two points, or a wrong number of heights.
+    ``axes`` are the rising coordinates of the grid; the last axis varies fastest in ``heights``. Raises ValueError for
+    an axis with fewer than two points, or a wrong number of heights.
     """
 
     axes: tuple[tuple[float, ...], ...]
@@ -32,7 +33,7 @@ class LookupTable:
             raise ValueError(f"a table over a grid of {' x '.join(map(str, sizes))} cannot have {len(self.heights)}")
 
     def __call__(self, *values: float) -> float:
-        """Return the height at one value per axis, clamped to the grid. Raises ValueError for NaN."""
+        """Return the interpolated value at one coordinate per axis, clamped to the grid. Raises ValueError for NaN."""
         if len(values) == 2 == len(self.axes):  # what the loop asks for, again and again
             return self._plane(*values)
         if len(values) != len(self.axes):
@@ -95,7 +96,10 @@ _SENTENCE = re.compile(r"if (\w+ is \w+(?: and \w+ is \w+)*) then (\w+) is (\w+)
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Rule: if each input in ``conditions`` is its term, the output is ``conclusion``."""
+    """Rule of a controller, such as "if error is left and rate is steady then slow_left".
+
+    ``conditions`` maps the names of inputs to their terms; ``conclusion`` is a term of the output.
+    """
 
     conditions: Mapping[str, str]
     conclusion: str
@@ -109,7 +113,7 @@ class Rule:
 class Controller:
     """Fuzzy controller: rules from inputs to an output.
 
-    Raises ValueError for unknown names, and for cases that have two rules or none.
+    Raises ValueError for unknown names, for two rules with the same conditions, and for input values without a rule.
     """
 
     name: str
@@ -161,15 +165,15 @@ class Controller:
         return cls(name, variables, conclusion, found, CONJUNCTIONS[joined])
 
     def __call__(self, *values: float) -> float:
-        """Return the output for one value per input, in their order. Raises ValueError for NaN."""
+        """Return the output for one value per input, in the order of ``inputs``. Raises ValueError for NaN."""
         return self.output.combine(self.firing_strengths(values))
 
     @property
     def multilinear(self) -> bool:
-        """True if the surface bends only at the corners of the terms, so that a table is exact.
+        """True if the output is linear in each input between the corners of the terms, so that a table is exact.
 
-        That holds for Sugeno's method if the grades of each input add up to 1, "and" is the product, and each case has
-        its own rule.
+        That holds for Sugeno's method if the grades of each input add up to 1, "and" is the product, and each
+        combination of terms has its own rule.
         """
         whole = all(len(rule.conditions) == len(self.inputs) for rule in self.rules)
         cases = math.prod(len(variable.terms) for variable in self.inputs)
@@ -282,7 +286,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
     "base": (PAN, ERROR, RATE, EDGE),
     "turn": (ERROR, RATE, EDGE),
 }
-"""Rule bases and their possible inputs."""
+"""Names of the possible inputs of each rule base, by name of the rule base."""
 
 
 @dataclass(frozen=True, slots=True)

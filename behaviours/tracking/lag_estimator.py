@@ -20,7 +20,10 @@ TURN_RATE_SIGMA = 0.1
 """Standard deviation in rad/s of reported against simulated turn rates."""
 
 MIN_RATE_SPREAD = 0.05
-"""Spread in rad/s of the simulated turn rates below which a report teaches nothing."""
+"""Smallest difference in rad/s between the simulated turn rates of the candidates from which a report is used.
+
+Below it, all candidate lags explain the report equally well.
+"""
 
 MAX_SQUARED_ERROR = 9.0
 """Upper bound of a squared error, in sigmas: a person, a reflex or a wall may have moved the base."""
@@ -51,7 +54,10 @@ NO_COMMAND = (-math.inf, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class TurnState:
-    """Heading (radians, odometry frame) and turn rate (rad/s) of a base at ``stamp``, ``reported`` or predicted."""
+    """State of a base at the time ``stamp``: heading (radians, odometry frame) and turn rate (rad/s).
+
+    ``reported`` is True for a state that the base reported, False for one that was predicted.
+    """
 
     heading: float
     rate: float
@@ -91,7 +97,7 @@ class LagEstimator:
         self._last_state = None
 
     def command_at(self, time: float, default: float) -> float:
-        """Return the newest turn rate that was sent by ``time``, or ``default`` if there is none."""
+        """Return the turn rate of the newest command sent at ``time`` or before; ``default`` if there is none."""
         return next((rate for when, rate in reversed(self._commands) if when <= time), default)
 
     def learn(self, state: TurnState) -> None:

@@ -35,9 +35,9 @@ LINE_TOLERANCE = radians(0.5)
 """Maximum residual of a line in radians, for the newest picture and nine of ten."""
 
 START_THRESHOLDS = radians(0.4), radians(8)
-"""Deviation from the line (radians) and in the filter's rate (rad/s) that show that a target sets off.
+"""Thresholds that show that a target at rest sets off; older samples are then dropped.
 
-Older samples are then dropped.
+They are the deviation of the angle from the line (radians), and of the filter's rate from the line's slope (rad/s).
 """
 
 MIN_STANDING_TIME, MAX_CAMERA_MOTION = 0.4, radians(0.6)
@@ -48,16 +48,16 @@ stamps say.
 """
 
 KEPT_EXPERIENCE_SHARE = 0.1
-"""Share of the past errors that counts after a target sets off.
+"""Share of the past prediction errors that still counts after a target has set off.
 
-Repeated starts must not reset the distrust of bad predictions.
+It is not 0, so that a target that starts and stops often does not make bad models look good.
 """
 
 MEMORY_TIME = 1.5
 """Seconds after which the weight of past errors has decayed to a third."""
 
 EVIDENCE_SCALE = 4e-4
-"""Evidence in rad^2 that moves the belief half-way from a walk to a swing."""
+"""Ridge parameter of the fit of a swing in rad^2: with as much data, the fit is half-way between walk and swing."""
 
 SURPRISE_ERROR = radians(1.5)
 """Error in radians above which a sample counts less, because no model predicted it."""
@@ -72,7 +72,10 @@ INITIAL_MODEL_ERRORS = (1.0, 3.0, 3.0)
 """Initial errors of the models as multiples of NOISE_FLOOR."""
 
 MIN_SWING_RATIO = 1.5
-"""Ratio of path to range above which motion counts as back and forth; fully at 1 more."""
+"""Ratio of path to range of a target's motion above which it counts as back and forth.
+
+From 1 more on, only the share that head or base can follow is followed.
+"""
 
 ACCELERATION_SHARE = 0.7
 """Share of the acceleration of head or base that following a swing may use."""
@@ -80,9 +83,9 @@ ACCELERATION_SHARE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class _PastSample:
-    """Target at a time: angle, rate, slow mean, and line through the last samples (radians, rad/s).
+    """State of a target at the time ``stamp``: ``angle``, ``rate`` and slow ``mean`` (radians, rad/s).
 
-    ``looks`` is the camera's direction.
+    ``level`` and ``slope`` are those of the line through the last samples; ``looks`` is the direction of the camera.
     """
 
     stamp: float
@@ -103,7 +106,6 @@ class MotionPredictor:
         self._reset()
 
     def _reset(self) -> None:
-        """Forget all samples and errors."""
         self._past.clear()
         self._since = 0.0
         self._sums = [0.0] * 6
@@ -116,7 +118,7 @@ class MotionPredictor:
     ) -> tuple[float, float]:
         """Return (angle, rate) ``ahead`` seconds after ``stamp``, given ``angle`` and ``rate`` at ``stamp``.
 
-        ``camera`` is the direction of the camera at the stamp and now, in radians.
+        ``camera`` are two directions of the camera in radians: at the stamp, and now. All rates are in rad/s.
         """
         if not self._past or stamp > self._past[-1].stamp:
             self._add_picture(stamp, angle, rate, ahead, camera)
@@ -199,7 +201,10 @@ class MotionPredictor:
         self._share = 1.0 - min(1.0, path / (high - low) - MIN_SWING_RATIO) * (1.0 - followed)
 
     def _judge(self, then: _PastSample, went: float, time: float, fade: float) -> None:
-        """Update the errors of each model, given that the angle changed by ``went`` in ``time`` seconds."""
+        """Update the errors of each model by the motion of ``went`` radians in ``time`` seconds.
+
+        ``then`` is the sample at the begin of the motion. ``fade`` is the factor by which older errors count less.
+        """
         by_rate, by_mean = then.rate * time, then.mean - then.angle
         off_line = went - (then.level + then.slope * time - then.angle)
         errors = (off_line, went - self._trust * by_rate - self._pull * by_mean, went - by_mean)

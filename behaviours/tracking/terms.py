@@ -87,9 +87,9 @@ class FuzzyVariable:
         return all(math.isclose(sum(self.grades(value).values()), 1.0) for value in self.grid(2))
 
     def grid(self, pieces: int) -> tuple[float, ...]:
-        """Return the corners, and ``pieces - 1`` points between each two.
+        """Return the corners, and ``pieces - 1`` evenly spaced points between each two.
 
-        A grade that is 0 on the whole grid of 2 is 0 everywhere.
+        Grades are linear between corners, so with 2 pieces a grade that is 0 at all points is 0 everywhere.
         """
         between = (low + (high - low) * n / pieces for low, high in pairwise(self.corners) for n in range(pieces))
         return (*between, self.corners[-1])
@@ -132,8 +132,8 @@ def memberships(
 ) -> dict[str, Membership]:
     """Create terms from their points, or from one peak each: triangles between the neighbouring peaks.
 
-    The outermost terms end at their peaks, or are symmetric with ``whole``. Raises ValueError that names the variable
-    ``name`` and the term.
+    The outermost triangles end at their peaks; with ``whole`` they are symmetric about them. Raises ValueError that
+    names the variable ``name`` and the term.
     """
     points = {term: as_numbers(f"{name}: '{term}'", values) for term, values in terms.items()}
     if not all(len(values) == 1 for values in points.values()):
@@ -248,7 +248,7 @@ class FuzzySets:
 
 
 def _bends(term: Membership, cut: float) -> tuple[float, float, float, float]:
-    """Return start, begin and end of the flat part, and end of a set that is cut off."""
+    """Return the four corners of the trapezoid that remains of a fuzzy set when it is cut off at the grade ``cut``."""
     flat_from = term.start + cut * (term.full - term.start) if term.start > -math.inf else -math.inf
     flat_until = term.end - cut * (term.end - term.until) if term.end < math.inf else math.inf
     return term.start, flat_from, flat_until, term.end

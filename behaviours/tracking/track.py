@@ -32,10 +32,11 @@ COAST_TIME = 0.6
 
 
 class TrackLeaf(Leaf):
-    """Base of leaves that follow one percept. Subclasses set ``percepts`` (largest first) and ``noun``.
+    """Base of leaves that follow one percept.
 
-    The leaf stays with its target by id while that is in view; afterwards it takes a percept that may be the same. For
-    a moment without sightings the motion is extrapolated; then head and base wait.
+    Subclasses set ``percepts`` (largest first), and ``noun``, the word for the target in messages: "face". The leaf
+    stays with its target by id while that is in view; afterwards it takes a percept that may be the same. For a moment
+    without sightings the motion is extrapolated; then head and base wait.
     """
 
     ends = frozenset({"failure"})

@@ -49,11 +49,10 @@ class Driver:
 
     ``about`` describes the hardware. ``keys`` is the class of the section, which extends that of the kind. ``make`` is
     the dotted name of the factory of the device, called with the keys and a ``DriverContext``. ``twin`` and ``virtual``
-    are those of the simulated and of the virtual device, called with the keys and a
-    ``drivers.sim.context.SimContext``.
-    They are empty for cameras, microphones, voices and screens, which share one stand-in per kind. ``needs`` are the
-    kinds of the parts that the device uses, ``extra`` the optional dependency. ``check`` yields errors that involve
-    other sections, given by kind.
+    are the dotted names of the factories of the simulated and of the virtual device, called with the keys and a
+    ``drivers.sim.context.SimContext``. They are empty for cameras, microphones, voices and screens, which share one
+    stand-in per kind. ``needs`` are the kinds of the parts that the device uses, ``extra`` is the optional dependency.
+    ``check`` yields errors that involve other sections, given by kind.
 
     ``probe`` is the dotted name of a ``drivers.api.probe.Probe``, which recognises the device on a serial port. ``usb``
     lists its possible adapters, as ``0403:6014``, or with a serial number that no other device has,

@@ -73,7 +73,10 @@ def _make_dataclass(cls: type, *, frozen: bool, eq: bool, slots: bool, kw_only: 
 
 @contextmanager
 def _unfreeze_bases(bases: list[Any]) -> Iterator[None]:
-    """Make frozen bases mutable, so that a class may inherit from them which is frozen only later."""
+    """Mark frozen base classes as not frozen while the context lasts.
+
+    A new class may inherit from frozen bases, but is itself frozen only after its creation.
+    """
     frozen_flags = [base.frozen for base in bases]
     for base in bases:
         base.frozen = False
@@ -191,7 +194,10 @@ def _make_hash(values: ValuesGetter) -> Callable[[object], int]:
 
 
 def _make_frozen_setter(cls: type, names: frozenset[str], action: str) -> Callable[..., None]:
-    """Return a ``__setattr__`` or ``__delattr__`` that refuses fields; subclasses may set other attributes."""
+    """Return a ``__setattr__`` or ``__delattr__`` that raises FrozenInstanceError for the fields ``names`` of ``cls``.
+
+    Instances of subclasses may set other attributes.
+    """
     plain = "__setattr__" if action == "assign to" else "__delattr__"
 
     def refused(self: object, name: str, *value: object) -> None:

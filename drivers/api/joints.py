@@ -162,7 +162,7 @@ FOLLOWING_TOLERANCE = radians(5)
 MAX_FOLLOW_GAP = 0.25
 """Seconds without a goal after which a follower must catch up slowly again: its leader may be anywhere by then.
 
-An arm that is read less often leads slowly all the time.
+If a leader's arm is read less often, its followers always move slowly.
 """
 
 
@@ -198,7 +198,8 @@ class ActiveCouplings:
     def goals(self, positions: Mapping[str, float]) -> dict[str, float]:
         """Return the goal of each follower in radians, not limited.
 
-        ``positions`` are the known positions of leaders; a follower of another leader is left out.
+        ``positions`` are the known positions of leaders (radians); a follower is left out if its leader's position is
+        unknown.
         """
         goals = {}
         for follower, coupling in self._couplings.items():

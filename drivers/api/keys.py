@@ -69,7 +69,7 @@ class Key:
     ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section, ``sizes`` are the
     possible lengths of a vector. Without ``required``, ``default`` is the value of a missing key. ``each`` is the noun
     in messages for a section in a list or under a name. ``wrong`` is the message for a value of another form, ``hint``
-    an example with {} for the word. A text may be ``blank``.
+    an example with {} for the word. With ``blank``, a text may be empty.
     """
 
     field: str
@@ -174,8 +174,8 @@ def key(
 
     ``low`` and ``high`` are bounds in SI units, ``among`` the permitted words, ``word`` the name in the file if it
     differs from the field, and ``each`` the noun in messages for a section in a list or under a name. ``wrong`` is the
-    message for a value of another form, and ``hint`` an example; a text may be ``blank``. With ``rest`` the key
-    collects all remaining keys of the section: names of the file's own, each with a quantity of the dimension, or,
+    message for a value of another form, and ``hint`` an example. With ``blank``, a text may be empty. With ``rest`` the
+    key collects all remaining keys of the section: names of the file's own, each with a quantity of the dimension, or,
     without a dimension, with values that the reader of the section checks.
     """
     data = {"key": inside(dimension, **constraints), "word": word, "help": help, "rest": rest}

@@ -1,7 +1,8 @@
 """Marks on the members of a part's protocol, from which its proxy, replay and test double are generated.
 
-A member without a mark is a query. A query without arguments is sampled for the record in each tick in which it is not
-read; a return type ``Annotated[..., UNSAMPLED]`` excludes it.
+A member without a mark is a query. Results of queries are recorded when a leaf calls them. A query without arguments
+that no leaf calls in a tick is called for the record in that tick, too, unless its return type is ``Annotated[...,
+UNSAMPLED]``.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,7 +23,10 @@ _MARK = "mark"
 
 
 def reply_none(*_: object) -> None:
-    """Return None: the default reply of a changed command in a replay."""
+    """Return None, as the reply in a replay to a command that differs from the record.
+
+    It is the default of ``CommandMark.default_reply``.
+    """
 
 
 @dataclass(frozen=True, slots=True)

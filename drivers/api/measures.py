@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 
 class Array:
-    """Placeholder for any numpy array."""
+    """Placeholder for any numpy array at run time."""
 
 
 if TYPE_CHECKING:
@@ -28,13 +28,13 @@ Angles in radians, dtype float64. Distances in metres, dtype float32."""
 
 
 Angle = Annotated[float, "angle"]
-"""Radians."""
+"""Angle in radians; the annotation gives its dimension to expressions of missions."""
 
 Length = Annotated[float, "length"]
-"""Metres."""
+"""Length in metres; the annotation gives its dimension to expressions of missions."""
 
 Duration = Annotated[float, "duration"]
-"""Seconds."""
+"""Duration in seconds; the annotation gives its dimension to expressions of missions."""
 
 
 def length_text(metres: float) -> str:

@@ -19,8 +19,8 @@ def _never(heard: bytes) -> bool:
 class ProbeRequest:
     """Request of a probe: ``send`` bytes at ``baud``, and receive for ``timeout`` seconds, or until ``is_complete``.
 
-    Without bytes the probe only listens. The echo of the adapter is removed from the reply, unless with ``keep_echo``:
-    a device may reply with the same bytes as the request.
+    Without bytes the probe only listens. Some adapters echo the request; the echo is removed from the reply unless
+    ``keep_echo`` is set, for devices that may reply with the same bytes as the request.
     """
 
     baud: int
@@ -32,7 +32,10 @@ class ProbeRequest:
 
 @dataclass(frozen=True, slots=True)
 class BusDevice:
-    """Device on a bus, such as a servo: its bus address, its model, and its problem."""
+    """Device on a bus, such as a servo: its bus address and model, and the problem that the probe found.
+
+    The problem is an empty text if there is none.
+    """
 
     id: int
     model: str

@@ -65,7 +65,10 @@ class Ros2(Device, Protocol):
         ...
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return the latest message of a topic. The first call subscribes, so it returns none."""
+        """Return the latest message of a topic as JSON.
+
+        The first call subscribes to the topic, so its reading has no value yet.
+        """
         ...
 
     def progress(self, number: int) -> Progress:

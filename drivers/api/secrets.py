@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 
 _ADDRESS = re.compile(r"([A-Za-z][\w+.-]+:/+)([^\s'\"]+)")
-"""Pattern of an address, or of a path made from one, in which ``//`` has become one slash."""
+"""Pattern of an address such as ``rtsp://...``, also with a single slash, as in paths made from addresses."""
 
 _CREDENTIAL_WORDS = "pas|pw|auth|token|key|secret|sig|usr|user|login|session|sid"
 
@@ -27,7 +27,11 @@ def without_secrets(text: str, *, aligned: bool = False) -> str:
 
 
 def _mask_address(rest: str, mask: Callable[[str], str]) -> str:
-    """Mask everything up to the last @ of the host, or of the whole address if a password contains a slash."""
+    """Mask the user name, password and secret parameters of an address; ``rest`` is the address after ``//``.
+
+    User name and password end at the last @ of the host, or of the whole address if a password contains a slash.
+    ``mask`` returns the replacement of a text.
+    """
     host = re.split(r"[/?#]", rest, maxsplit=1)[0]
     torn = "@" not in host and re.search(r":(?![0-9]*$)", host.rpartition("]")[2]) is not None
     names, at, _ = (rest if torn else host).rpartition("@")

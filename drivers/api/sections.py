@@ -17,7 +17,7 @@ from drivers.api.steering import Footprint, RangeGuardKeys, Reflexes
 from drivers.api.voice import SpeechStyle
 
 Sector = tuple[float, float]
-"""Two bearings on the base in radians; the sector extends anticlockwise from the first to the second."""
+"""Sector around the base: two bearings in radians. It extends anticlockwise from the first to the second."""
 
 DEFAULT_RANGE_FINDER_HEIGHT = 0.2
 """Default height of a range finder above the floor in metres: the middle plate of a TurtleBot 2."""
@@ -102,7 +102,10 @@ class AxisKeys:
         return self.limits[1]
 
     def check_reach(self, reach: tuple[float, float], name: str, at: tuple[str, ...] = ()) -> Iterator[KeyDiagnostic]:
-        """Yield an error if no part of the limits is within ``reach`` (radians) of the motor called ``name``."""
+        """Yield an error if no part of the axis's limits is within ``reach`` (radians) of its motor.
+
+        ``name`` is the motor in the message, ``at`` the place of the axis in the section.
+        """
         if max(self.lower, reach[0]) > min(self.upper, reach[1]):
             low, high = (f"{degrees(end):.0f} deg" for end in reach)
             about = tuple((*at, word) for word in ("limits", "trim"))

@@ -1,6 +1,7 @@
 """Common keys of the robot file sections of cameras and microphones.
 
-The words that only perception interprets are repeated here; a test compares them with its modules.
+This module does not import perception, so words such as the marker families are repeated here; a test compares them
+with those of perception.
 """
 
 import re
@@ -26,7 +27,7 @@ PHONES = (
 """Speech sounds of which the pronunciation of a word in a robot file may consist."""
 
 MAX_THRESHOLD = 10.0
-"""Highest threshold; no score reaches it."""
+"""Largest absolute value of the score from which a phrase is accepted; scores of phrases are smaller."""
 
 _APOSTROPHES = str.maketrans({"\u2019": "'", "\u02bc": "'"})
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)*")
@@ -61,7 +62,7 @@ class MarkerKeys:
         return {int(number): name for number, name in self.names.items()}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield invalid marker numbers and empty names."""
+        """Yield an error for each invalid marker number and each empty name."""
         for number, name in self.names.items():
             if not name.strip():
                 yield KeyDiagnostic(f"'{number}' needs a text", ("robots", number))
@@ -83,7 +84,7 @@ class IdentityKeys:
     model: str = key(default="", help="File of the network, for `sface`.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield an error if the model of a method is missing."""
+        """Yield an error if the method of recognition needs a model, and none is given."""
         if self.method == "sface" and not self.model:
             message = "'sface' needs 'model', the file of its network"
             yield KeyDiagnostic(message, ("method",), hint="model: ~/sface.onnx")
@@ -153,7 +154,10 @@ class CameraKeys:
         )
 
     def upright(self) -> "CameraKeys":
-        """Return the keys of a camera that takes the rotated pictures: size, angle of view, centre and distortion."""
+        """Return the keys of an upright camera with the same pictures as this one after their rotation and mirroring.
+
+        Size, angle of view, centre and distortion are converted.
+        """
         turn, distortion = self.orientation, self.distortion
         width, height = turn.size(self.width, self.height)
         centre_x, centre_y = turn.point(*self.centre)
@@ -198,7 +202,7 @@ class MicrophoneKeys:
 
     @property
     def pronunciations(self) -> Mapping[str, str]:
-        """Phones separated by spaces, by word in lower case, as perception uses them."""
+        """Pronunciations of words: phones separated by spaces, by word in lower case."""
         return {
             _normalize_word(word): " ".join(phones.upper().split()) for word, phones in self.pronunciation_texts.items()
         }

@@ -58,12 +58,13 @@ SteeringCallback = Callable[[Steering], None]
 
 @keys
 class Reflexes:
-    """Reflexes of a base, independent of the source of commands. Contacts always stop it; the rest is configurable.
+    """Reflexes of a base, independent of the source of commands.
 
-    ``stop`` forbids motion that would make the contact worse while it lasts; ``latch`` stops until a person enables the
-    base; ``back_off`` drives back by ``back_off_distance`` metres at ``back_off_speed`` (m/s). At a cliff the base may
-    only drive straight back until it is ``back_off_distance`` away. The battery is low or critical below these
-    percentages, 0 for never. The buttons (0..2) latch and enable the base; None for no button.
+    Cliff, wheel drop and bumper always stop the base; the rest is configurable. ``stop`` forbids motion that would make
+    matters worse while the contact lasts; ``latch`` stops until a person enables the base; ``back_off`` drives back by
+    ``back_off_distance`` metres at ``back_off_speed`` (m/s). At a cliff the base may only drive straight back until it
+    is ``back_off_distance`` away. The battery is low or critical below these percentages, 0 for never. The buttons
+    (0..2) latch and enable the base; None for no button.
     """
 
     cliff: Literal["stop", "latch"] = key(
@@ -160,7 +161,7 @@ class RangeGuardKeys:
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a footprint that does not enclose the middle of the base."""
+        """Yield an error for a footprint that does not enclose the middle of the base."""
         if not isinstance(self.footprint, tuple):
             return
         angles = sorted(atan2(y, x) for x, y in self.footprint)

@@ -28,7 +28,7 @@ class SpeechStyle:
 
 
 class Mouth(StrEnum):
-    """Shape of the mouth for a phone."""
+    """Shape of the mouth of the robot's face for a speech sound."""
 
     CLOSED = "closed"
     NARROW = "narrow"
@@ -40,7 +40,7 @@ class Mouth(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class MouthShape:
-    """Shape of the mouth, valid from ``at`` seconds after the start of the sound until the next one."""
+    """Shape of the mouth from ``at`` seconds after the start of the sound, until the next ``MouthShape``."""
 
     at: float
     shape: Mouth
@@ -69,7 +69,10 @@ class Utterance(Protocol):
 
     @property
     def started(self) -> float | None:
-        """Time of the first sample, on the driver's clock; None while queued, also for a repetition."""
+        """Time of the first sample, on the driver's clock; None while queued.
+
+        An interrupted utterance is queued again, so this is then None again.
+        """
         ...
 
     @property

@@ -28,7 +28,7 @@ class AcceptanceModel:
     bias: float
 
     def score(self, figures: Mapping[str, float]) -> float:
-        """Return the logarithm of the odds that the phrase was spoken, from its features by name."""
+        """Return the logarithm of the odds that the phrase was spoken; ``figures`` are its features by name."""
         values = np.array([figures[name] for name in self.names])
         usual = np.clip((values - self.mean) / np.array(self.deviation), -MAX_DEVIATIONS, MAX_DEVIATIONS)
         return float(usual @ np.array(self.weights) + self.bias)

@@ -28,7 +28,10 @@ TYPICAL_CEPSTRA = (41.6, -6.2, -4.3, -0.8, -3.5, -6.0, -4.9, -2.5, 0.8, -2.2, -1
 """Mean cepstra of words at the level ``perception.hearing.sound.TARGET_LEVEL``, over people and microphones."""
 
 TYPICAL_ROWS = 100
-"""Rows that ``TYPICAL_CEPSTRA`` counts for: a word's mean depends as much on its sounds as on the microphone."""
+"""Weight of ``TYPICAL_CEPSTRA`` in the mean of a word, as a number of rows (one row per 10 ms).
+
+The mean of a short word depends as much on its sounds as on the microphone.
+"""
 
 _KEPT, _RISE, _FALL, _FADE, _MASK, _GAIN, _BESIDE = 0.7, 0.995, 0.5, 0.85, 0.2, 20.0, 4
 
@@ -79,7 +82,10 @@ def add_slopes(rows: Floats) -> Floats:
 
 
 def _lower_envelope(envelope: Floats, level: Floats) -> Floats:
-    """Return the next value of the lower envelope of a level: slow rise, fast fall."""
+    """Return the lower envelope of a level after the next ``level``: it rises slowly and falls fast.
+
+    ``envelope`` is its value before.
+    """
     keep = np.where(level >= envelope, _RISE, _FALL)
     return np.asarray(keep * envelope + (1 - keep) * level, np.float64)
 
@@ -216,7 +222,11 @@ class AcousticModel:
         return WordStates(np.concatenate([self._rows[each["row"]] for each in found]), np.log(stay), np.log(leave))
 
     def _find_phone(self, number: int, count: int, around: Sequence[str]) -> int:
-        """Return the phone at position ``number`` in a word of ``count`` phones, or the most similar known one."""
+        """Return the model's number of the phone at position ``number`` in a word of ``count`` phones.
+
+        ``around`` are the phone before, the phone itself, and the phone after. If the model lacks it with these
+        neighbours, the phone without neighbours is returned.
+        """
         before, phone, after = (self._phone_numbers[each] for each in around)
         name = "alone" if count == 1 else "first" if number == 0 else "last" if number == count - 1 else "inside"
         for place in (_WORD_POSITIONS[name], *_WORD_POSITIONS.values()):
@@ -294,7 +304,10 @@ class WordScore:
 
 
 class WordContest:
-    """Comparison of single words for one sound. ``pronunciations`` pairs words with phones. For one thread."""
+    """Comparison of single words for one sound. For one thread.
+
+    ``pronunciations`` are pairs of a word and its phones; a word may have several.
+    """
 
     def __init__(self, model: AcousticModel, pronunciations: Iterable[tuple[str, Sequence[str]]]) -> None:
         pronunciations = list(pronunciations)
@@ -323,7 +336,11 @@ class WordContest:
         return list(found.values())
 
     def _search(self, fits: Floats32, before: Floats, after: Floats) -> tuple[Floats, Floats]:
-        """Return the score of each pronunciation, and in how many frames it was spoken (Viterbi search)."""
+        """Return the score of each pronunciation, and in how many frames it was spoken (Viterbi search).
+
+        ``fits`` are the log likelihoods of each frame in each state. ``before`` and ``after`` are the scores of noise
+        or silence up to each frame, and from each frame on.
+        """
         score = np.full(len(self._log_stay), _LOG_ZERO)
         begun = np.zeros(len(score), np.int32)
         best, frames = np.full(len(self._last_states), -np.inf), np.zeros(len(self._last_states))
@@ -343,7 +360,10 @@ class WordContest:
         return best, frames
 
     def _filler_scores(self, fits: Floats32, *, backwards: bool = False) -> Floats:
-        """Return the score of the best fillers up to each frame, shape (frames + 1,); ``backwards`` in time if set."""
+        """Return the score of the best noise or silence up to each frame: shape (frames + 1,).
+
+        ``fits`` are the log likelihoods of each frame in each state. With ``backwards``, time runs from the last frame.
+        """
         turn = -1 if backwards else 1
         states = [filler for filler, _ in self._fillers]
         columns = np.array([self._likelihoods.columns(each.numbers)[::turn] for each in states])

@@ -21,7 +21,10 @@ DECOY_TOLERANCE, DECOY_SCALE = 1.4, 0.5
 
 
 def limit_by_decoys(score: float, margin: float | None) -> float:
-    """Return the score, limited by the ``margin`` to the best decoy."""
+    """Return the score, reduced if the ``margin`` to the best decoy is small.
+
+    A decoy is a common word that is not in the phrase. Without a margin (None) the score is unchanged.
+    """
     return score if margin is None else min(score, (margin + DECOY_TOLERANCE) / DECOY_SCALE)
 
 

@@ -37,7 +37,11 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Decoding:
-    """Result of the recogniser for a clip: words of the grammar, their phones, and the phones of the loop."""
+    """Result of the recogniser for a clip: the phrase, its words, and its phones as aligned with the sound.
+
+    ``loop_phones`` are the phones recognised without a grammar, by a loop over all phones; ``frames`` is the number of
+    frames (10 ms) of the clip.
+    """
 
     phrase: str
     frames: int
@@ -82,7 +86,11 @@ def _frame_scores(segments: Iterable[Segment], frames: int) -> Floats:
 
 
 def _fit_features(decoding: Decoding, phones: Sequence[Segment], loop: Floats, spoken: Floats) -> dict[str, float]:
-    """Return how much worse the phrase fits than the loop: in total, per phone, at the worst phone, and in silence."""
+    """Return how much worse the phrase fits the sound than the loop over all phones.
+
+    It is given in total, per phone, at the worst phone, and in silence, by the name of the feature. ``loop`` is the
+    score of the loop in each frame, ``spoken`` tells which frames belong to the phrase.
+    """
     goodness = np.array([each.score / each.length - float(np.mean(loop[each.frames])) for each in phones])
     difference = _frame_scores(decoding.aligned_phones, decoding.frames) - loop
     smooth = np.convolve(difference, np.full(_SMOOTHING_FRAMES, 1 / _SMOOTHING_FRAMES), "same")[: decoding.frames]
@@ -115,7 +123,10 @@ def _length_features(phones: Sequence[Segment], spoken: Floats) -> dict[str, flo
 
 
 def _likeness_features(phrase: Sequence[str], loop: Sequence[str]) -> dict[str, float]:
-    """Return the edit distances between the phones of the phrase and of the loop, per phone of the phrase."""
+    """Return the edit distances between the phones of the phrase and the phones of ``loop``, per phone of the phrase.
+
+    ``loop`` are the phones recognised without a grammar.
+    """
     return {
         "changes": edit_distance(phrase, loop) / len(phrase),
         "changes of kind": edit_distance([KIND_OF[each] for each in phrase], [KIND_OF[each] for each in loop])

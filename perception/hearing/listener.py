@@ -197,7 +197,10 @@ class SpeechListener:
             self._send_next_clip()
 
     def _is_hanging(self, now: float) -> bool:
-        """Return whether the recogniser is overdue. Time is that of the sound."""
+        """Return whether the recogniser takes longer than ``CLIP_TIMEOUT`` or ``START_TIMEOUT``.
+
+        ``now`` is the time of the newest sound, so that a pause of the microphone does not count.
+        """
         if self._state not in (RecogniserState.STARTING, RecogniserState.DECODING):
             return False
         if self._waiting_since is None:
@@ -280,7 +283,8 @@ class SoundSource(Protocol):
 class Ears:
     """Passes the sound of ``source`` to ``listener`` on its own thread, and manages the listener's ``worker``.
 
-    An error costs the sound that caused it, and is passed to ``on_trouble`` unless it equals the last one.
+    After an error the sound that caused it is dropped. The error is passed to ``on_trouble`` unless it equals the last
+    one.
     """
 
     def __init__(

@@ -4,7 +4,7 @@ Messages are lines of JSON on standard input and output. If one has ``bytes: N``
 at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` sets the grammar, from state
 0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by the recognised
 phrase, and its scores beside a loop over all phones; each of its words is also compared with common English words. The
-process ends with its input.
+process ends when its standard input is closed.
 """
 
 import heapq
@@ -43,10 +43,14 @@ MAX_COMMON_WORDS, MAX_DECOY_PHONES = 1000, 6
 """Number of the most common words that may be decoys, and the largest number of their phones."""
 
 CONNECTED_MARGIN = 1.6
-"""Log likelihood per frame by which words fit worse within a phrase, because they run into each other."""
+"""Log likelihood per frame that is added to the margin of a word within a longer phrase.
+
+Words of a phrase run into each other, and so fit less well than single words.
+"""
 
 MIN_MARGIN_FRAMES = 5
-"""Smallest number of frames of 10 ms by which a margin is divided."""
+"""Smallest number of frames (10 ms) by which the margin of a word is divided, so that short words get no large margin.
+"""
 
 Segments = list[tuple[str, int, int, float]]
 """Segments of a decoding: name, first frame (of 10 ms), number of frames, and total score of each."""
@@ -89,7 +93,10 @@ def add_search(
 
 
 def find_decoys(words: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return common words, with their pronunciations, that do not sound exactly like any of ``words``."""
+    """Return common words as decoys, with their pronunciations, which are compared with the ``words`` of a mission.
+
+    Words that sound exactly like one of ``words`` are left out.
+    """
     model = pocketsphinx.NGramModel.readfile(pocketsphinx.get_model_path("en-us/en-us.lm.bin"))
     plain = (word for word, _ in iter_dictionary() if word.isalpha())
     ways: dict[str, list[str]] = {
@@ -123,10 +130,10 @@ def make_contest(words: dict[str, list[str]]) -> WordContest:
 
 
 class SpeechRecogniser:
-    """Recogniser of phrases: a grammar, and a loop over phones, in two decoders, as beams apply to a whole decoder.
+    """Recogniser of phrases: one decoder with the grammar, and one with a loop over all phones.
 
-    Single words are compared with each other and with decoys, if the acoustic model's files can be read. Each word of a
-    longer phrase is compared with decoys.
+    There are two decoders, because beams can only be set for a whole decoder. Single words are compared with each other
+    and with decoys, if the acoustic model's files can be read. Each word of a longer phrase is compared with decoys.
     """
 
     def __init__(self) -> None:
@@ -181,7 +188,10 @@ class SpeechRecogniser:
         }
 
     def connected_margin(self, phrase: str, words: Segments, sound: Samples) -> float | None:
-        """Return the mean margin of the words of a phrase, weighted by frames; None without a contest."""
+        """Return the mean margin of the words of ``phrase`` over their decoys, weighted by length.
+
+        ``words`` are the segments of the decoding of ``sound``. None if decoys are not compared.
+        """
         if self.contest is None:
             return None
         total, frames = 0.0, 0
@@ -195,9 +205,9 @@ class SpeechRecogniser:
 
 
 def margin(word: str, entries: list[WordScore], own: Container[str]) -> float:
-    """Return by how much a word fits better than the best word outside ``own``, per frame of it.
+    """Return by how much a word fits better than the best word outside ``own``, per frame: a natural logarithm.
 
-    It is a natural logarithm.
+    ``entries`` are the scores of all compared words, the best first.
     """
     mine = next(entry for entry in entries if entry.word == word)
     best = next(entry for entry in entries if entry.word not in own)

@@ -2,7 +2,7 @@
 
 The model is a folder with a streaming transducer: ``tokens.txt``, and ``encoder*.onnx``, ``decoder*.onnx`` and
 ``joiner*.onnx``, preferably of 8 bits (``*.int8.onnx``). The messages are those of ``vosk_worker.py``, but ``sure`` has
-a value per token, of which a word may have several. It imports nothing of ours.
+a value per token, of which a word may have several. This module imports no other module of MissionTree.
 """
 
 import json

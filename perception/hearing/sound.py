@@ -78,7 +78,10 @@ MAX_AMPLIFICATION = 30.0
 
 
 def enhance_speech(samples: Samples, noise: Samples) -> Samples:
-    """Return ``samples`` at the usual level, with the ``noise`` from before them reduced."""
+    """Return ``samples`` amplified to ``TARGET_LEVEL``, with noise reduced.
+
+    ``noise`` is the sound before the speech, from which the noise is estimated; it may be empty.
+    """
     sound = np.asarray(samples, np.float64)
     if len(noise) >= WINDOW_SAMPLES:
         sound = wiener_filter(sound, np.asarray(noise, np.float64))
@@ -146,8 +149,8 @@ class SpeechGate:
     """Criteria of voice activity detection (VAD) in a sound. Levels in dB, times in seconds.
 
     A frame is speech if its energy is ``rise`` over the background, and at most ``drop`` below the loudest frame of the
-    utterance. An utterance ends after a ``pause`` (hangover), or when it is ``longest``. Less speech than ``shortest``
-    is a click.
+    utterance. An utterance ends after a ``pause`` (hangover), or when it has lasted ``longest``. Less speech than
+    ``shortest`` is a click.
     """
 
     rise: float = 6.0
@@ -257,7 +260,11 @@ def _with_levels(frames: Sequence[Samples]) -> Iterator[tuple[Samples, float]]:
 
 
 def _select_quiet_frames(frames: Sequence[Samples], rise: float) -> list[tuple[Samples, float]]:
-    """Return the quiet frames with their levels: all of a fan that was switched on, or the pauses of speech."""
+    """Return the quiet frames with their levels.
+
+    A frame is quiet if it is less than ``rise`` dB louder than the quietest fifth. So all frames of a fan that was
+    switched on are quiet, and in speech the pauses are.
+    """
     found = list(_with_levels(frames))
     low = float(np.percentile([level for _, level in found], 20))
     return [(frame, level) for frame, level in found if level <= low + rise]

@@ -1,8 +1,8 @@
 """Worker process that recognises speech with Vosk and a model of the user's.
 
 The messages are those of ``recogniser_worker.py``, except for the setup: ``{"model": FOLDER, "phrases": [..]}``. A
-sound is answered by the recognised ``phrase``, and the confidence ``sure``, 0 to 1, of each word. It imports nothing of
-ours.
+sound is answered by the recognised ``phrase``, and the confidence ``sure``, 0 to 1, of each word. This module imports
+no other module of MissionTree.
 """
 
 import json
