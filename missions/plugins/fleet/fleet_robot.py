@@ -1,4 +1,4 @@
-"""Interface between a fleet member and its robot."""
+"""Interface through which a fleet member reads, stops and releases its robot."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,10 +6,10 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """State of a robot, from the last report of its newest run, ``age`` seconds ago; None is unknown.
+    """State of a robot, from the last report of its newest run; None is unknown.
 
-    ``runs`` is True if a run exists or may exist. ``stopped`` names the client that latched a stop. Lengths in m,
-    angles in rad, ``battery`` 0..1.
+    The report arrived ``age`` seconds ago. ``runs`` is True if a run exists or may exist. ``stopped`` names the client
+    that latched a stop. Lengths in m, angles in rad, ``battery`` 0..1.
     """
 
     runs: bool = False
@@ -24,7 +24,7 @@ class Telemetry:
 
 
 class FleetRobot(Protocol):
-    """A robot as a fleet reaches it. Methods may be called from any thread."""
+    """A robot as its fleet member reads and stops it. Methods may be called from any thread."""
 
     def read_telemetry(self) -> Telemetry:
         """Return the present telemetry without waiting."""

@@ -15,12 +15,15 @@ from missions.control.sockets import RunConnection
 from missions.plugins.fleet.fleet_robot import Telemetry
 
 SEARCH_INTERVAL = 0.5
-"""Seconds between two searches for runs; ``STOP_SEARCH_INTERVAL`` while a stop is latched."""
+"""Seconds between two searches for runs of the robot; ``STOP_SEARCH_INTERVAL`` while a stop is latched."""
 
 STOP_SEARCH_INTERVAL = 0.05
 
 FLEET_PREFIX = "fleet: "
-"""Prefix of the client name of a fleet's stop; a stop without it was made at the robot and is released there."""
+"""Prefix of the client name in a stop that came from the fleet.
+
+A stop without the prefix was made at the robot, and can only be released there.
+"""
 
 STOP_TIMEOUT = 0.8
 """Seconds to wait for the confirmations of a stop; a hanging run is ended by a signal and reported."""
@@ -96,7 +99,10 @@ class LocalRobot:
         return _summarise(results[0]) if results[0] else (True, "stopped; nothing runs")
 
     def _stop_new(self, found: FoundProcess, by: str) -> None:
-        """Stop a run that began after the stop, or was not reached; the next search retries after a failure."""
+        """Stop a run that began after the stop, or that the stop did not reach.
+
+        If it fails, the next search tries again.
+        """
         is_good = False
         try:
             is_good = "trouble" not in stop_one(found, by)
@@ -182,7 +188,7 @@ class LocalRobot:
 
 
 def _is_stopped_by_fleet(outcome: Mapping[str, Any]) -> bool:
-    """Return whether a run reports a stop by its fleet."""
+    """Return whether the ``outcome`` that a run reports is a stop by its fleet."""
     return str(outcome.get("stopped", "")).startswith(f"stopped by {FLEET_PREFIX}")
 
 

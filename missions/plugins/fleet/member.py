@@ -40,10 +40,11 @@ Each round wakes the processor: at ten a second, rounds are three quarters of th
 """
 
 DISK_TIMEOUT = 0.1
-"""Seconds for which the confirmation of a stop waits for the disk; the robot stands still before that."""
+"""Maximum seconds for which the confirmation of a stop waits until the stop is stored; the robot stands still before.
+"""
 
 HEARTBEAT_INTERVAL = 5.0
-"""Maximum seconds between two published states."""
+"""Maximum seconds between two states that a robot publishes."""
 
 STOP_QUIET_RANGE = 0.1, 0.5
 """Range (s) of the random pause before a robot publishes its state after a stop.
@@ -60,7 +61,7 @@ MAX_PENDING_REQUESTS = 1000
 
 @dataclass(frozen=True, slots=True)
 class RobotActivity:
-    """Activity of a robot: ID and state of its fleet task, if any, and whether it accepts another one."""
+    """Activity of a robot in its fleet: ID and state of its fleet task, if any, and whether it accepts another task."""
 
     task: str = ""
     state: TaskState | None = None
@@ -95,7 +96,8 @@ class RobotInfo:
 class FleetMember:
     """The membership of a robot in a fleet, which lasts while the context is entered.
 
-    ``services`` handle requests other than stop and release. ``current_activity`` is called on the member's thread.
+    ``services`` handle all requests but stops and releases. ``current_activity`` returns the task of the robot; it is
+    called on the member's thread.
     """
 
     def __init__(
@@ -165,7 +167,7 @@ class FleetMember:
     # --- threads of the wire ----------------------------------------------------------------------------------------
 
     def _handle_stop(self, ask: FleetRequest, reply: Reply) -> None:
-        """Stop at once, on a thread of the transport, before any other work."""
+        """Stop the robot at once, on the thread that received the request, before any other work."""
         if not isinstance(ask, FleetStop):
             reply(FleetAnswer(ok=False, reason=f"'{ask.word}' belongs to another address"))
             return

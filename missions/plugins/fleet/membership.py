@@ -103,7 +103,7 @@ class MembershipConfig:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """Further options of `mission run`."""
+        """Options of `mission run` for the simulation and the world, as typed."""
         settings = (("simulate", self.request.simulate), ("world", self.request.world))
         return tuple(f"--{word}={value}" for word, value in settings if value)
 

@@ -53,10 +53,10 @@ TASK_ID_PATTERN = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}
 """Task IDs: the address of the robot that keeps the task, and a random number."""
 
 Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
-"""Connection state as in VDA 5050: connected, disconnected after a farewell, disconnected without one."""
+"""Connection state of a robot, named as in VDA 5050: connected, disconnected after a farewell, or without one."""
 
 TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
-"""Task state as in VDA 5050; the last two are final."""
+"""State of a fleet task, named as in VDA 5050; the last two states are final."""
 
 AttemptEnd = Literal["", "success", "failure", "interrupted", "refused"]
 """Result of an attempt to run a fleet task: empty while it runs; `refused` means that the robot did not begin it."""
@@ -64,7 +64,7 @@ AttemptEnd = Literal["", "success", "failure", "interrupted", "refused"]
 
 @dataclass(frozen=True, slots=True, order=True)
 class Address:
-    """Address of a robot: its name, and a random number that distinguishes robots with the same name."""
+    """Address of a robot in its fleet: its name, and a random number that distinguishes robots with the same name."""
 
     name: str
     number: str
@@ -229,7 +229,7 @@ class ListFleetTasks(FleetRequest):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peer:
-    """A robot that another robot has met: address and connection."""
+    """A robot that the answering robot has seen since its start: address and connection."""
 
     robot: str
     connection: Connection
@@ -237,7 +237,7 @@ class Peer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetTaskInfo:
-    """A fleet task in an answer: the request, its client, the robot that has it, and its state."""
+    """A fleet task in an answer: the request for it, the client that gave it, the robot that has it, and its state."""
 
     id: str
     mission: str

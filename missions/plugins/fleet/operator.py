@@ -37,7 +37,7 @@ QUIET_TIME = 0.25
 """Seconds without a new robot after which the discovery of a fleet's robots is complete."""
 
 MAX_WAIT = 5.0
-"""Maximum seconds of a discovery, since new robots may appear without end."""
+"""Maximum seconds for the discovery of a fleet's robots, since new robots may keep appearing."""
 
 FIRST_ROBOT_TIMEOUT = 2.0
 """Seconds for which a discovery waits for the first robot of the fleet."""
@@ -179,7 +179,7 @@ class Operator:
         return secrets.choice([each for each in there if each.name != on] or there)
 
     def tasks(self, *, ended: bool) -> FleetTaskList:
-        """Return the tasks kept by connected robots; with ``ended``, also the newest ended ones."""
+        """Return the open tasks that connected robots allocate; with ``ended``, also the newest ended tasks."""
         self.discover()
         there = [address for address, each in self.members().items() if each.is_online]
         open_ones = self._pages(there, MAX_OPEN_PAGES, ended=False)
@@ -192,7 +192,7 @@ class Operator:
         return FleetTaskList(list(both.values()), open_ones.more | over.more, open_ones.silent | over.silent)
 
     def _pages(self, there: Collection[Address], most: int, *, ended: bool) -> FleetTaskList:
-        """Request tasks page by page, at most ``most`` pages from each robot."""
+        """Request tasks from the robots in ``there``, page by page, at most ``most`` pages from each."""
         found: dict[str, FleetTaskInfo] = {}
         before, silent = dict.fromkeys(there, ""), set[str]()
         for _ in range(most):
@@ -227,7 +227,7 @@ class Operator:
     def _request_each(
         self, those: Collection[Address], ask: Callable[[Address], FleetRequest], timeout: float
     ) -> dict[Address, FleetAnswer]:
-        """Send a request to each robot in parallel; return the answers."""
+        """Send a request to each of the robots in parallel; return their answers by address."""
         found: dict[Address, FleetAnswer] = {}
         over = [Event() for _ in those]
         for address, done in zip(those, over, strict=True):

@@ -39,7 +39,7 @@ from missions.plugins.tasks.task import Interrupted, RetryPolicy, is_due
 # so no leader is needed. Data that must not be lost is stored before the answer is sent.
 
 RETRY_INTERVAL = 5.0
-"""Seconds between a failed attempt and the next one."""
+"""Seconds between a failed attempt to run a fleet task and the next attempt."""
 
 DOUBT_REASON = "its progress is unknown, and it must not run twice"
 
@@ -81,7 +81,7 @@ class FleetTask:
 
 
 def changes_after(task: FleetTask, how: AttemptEnd, reason: str, now: float) -> Mapping[str, object]:
-    """Return the changed fields of a task after an attempt that ended with ``how``, by the task's retry policy."""
+    """Return the fields of a task that change after an attempt with the result ``how``, by the task's retry policy."""
     counts: dict[str, object] = {}
     match how:
         case "interrupted":
@@ -129,13 +129,13 @@ class TaskStore:
         return (from_row(FleetTask, row) for row in self._connection.execute(sql, (before, before)))
 
     def change(self, number: str, changes: Mapping[str, object]) -> None:
-        """Change fields of a task; a database trigger refuses to change the state of an ended one."""
+        """Change fields of a task; a database trigger refuses to change the state of a task that has ended."""
         names = ", ".join(f'"{name}" = ?' for name in changes)
         self._connection.execute(f"UPDATE kept SET {names} WHERE id = ?", [*changes.values(), number])  # noqa: S608
 
 
 MAX_OPEN_TASKS = 10_000
-"""Maximum number of open fleet tasks that one robot keeps."""
+"""Maximum number of open fleet tasks that one robot allocates."""
 
 MAX_PAGE_TASKS = 500
 """Maximum number of tasks in an answer; an operator requests older ones page by page."""
@@ -149,7 +149,7 @@ LOST_REASON = "its robot is unreachable"
 
 
 class TaskAllocator:
-    """A FleetService that keeps tasks and decides which robot does each. Runs on the member's thread."""
+    """A FleetService that stores tasks and decides which robot runs each. Runs on the member's thread."""
 
     def __init__(
         self,
@@ -164,7 +164,7 @@ class TaskAllocator:
         self._address, self._store, self._roster, self._send_request = address, store, roster, send_request
         self._now, self._wall, self._timeouts = now, wall, timeouts or FleetTimeouts()
         self.is_duplicate: Callable[[], bool] = lambda: False
-        """Returns whether another robot has the same address; then this robot decides nothing."""
+        """Function that returns whether another robot has the same address; if so, this robot allocates nothing."""
         self._begun_at = now()
         self._contact_at: dict[str, float] = {}
         self._sent_at: dict[str, float] = {}
@@ -174,7 +174,7 @@ class TaskAllocator:
     # --- what is asked ----------------------------------------------------------------------------------------------
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
-        """Handle requests about kept tasks; see FleetService."""
+        """Answer requests about the tasks that this robot allocates; see FleetService."""
         match request:
             case KeepTask():
                 return self._keep(request)
@@ -218,7 +218,10 @@ class TaskAllocator:
         return FleetAnswer()
 
     def _report(self, ask: TaskReport) -> FleetAnswer:
-        """Store the state of an attempt; the answer is negative if the robot no longer has the task."""
+        """Store the state of an attempt that a robot reports.
+
+        The answer is negative if the robot no longer has the task.
+        """
         task, final = self._store.get(ask.task), ask.state in ("FINISHED", "FAILED")
         drop = FleetAnswer(ok=False, reason="another robot has it now", data=({"drop": True},))
         if task is None:
@@ -296,7 +299,7 @@ class TaskAllocator:
     def _check_assigned(
         self, task: FleetTask, robot: Address, members: Mapping[Address, RosterEntry], now: float
     ) -> None:
-        """Repeat the offer of an unconfirmed task, or reassign a task whose robot is lost."""
+        """Repeat the offer of a task that its robot has not confirmed, or reassign the task of a lost robot."""
         is_offline = robot not in members or members[robot].connection != "ONLINE"
         if not task.confirmed:
             if (
@@ -367,6 +370,6 @@ def matches_condition(where: str, address: Address, state: RobotState) -> bool:
 
 
 def _task_info(task: FleetTask) -> Mapping[str, object]:
-    """Return the members of FleetTaskInfo, with the reason cut to the maximum length of a text."""
+    """Return the fields of a task as a FleetTaskInfo, with the reason cut to the maximum length of a text."""
     values = {each.name: getattr(task, each.name) for each in fields(FleetTaskInfo)}
     return values | {"reason": task.reason[:MAX_TEXT_LENGTH]}

@@ -27,7 +27,7 @@ from missions.plugins.tasks.queue import TaskQueue
 from missions.plugins.tasks.task import NewTask, RetryPolicy, Task, TaskError
 
 SendRequest = Callable[[FleetRequest, Address, Callable[[FleetAnswer | None], None]], None]
-"""Sends a request to a robot, and passes the answer, or None, to the callback, on any thread."""
+"""Function that sends a request to a robot, and later calls the callback with the answer, or None, on any thread."""
 
 APPROVED_BY = "its keeper"
 
@@ -46,7 +46,7 @@ class TaskAssignment:
 
     @property
     def allocator(self) -> Address:
-        """Address of the robot that keeps the task."""
+        """Address of the robot that allocates this task."""
         return Address.read(self.id.rpartition("/")[0])
 
 
@@ -78,12 +78,12 @@ class AssignmentQueue(TaskQueue):
         return [TaskAssignment(row["id"], row["attempt"], self.task(row["task"]), bool(row["again"])) for row in rows]
 
     def has_attempt(self, request: AcceptTask) -> bool:
-        """Return whether this attempt was accepted before."""
+        """Return whether this attempt to run the task was accepted before."""
         sql = "SELECT 1 FROM errand WHERE id = ? AND attempt = ?"
         return self._execute(sql, request.task, request.attempt).fetchone() is not None
 
     def mark_confirmed(self, assignment: TaskAssignment) -> None:
-        """Store that the allocator knows the end of an assignment."""
+        """Store that the allocator has confirmed the end of an assignment, so that no more reports are needed."""
         self._execute("UPDATE errand SET told = 1 WHERE id = ? AND attempt = ?", assignment.id, assignment.attempt)
 
     def is_busy(self) -> bool:
@@ -127,7 +127,7 @@ class TaskExecutor:
         self._answers: deque[tuple[TaskAssignment, tuple[TaskState, AttemptEnd], float, FleetAnswer | None]] = deque()
 
     def activity(self) -> RobotActivity:
-        """Return the present activity of the robot."""
+        """Return the robot's fleet task, its state, and whether the robot accepts another task."""
         open_ones = [each for each in self._queue.unconfirmed() if not each.task.has_ended]
         if not open_ones:
             return RobotActivity(free=not self._queue.is_busy())

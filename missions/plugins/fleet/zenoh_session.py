@@ -50,7 +50,10 @@ def open_session(fleet: FleetKeys, *, mode: str = "") -> "zenoh.Session":
 
 
 def _zenoh_settings(fleet: FleetKeys, mode: str) -> Mapping[str, Any]:
-    """Return the Zenoh configuration; without addresses, the fleet is limited to this computer."""
+    """Return the Zenoh configuration of a participant of the fleet.
+
+    If fleet.yaml has no addresses, the fleet is limited to programs on this computer.
+    """
     listen, connect = list(fleet.listen), list(fleet.connect)
     if not listen and not connect:
         connect = [f"tcp/127.0.0.1:{DEFAULT_PORT}"]

@@ -54,7 +54,7 @@ class RosterEntry:
 
 
 class Roster:
-    """Robots of a fleet by address. Thread-safe; invalid messages are ignored.
+    """Known robots of a fleet by address. Thread-safe; invalid messages are ignored.
 
     ``version`` grows with each change.
     """
@@ -72,7 +72,7 @@ class Roster:
             return dict(self._members)
 
     def get(self, address: Address) -> RosterEntry | None:
-        """Return the entry of an address, or None."""
+        """Return the entry of the robot with this address, or None if it is unknown."""
         return self._members.get(address)
 
     def is_duplicate(self, address: Address) -> bool:
@@ -116,7 +116,7 @@ class Roster:
                 self._put(RosterEntry(address, known.connection, known.since, state))
 
     def on_peer_report(self, address: Address, connection: Connection) -> None:
-        """Add a robot that another robot has met; own observations take precedence."""
+        """Add a robot that another robot has seen; a connection that this roster has observed itself is kept."""
         with self._lock:
             if address not in self._members and connection != "ONLINE":
                 self._put(RosterEntry(address, connection, self._clock.now()))
@@ -147,7 +147,10 @@ After the last answer it is called once with (None, None).
 
 
 class ZenohTransport:
-    """A participant of a fleet over a Zenoh ``session``, which it closes. Received states go to the ``roster``."""
+    """Connection of a robot or operator to its fleet, over a Zenoh ``session``, which it closes.
+
+    States that robots publish go to the ``roster``.
+    """
 
     def __init__(self, session: "zenoh.Session", fleet: str, roster: Roster) -> None:
         import zenoh  # noqa: PLC0415 - an extra

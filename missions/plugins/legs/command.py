@@ -125,12 +125,12 @@ def _vector(place: Sequence[float]) -> str:
 
 
 DEFAULT_ROBOT = "humanoid"
-"""Robot for gaits without ``--robot``."""
+"""Robot for which gaits are checked and loaded without ``--robot``."""
 
 SHEET_SUFFIX = ".csv"
 
 MAX_CYCLES = 1000
-"""Maximum cycles in one spreadsheet: a quarter of an hour."""
+"""Maximum number of gait cycles in one spreadsheet: about a quarter of an hour."""
 
 robot_option = shared_option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Robot: one "
                             "with legs (a name or a file).")  # fmt: skip

@@ -19,9 +19,9 @@ CHANGES: Mapping[Change, str] = {"same": "=", "changed": "≠", "added": "+", "r
 
 @dataclass(frozen=True, slots=True)
 class NodePair:
-    """A node of the left mission and the corresponding node of the right one; one of them is None if there is none.
+    """A node of the left mission and the corresponding node of the right one; None if a mission lacks the node.
 
-    ``differences`` has a line for each difference of the nodes themselves.
+    ``differences`` has a line for each difference between the two nodes, children not included.
     """
 
     left: TreeBox | None
@@ -39,7 +39,7 @@ class NodePair:
 
 @dataclass(frozen=True, slots=True)
 class TreeComparison:
-    """Two missions, and the tree of corresponding nodes."""
+    """Comparison of two missions: both drawings, and the root of the tree of corresponding nodes."""
 
     left: TreeDrawing
     right: TreeDrawing

@@ -48,10 +48,13 @@ PICTURE_FORMS: Mapping[str, Callable[[TreeDrawing], Dump]] = {
     "png": lambda drawing: png(svg(drawing)),
     "html": page,
 }
-"""Formats of one tree in addition to text. ``png`` raises ImportError without the extra ``plots``."""
+"""File formats for the picture of one tree, with the function that writes each.
+
+``png`` raises ImportError without the extra ``plots``.
+"""
 
 PAIR_COLUMNS = 120
-"""Columns of a side-by-side text in a file."""
+"""Width in columns of a text with two trees side by side, when it is written to a file."""
 
 PAIR_FORMS: Mapping[str, Callable[[TreeComparison], Dump]] = {
     "text": partial(side_by_side, width=PAIR_COLUMNS),
@@ -62,7 +65,7 @@ PAIR_FORMS: Mapping[str, Callable[[TreeComparison], Dump]] = {
     "json": lambda comparison: _json(comparison_to_json(comparison)),
     "html": pair_page,
 }
-"""Formats of two trees side by side."""
+"""Formats of two trees side by side, with the function that writes each."""
 
 
 def dump_pair(left: TreeDrawing, right: TreeDrawing, form: str, width: int | None) -> Dump:

@@ -191,7 +191,7 @@ class _CardWriter:
             self._y += SMALL_LINE_HEIGHT
 
     def badges(self, box: TreeBox, live: bool) -> None:
-        """Add the modifiers, as many in a row as fit."""
+        """Add the modifiers of a node below its title, as many in a row as fit."""
         if not box.badges:
             return
         x = left = BAND_WIDTH + CARD_PADDING - 2
@@ -218,7 +218,7 @@ class _CardWriter:
         return Card(box, wide, self._y + 6, tuple(lines))
 
     def _write(self, part: Part, text: str, x: int, y: int) -> int:
-        """Add one text, and return its right end."""
+        """Add one text to the card; return the x coordinate of its right end."""
         wide = ceil(text_width(text, SIZES.get(part, SMALL_FONT_SIZE), bold=part == "kind"))
         if text:
             self._lines.append(CardText(part, text, x, y, wide))
@@ -265,7 +265,7 @@ INSET, LABEL = 14, 26
 
 @dataclass(frozen=True, slots=True)
 class PlacedCard:
-    """A node's card: upper left corner, size, and texts relative to that corner."""
+    """A node's card in a drawing: position of its upper left corner, size, and texts relative to that corner."""
 
     box: TreeBox
     x: int
@@ -277,7 +277,7 @@ class PlacedCard:
 
 @dataclass(frozen=True, slots=True)
 class CardLink:
-    """Connection from a node to its child, which stands ``below`` it or to its right."""
+    """Line from a node to its child, which stands ``below`` the node or to its right."""
 
     parent: PlacedCard
     child: PlacedCard
@@ -286,7 +286,7 @@ class CardLink:
 
 @dataclass(frozen=True, slots=True)
 class MissionPanel:
-    """Background of the tree of a sub-mission."""
+    """Background of the tree of a sub-mission in the drawing of a mission."""
 
     x: int
     y: int
@@ -371,7 +371,7 @@ class _Row:
 
     @property
     def panel_top(self) -> int:
-        """The y coordinate at which the node's children begin."""
+        """The y coordinate at which the node's children, and the panel around them, begin."""
         return self.y + max(each.height for each in self.cards if each is not None) + ROW if self.below else self.y
 
     @property

@@ -29,7 +29,7 @@ GOAL_COLOUR, MEASURED_COLOUR, LIMIT_COLOUR = "#2a78b5", "#c8553d", "#8a8f98"
 """Colours of goals, measured angles, and limits."""
 
 MAX_COLUMNS = 2
-"""Maximum number of joints side by side."""
+"""Maximum number of joints whose panels stand side by side in a plot."""
 
 
 def draw_move(

@@ -22,9 +22,9 @@ from drivers.pictures.decode import silence_opencv
 from missions.cli.outputs import check_folder
 
 CODECS = {".webm": "VP80", ".mp4": "vp09", ".avi": "MJPG"}
-"""OpenCV codec by film suffix. Browsers play the first two; VP8 is faster to write.
+"""OpenCV codec by film suffix; any other suffix means a folder of pictures.
 
-Any other suffix means a folder of pictures.
+Browsers play films with the first two suffixes; VP8 is faster to write.
 """
 
 MIN_FREE_BYTES = 8_000_000

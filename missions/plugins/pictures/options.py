@@ -25,6 +25,6 @@ class FilmOptions(RunOptions):
         return replace(request, simulate="fast") if unnamed else request
 
     def check(self, request: RunRequest) -> None:
-        """Raise ValueError for a film in real time."""
+        """Raise ValueError if a film is requested of a run in real time."""
         if self.film is not None and request.simulation != "fast":
             raise ValueError("--film needs simulated time: add --simulate fast")

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from drivers.sim.rigid.body_camera import BodyCamera
 
 FRAME_RATE = 12.5
-"""Pictures per second of simulated time."""
+"""Pictures of the film per second of simulated time."""
 
 
 class RunFilm:
-    """Films ``twins`` to a file; if its suffix is not that of a film, to a folder of numbered pictures.
+    """Films the simulated robot ``twins`` to a file or, for a suffix that is not a film's, to a folder of pictures.
 
     The film has a camera of its own, so filming does not change the run. Raises click.UsageError if the film cannot be
     written.

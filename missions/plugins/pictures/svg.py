@@ -184,7 +184,7 @@ _LINK_ORDER: Mapping[Status, int] = {
     "suspended": 4,
     "running": 5,
 }
-"""Drawing order of links by status, where several share a path."""
+"""Order in which links to nodes of each status are drawn, since links may share a path; the last one lies on top."""
 
 
 def svg(drawing: TreeDrawing) -> str:
@@ -228,7 +228,7 @@ def svg_pair(comparison: TreeComparison) -> str:
 
 
 def kind_of(box: TreeBox) -> Kind:
-    """Return which of the four kinds of node a box has."""
+    """Return the kind of the node ``box``: composite, condition, action or mission."""
     leaves: Mapping[str, Kind] = {CONDITION_SYMBOL: "condition", ACTION_SYMBOL: "action"}
     return "mission" if box.kind == MISSION else leaves.get(box.symbol, "composite")
 
@@ -240,7 +240,7 @@ def _page_width(drawing: TreeDrawing, layout: TreeLayout, max_width: int) -> int
 
 
 def _header(canvas: SvgCanvas, drawing: TreeDrawing, x: int, wide: int) -> None:
-    """Write the mission's name and summary, and the time of the moment."""
+    """Write the mission's name and summary, and the time in the run that the drawing shows."""
     canvas.text("title", drawing.mission, x, MARGIN + 18)
     canvas.text("summary", truncate(drawing.summary, SUMMARY_SIZE, wide), x, MARGIN + 40)
     if drawing.time is not None:
@@ -324,7 +324,7 @@ def _write_text(node: SvgCanvas, line: CardText, x: int, y: int, status: Status)
 
 
 def _tooltip_lines(box: TreeBox) -> Iterator[str]:
-    """Yield all facts of a node, of which a card may show fewer."""
+    """Yield all facts of a node, one a line, for its tooltip; the card may show fewer."""
     yield f"{box.title} ({box.file}, line {box.line})"
     yield from (f"{name}: {text}" for name, text in box.arguments.items())
     if box.keep_as:

@@ -1,4 +1,4 @@
-"""Retention of records that are made by default: the oldest are removed."""
+"""Retention of the records that runs make by default: the oldest are removed."""
 
 import fcntl
 import os

@@ -32,7 +32,7 @@ class RecordSettings:
     frames: float = DEFAULT_FRAME_RATE
     overwrite: bool = False
     requested: bool = True
-    """False for a record made by default: if it fails, the run goes on without it."""
+    """Whether the user requested the record; if a record made by default fails, the run goes on without it."""
 
 
 def record_settings(options: RecordOptions, request: RunRequest) -> RecordSettings | None:

@@ -25,7 +25,7 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 
 DISCOVERY_TIME = 1.0
-"""Seconds in which nodes announce themselves."""
+"""Seconds to wait for other ROS 2 nodes to announce themselves."""
 
 
 @click.group(

@@ -113,7 +113,7 @@ class MissionServer:
 
 
 def _parse_params(given: str) -> list[str] | None:
-    """Return the params of a JSON object as NAME=VALUE; None if it is invalid or not printable."""
+    """Return the params in a JSON object as texts NAME=VALUE; None if the JSON is invalid or not printable."""
     try:
         told = json.loads(given or "{}").items()
         words = [f"{key}={value if isinstance(value, str) else json.dumps(value)}" for key, value in told]
@@ -138,7 +138,10 @@ def _stop(running: "subprocess.Popen[str] | None") -> None:
 
 
 def _parse_result(out: str, last: str) -> tuple[str, str]:
-    """Return the result of a run and its reason, from its line of JSON."""
+    """Return the result of a run and its reason, from the last line of ``out``, which is JSON.
+
+    Without such a line, the result is failure, and the reason is ``last``.
+    """
     try:
         told = json.loads(out.strip().splitlines()[-1])
         return str(told.get("result", "failure")), str(told.get("reason", "") or "")

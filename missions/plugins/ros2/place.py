@@ -171,7 +171,7 @@ class FrameTree:
 
     @property
     def missing_frame(self) -> str:
-        """Description of the transform that is missing."""
+        """Description of the missing transform between map and robot, for an error message."""
         return "odom to base_link" if self._pose_on_map("odom") is not None else "map to odom (is it localised?)"
 
     def _pose_on_map(self, frame: str) -> FramePose | None:

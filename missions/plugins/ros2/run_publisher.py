@@ -82,13 +82,13 @@ class RunPublisher:
         self.close()
 
     def close(self) -> None:
-        """Publish the final state, and end the thread, within two seconds."""
+        """Publish the final state of the run, and end the thread, within two seconds."""
         self._end_requested = True
         self._queue.put(None)
         self._thread.join(2.0)
 
     def __call__(self, event: Event) -> None:
-        """Queue an event; returns at once."""
+        """Queue an event of the run to be published; returns at once."""
         if self._queue.qsize() < MAX_QUEUED_EVENTS:
             self._queue.put((event, unix_time_ns()))
 

@@ -17,7 +17,7 @@ from missions.plugins.schema.robots import robot_reference
 from missions.trees import drawing
 
 TREE_KIND = "tree"
-"""Kind of the JSON of a drawn tree, which is not a file of MissionTree."""
+"""Name under which `mission schema` writes the schema of a drawn tree in JSON, which is not a kind of file."""
 
 
 @click.command(epilog="Example: mission schema -o mission.schema.json")

@@ -1,4 +1,4 @@
-"""Schema and description of the keys that a class declares for a section of a file."""
+"""Schemas and descriptions of keys, from the classes that declare the keys of a file or section."""
 
 from dataclasses import is_dataclass
 
@@ -86,7 +86,7 @@ def _unit_text(key: Key) -> str:
 
 
 def _plural_text(key: Key) -> str:
-    """Return a description of the members of a mapping or a list."""
+    """Return a description of the members of a key whose value is a mapping or a list."""
     plural = {"text": "texts", "section": "sections", "integer": "whole numbers", "any": "values"}
     return (
         f"lists of {_plural_text(key.inner)}"
@@ -120,7 +120,7 @@ def _value_schema(key: Key) -> Schema:
 
 
 def _plain_schema(key: Key) -> Schema:
-    """Return the schema of a value without a unit."""
+    """Return the schema of a key's value that has no unit."""
     match key.form:
         case "choice":
             return _choice_schema(key)
@@ -135,13 +135,13 @@ def _plain_schema(key: Key) -> Schema:
 
 
 def _choice_schema(key: Key) -> Schema:
-    """Return the schema of a choice, including words that YAML reads as numbers or booleans."""
+    """Return the schema of a key whose value is one of several words, even words that YAML reads as numbers."""
     others = [value for word in key.among if not isinstance(value := plain_value(word), str)]
     return {"enum": [*key.among, *others]}
 
 
 def _quantity_schema(key: Key) -> Schema:
-    """Return the schema of a quantity."""
+    """Return the schema of a key whose value is a quantity."""
     dimension = "share" if key.dimension == PERCENT else key.dimension
     schema = quantity_schema(
         dimension, bounds_text(key), negative=key.low is None or key.low < 0, zero=not (key.low or 0) > 0

@@ -128,7 +128,7 @@ def _param() -> Schema:
 
 
 def _properties() -> Schema:
-    """Return the schema of a list of properties, each with one key and a text."""
+    """Return the schema of the ``properties`` of a mission: a list in which each has one key and a text."""
     kinds = {
         word: {"description": sentence(text), "type": "string", "pattern": pattern}
         for word, (text, pattern) in PROPERTIES.items()

@@ -32,7 +32,7 @@ RESULTS: Schema = {"type": "object", "propertyNames": NAME, "additionalPropertie
 
 
 def node_definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema:
-    """Return the schema of a ``node``, and those of all ``behaviours`` by word."""
+    """Return the schema definitions of a ``node``, and of all ``behaviours`` by name."""
     behaviours = {word: leaf_value(leaf, things) for word, leaf in leaves.items()} | _composite_schemas(things)
     return {"node": _node(leaves, list(behaviours)), "behaviours": behaviours}
 
@@ -198,7 +198,7 @@ def _forbid_second_behaviour(words: Sequence[str]) -> dict[str, Schema]:
 
 
 def _require_one_of(words: Sequence[str], message: str) -> Schema:
-    """Return a schema that requires one of these keys in the node."""
+    """Return a schema that requires one of the keys ``words`` in a node; ``message`` is the error otherwise."""
     some = {"anyOf": [{"required": [word]} for word in words]}
     return {"if": {"not": some}, "then": {"type": "string", "errorMessage": message}}
 

@@ -52,7 +52,7 @@ def _rows(of: type, within: str, apart: Collection[type]) -> Iterable[tuple[str,
 
 
 def _sections(key: Key, path: str) -> Iterable[tuple[str, type]]:
-    """Yield the sections in a key, each with its path."""
+    """Yield each section that a key contains, as its path and the class that declares its keys."""
     if key.of is not None:
         yield path, key.of
     for each in key.options:
@@ -85,7 +85,7 @@ def part_schemas(table: DriverTable) -> dict[str, Schema]:
 
 
 def further_part_schema(kind: PartKind, section: Schema) -> Schema:
-    """Return the schema of a further part of a kind: that of the ``section``, with the key ``kind``."""
+    """Return the schema of a further part of a kind: the schema ``section`` with the additional key ``kind``."""
     word: Schema = {"description": "Of which kind of part this is one more.", "const": kind.name}
     choices = [
         {**each, "then": _with_word(each["then"], word)} if "then" in each else each

@@ -71,7 +71,10 @@ EXPRESSION: Schema = {
 
 
 def quantity_schema(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:
-    """Return the schema of a quantity. ``limits`` are for the message; the pattern checks only the sign and zero."""
+    """Return the schema of a quantity of a ``dimension``.
+
+    ``limits`` are only mentioned in the error message: the pattern checks just the sign, and whether 0 is allowed.
+    """
     number = ("[-+]?" if negative else r"\+?") + ("" if zero else _ABOVE_ZERO) + _UNSIGNED
     units = UNITS[dimension]
     message = f"needs {with_article(dimension)} such as '{EXAMPLES[dimension]}' (units: {', '.join(units)})"
@@ -97,7 +100,7 @@ def name_schema(kind: str, names: Mapping[str, str], *, computed: bool = True) -
 
 
 def argument_schema(argument: Argument, things: Things) -> Schema:
-    """Return the schema of an argument with its help, and its default or an example."""
+    """Return the schema of an argument of a leaf, with its help, and its default or an example."""
     text = f"{sentence(argument.help)} {sentence(requirements_text(argument))}"
     found = {"description": text, **value_schema(argument, things)}
     if not argument.required:
@@ -107,7 +110,7 @@ def argument_schema(argument: Argument, things: Things) -> Schema:
 
 
 def value_schema(argument: Argument, things: Things) -> Schema:
-    """Return the schema of the value of an argument."""
+    """Return the schema of the value of an argument of a leaf."""
     kind = argument.kind
     if argument.by_joint:
         return {
@@ -178,7 +181,7 @@ def _plain_schema(argument: Argument) -> Schema:
 
 
 def _is_json(value: object) -> bool:
-    """Return True for a default that a mission can contain; defaults of foreign behaviours may be any object."""
+    """Return whether a default can be written in a mission; defaults of user leaves may be any Python object."""
     return isinstance(value, str | list | bool) or (isinstance(value, int | float) and math.isfinite(value))
 
 

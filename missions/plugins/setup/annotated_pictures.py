@@ -40,7 +40,7 @@ class AnnotatedPictures:
             save_file(target, packed.tobytes(), PRIVATE_MODE)
 
     def _stem(self, path: Path) -> str:
-        """Return a file name stem for the pictures of an input file, unique to it: "astro", then "astro-2"."""
+        """Return a stem for the file names of an input file's pictures, unique to this file, such as "astro-2"."""
         if path not in self._names:
             taken = set(self._names.values())
             tries = (path.stem if n == 1 else f"{path.stem}-{n}" for n in itertools.count(1))

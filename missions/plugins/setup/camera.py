@@ -27,7 +27,7 @@ from perception.calibration import BoardViews, Chessboard, LensCalibration, cali
 # Lens parameters in the camera section of a robot file.
 
 COEFFICIENTS = tuple(field.name for field in fields(DistortionKeys))
-"""Lens distortion coefficients, in OpenCV's order."""
+"""Names of the lens distortion coefficients, in OpenCV's order."""
 
 RETRY_COMMAND = "mission robot camera calibrate SOURCE --board 9x6 --square '25 mm' --keep FILE"
 

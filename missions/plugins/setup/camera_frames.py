@@ -25,7 +25,7 @@ FAILURE_TIMEOUT = 2.0
 """Maximum seconds until the first picture after the camera has reported an error."""
 
 RETURN_TIMEOUT = 30.0
-"""Maximum seconds without a picture of a camera after the first one."""
+"""Maximum seconds without a picture from a camera that has sent pictures before."""
 
 
 def camera_frames(

@@ -54,7 +54,7 @@ def check_installation() -> Iterator[Finding]:
 
 
 PROBE_EXTRA_TIMEOUT = 0.02
-"""Extra seconds to wait for a device's reply to a probe, since a busy computer may be slow."""
+"""Extra seconds to wait for a device's reply to a probe, since a program on a busy computer may be slow."""
 
 VIRTUAL_PORT_PREFIX = "/dev/pts/"
 """Path prefix of the serial ports of virtual devices, which reply late."""
@@ -130,7 +130,7 @@ def _check_device(
     *,
     resets: bool,
 ) -> Iterator[Finding]:
-    """Yield the findings on a part's device: its port, then its check-up or probe."""
+    """Yield the findings on a part's device: first on its port, then on the device behind it."""
     wired, keys = isinstance(section.keys, SerialKeys), section.keys
     port = (
         known_ports.get(port_name)

@@ -39,7 +39,10 @@ from perception.delay import MAX_STEADY_JITTER
 # Trimming with arrow keys.
 
 TRIM_STEPS = (0.5, 1.0, 2.0, 5.0)
-"""Selectable steps of a trim, in degrees per key press; a Rodney sketch accepts whole degrees."""
+"""Angles in degrees, of which the user selects one, by which a key press trims the head.
+
+A Rodney sketch accepts whole degrees only.
+"""
 
 TRIM_HELP = (
     "Arrow keys turn the head, + and - change the step, 0 removes the trims.\n"

@@ -35,7 +35,7 @@ from missions.library.drivers import load_robot
 from missions.library.interests import Interests
 
 DEFAULT_HEAD = "head"
-"""Part name of the head that carries the camera."""
+"""Name of the part that is the head with the camera."""
 
 POLL_INTERVAL = 0.02
 """Seconds between two checks whether the head has arrived."""
@@ -61,7 +61,7 @@ def robot_options(command: Any) -> Any:
 head_option = shared_option(
     "--head", default=DEFAULT_HEAD, metavar="NAME", help="Name of the head, if the robot has several."
 )
-"""Adds ``--head`` to a command."""
+"""Decorator that adds ``--head`` to a command."""
 
 
 def head_keys(config: RobotConfig, head: str) -> HeadKeys:

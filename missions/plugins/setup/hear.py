@@ -127,7 +127,10 @@ def _find_phrases(
 
 
 def _microphone_section(robot: str | None) -> Section:
-    """Return the microphone section of a robot, or the default one. Raises click.UsageError for a robot without."""
+    """Return the microphone section of a robot file, or a default one without ``robot``.
+
+    Raises click.UsageError for a robot without a microphone.
+    """
     if robot is None:
         kind = KINDS["microphone"]
         return Section(DriverTable().find(kind.name, kind.default_driver), MicrophoneKeys())
@@ -193,7 +196,7 @@ def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) 
 
 
 def _new_words(ears: MicrophoneEars, shown: int) -> Iterator[Words]:
-    """Return the utterances, recognised or refused, after number ``shown``, in order."""
+    """Return the utterances after the first ``shown`` ones, recognised or refused, in order."""
     recent = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
     return (words for words in recent if words.id > shown)
 

@@ -91,9 +91,10 @@ def command(
 
 
 def _find_ros2_section(robot: str | None, *, own: bool) -> Section | None:
-    """Return the ros2 section of the named robot, else of this computer's ``own``; None without one.
+    """Return the section ros2 of the named robot's file; None without one.
 
-    Raises InvalidFileError and UnknownNameError for a named robot.
+    If no robot is named and ``own`` is True, it is that of this computer's own robot. Raises InvalidFileError and
+    UnknownNameError for a named robot.
     """
     if robot is not None:
         return load_robot(find_file("robots", robot)).sections.get("ros2")

@@ -136,7 +136,7 @@ class FrameAnalyser:
         return SeenFace(box, self._eyes.find(image, box), lens.face_distance(box), name)
 
     def _reset(self) -> None:
-        """Reset the trackers for another file."""
+        """Reset the trackers, since a new file begins."""
         self._finder = FaceFinder(self._detector)
         self._things = ThingSense(self._objects, COLOURS)
         self._markers = None if self._family is None else MarkerSense(MarkerSet(self._family))

@@ -50,7 +50,7 @@ def open_operator(name: str | None) -> Iterator[Operator]:
 
 
 READABLE_FIELDS = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
-"""Names that an expression of `--where` may read."""
+"""Names of a robot's state and address that an expression of `--where` may read."""
 
 
 @click.command(cls=SharingCommand, epilog='Example: mission fleet run greet --on any --where "battery > 40 %"')

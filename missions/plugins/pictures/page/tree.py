@@ -68,7 +68,7 @@ def _age(status: Status, seconds: float) -> str:
 
 
 def _state(status: Status, reason: str, age: str) -> Markup:
-    """Return status, age and reason, as ``showStates`` of the script writes them too."""
+    """Return status, age and reason of a node as HTML, as the function ``showStates`` of the script writes them too."""
     return tag(
         "span",
         tag("span", status, class_="word"),
@@ -104,7 +104,7 @@ STATUSES: Mapping[Status, str] = {
     "skipped": "was not started: its condition was false",
     "failure": "failed, or false",
 }
-"""Text of each status."""
+"""Description of each node status, as the page shows it."""
 
 
 def tools(drawing: TreeDrawing) -> Markup:

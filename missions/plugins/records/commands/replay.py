@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from missions.plugins.records.replay.rerun_files import RerunFiles
 
 FILM_RATE = 12.5
-"""Frames per second of a film."""
+"""Frames per second of a film of a record."""
 
 REFRESH_INTERVAL = 0.1
 """Seconds between two updates of the player's screen."""

@@ -31,7 +31,7 @@ PATH_COLUMNS = ("path", "A", "B")
 LEFT_ALIGNED_COLUMNS = frozenset({"leaf", "joint", "path", "run with"})
 
 MAX_VALUE_LENGTH = 60
-"""Maximum number of characters of a printed name, reason or setting."""
+"""Maximum number of characters of a name, reason or setting in the printed comparison of two runs."""
 
 
 def lines_of(comparison: RunComparison) -> Iterator[str]:

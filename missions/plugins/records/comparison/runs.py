@@ -69,8 +69,9 @@ class BasePath:
 class RunComparison:
     """Comparison of two runs of one mission on one robot.
 
-    ``nodes`` is the number of nodes in both trees. ``settings`` are the settings of the runs that differ.
-    ``max_distance`` is the largest distance of the bases at the same time since the first tick (m), and that time (s).
+    ``nodes`` is the number of nodes in both trees. ``settings`` are those settings that differ between the runs.
+    ``max_distance`` is the largest distance (m) between the bases at the same time since the first tick, and this time
+    (s).
     """
 
     a: RecordStudy
@@ -138,7 +139,10 @@ def _changes(record: RunRecord) -> list[NodeChanged]:
 def _find_first_difference(
     one: Iterable[NodeChanged], other: Iterable[NodeChanged], places: Mapping[str, NodePlace], pairs: Mapping[str, str]
 ) -> FirstDifference | None:
-    """Return the earliest different status change of two runs; of several in one tick, the most likely cause."""
+    """Return the first status change that differs between two runs.
+
+    If several changes differ in the same tick, it is the most likely cause of the others.
+    """
     order = {key: number for number, key in enumerate(places)}
     a, b = _changes_by_node(one), _changes_by_node(other)
     differences = []
@@ -208,7 +212,10 @@ def _base_path(route: BaseRoute) -> BasePath | None:
 
 
 def _find_max_distance(a: RecordStudy, b: RecordStudy) -> tuple[float, float] | None:
-    """Return the largest distance of the bases at one time, each relative to its start (m), and that time (s)."""
+    """Return the largest distance (m) between the bases at the same time, and this time (s); None without two paths.
+
+    The position of each base is relative to its start.
+    """
     if not (a.route.times and b.route.times):
         return None
     both = [(np.asarray(found.route.times) - found.slider.start, np.asarray(found.route.poses)) for found in (a, b)]

@@ -1,1 +1,1 @@
-"""Writing and reading of records."""
+"""Modules that write and read records of runs."""

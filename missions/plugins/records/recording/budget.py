@@ -4,7 +4,7 @@ DEFAULT_MAX_BYTES = 2_000_000_000
 """Default maximum size of a record, in bytes."""
 
 DEFAULT_FRAME_RATE = 5.0
-"""Default number of pictures per second."""
+"""Default number of pictures per second in a record."""
 
 
 class FrameBudget:

@@ -60,7 +60,7 @@ class McapMessage(NamedTuple):
 
 
 DamageCallback = Callable[[RecordSpan], None]
-"""Function that is called with the position of each MCAP record that cannot be read."""
+"""Callback that is called with the position of each MCAP record that cannot be read."""
 
 
 def ignore_damage(span: RecordSpan) -> None:

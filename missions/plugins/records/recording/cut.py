@@ -37,7 +37,7 @@ def cut_record(record: RunRecord, start: float, end: float, output: Path, *, for
 
 
 class _Excerpt:
-    """The part of ``record`` from ``start`` to ``end`` (s), as a new record."""
+    """The time range from ``start`` to ``end`` (s) of ``record``, to be written as a new record."""
 
     def __init__(self, record: RunRecord, start: float, end: float) -> None:
         self._record = record

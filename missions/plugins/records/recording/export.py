@@ -15,7 +15,7 @@ from missions.plugins.records.recording.run_record import RunRecord, start_time_
 from missions.plugins.records.recording.validation import InvalidRecordError, parse_message, reject_malformed
 
 TOPICS_WITHOUT_TABLE = frozenset({"/camera", "/camera/marks"})
-"""Topics that are left out of tables."""
+"""Topics of a record that are not exported as tables."""
 
 ENCODING_ERRORS = "backslashreplace"
 """Error handler for lone surrogates, which UTF-8 cannot encode; JSON escapes them in the same way."""
@@ -30,7 +30,7 @@ _FORMULA_PREFIXES = ("=", "+", "-", "@", "\t", "\r")
 """First characters of texts that a spreadsheet evaluates as a formula."""
 
 OMITTED_FIELDS = frozenset({("/moments", "answers")})
-"""Fields that are left out of tables, by topic: replies of a tick are many and nested."""
+"""Fields that are left out of exported tables, by topic; the replies of a tick are many and nested."""
 
 
 def to_jsonl(record: RunRecord, output: Path, *, force: bool = False) -> int:

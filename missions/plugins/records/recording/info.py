@@ -21,7 +21,7 @@ LABEL_WIDTH = 10
 
 @dataclass(frozen=True, slots=True)
 class MessageCounts:
-    """Number of messages by topic, and number of damaged ranges of the file."""
+    """Number of messages in a record by topic, and number of damaged ranges in its file."""
 
     counts: Counter[str]
     damaged: int

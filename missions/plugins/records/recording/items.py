@@ -20,14 +20,14 @@ BATCH_HEADER = struct.Struct("<Q")
 
 
 class ViewItem(NamedTuple):
-    """Item of the percepts in a picture, with the time (s) at which perception reported them."""
+    """Item with the percepts in a picture, and the time (s) at which perception reported them."""
 
     t: float
     view: View
 
 
 class PictureItem(NamedTuple):
-    """Item of a camera picture in which perception searched: JPEG, time (s), and the camera's direction if known."""
+    """Item with a picture in which perception searched: JPEG, time (s), and the camera's direction if known."""
 
     t: float
     jpeg: bytes
@@ -35,14 +35,14 @@ class PictureItem(NamedTuple):
 
 
 class HealthItem(NamedTuple):
-    """Health of the devices at time ``t`` (s)."""
+    """Item with the health of the devices at time ``t`` (s)."""
 
     t: float
     health: Mapping[str, Health]
 
 
 class FeedbackItem(NamedTuple):
-    """Item of a new message of a node that is still running: time (s), tick, node key and message."""
+    """Item with a new message of a node that is still running: time (s), tick, node key and message."""
 
     t: float
     tick: int
@@ -51,7 +51,7 @@ class FeedbackItem(NamedTuple):
 
 
 class LossItem(NamedTuple):
-    """Number of messages that are missing from the record, by topic, and the reason."""
+    """Item with the number of messages that are missing from the record, by topic, and the reason."""
 
     counts: Mapping[str, int]
     reason: str

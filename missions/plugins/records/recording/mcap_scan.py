@@ -43,7 +43,7 @@ MAX_SEARCHED_BYTES = 4 * 1024**3
 """Maximum number of bytes searched for valid chunks after damage; data behind them are lost."""
 
 MAX_SPANS = 5_000_000
-"""Maximum number of MCAP records in a file: three times as many as the record of a week's run has."""
+"""Maximum number of MCAP records read from a file: three times as many as the record of a week's run has."""
 
 
 def scan_file(path: Path) -> McapContainer | None:

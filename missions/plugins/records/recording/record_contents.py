@@ -33,12 +33,12 @@ class RecordedRequest(Protocol):
 
     @property
     def mission(self) -> str:
-        """Name or file of the mission."""
+        """Name or file of the mission to record."""
         ...
 
     @property
     def behaviours(self) -> Sequence[Path]:
-        """Python files with user leaves, named on the command line."""
+        """Python files with user leaves, named on the command line of the run."""
         ...
 
     @property
@@ -53,7 +53,7 @@ class RecordedRequest(Protocol):
 
     @property
     def eyes(self) -> str:
-        """Perception in simulation: ``pixels`` or ``truth``."""
+        """Kind of perception in simulation: ``pixels`` or ``truth``."""
         ...
 
     @property
@@ -63,7 +63,7 @@ class RecordedRequest(Protocol):
 
     @property
     def world_name(self) -> str:
-        """World of a simulated robot; empty for hardware."""
+        """Name of the simulated robot's world; empty for a robot with hardware."""
         ...
 
 
@@ -122,7 +122,7 @@ def _without_passwords(data: bytes) -> bytes:
 
 
 def _name_files(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:
-    """Yield the name of each file in the record, such as ``mission/greet.yaml``; duplicates are numbered."""
+    """Yield for each file its name in the record, such as ``mission/greet.yaml``; equal names are numbered."""
     taken: set[str] = set()
     for path, data in files.items():
         kind = "behaviours" if path in python else _file_kind(path, data)

@@ -57,7 +57,7 @@ class ChunkedRecord:
         return max((end for _, end, _ in self.chunks), default=0.0)
 
     def run_end(self) -> Ended | None:
-        """Return the result of the run, if the end of the record holds it."""
+        """Return the final event of the run, with its result; None if the end of the record lacks it."""
         return self.excerpt(max(0, len(self.chunks) - END_CHUNKS), len(self.chunks)).run_end()
 
     def chunks_before(self, time: float) -> Iterator[tuple[int, int]]:
@@ -74,7 +74,7 @@ class ChunkedRecord:
 
 
 def list_entry(path: Path) -> Json:
-    """Return the entry of a record in a record list; its key `trouble` says why a record cannot be read."""
+    """Return the facts about one record for a list of records; `trouble` is the reason if it cannot be read."""
     entry: Json = {"name": path.name, "bytes": path.stat().st_size}
     if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
         trouble = "the file name is not UTF-8, so the studio cannot link to it: rename the file"

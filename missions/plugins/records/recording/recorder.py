@@ -42,7 +42,7 @@ from perception.api import Frame, Gaze, View
 # Encoding of some of the searched frames as JPEG, off the run's threads.
 
 JPEG_QUALITY = 80
-"""JPEG quality in percent."""
+"""JPEG quality in percent of the pictures in a record."""
 
 PictureCallback = Callable[[PictureItem], None]
 
@@ -72,7 +72,7 @@ class PictureEncoder:
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Start accepting frames."""
+        """Start the encoder's thread, and accept frames."""
         self._open = True
         if not self._lossless:
             self._thread = Thread(target=self._run, name="record pictures", daemon=True)
@@ -259,7 +259,7 @@ class Recorder:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Number of messages in the record by topic; known after ``close``."""
+        """Number of messages in the record by topic; empty until ``close``."""
         return self._writer.counts
 
     def __enter__(self) -> Self:
@@ -303,7 +303,7 @@ class Recorder:
         self._enqueue(ViewItem(0.0 if self._clock is None else self._clock.now(), view))
 
     def on_frame(self, frame: Frame, gaze: Gaze | None = None) -> None:
-        """Record a searched frame if the budget accepts it; ``gaze`` is the direction of the camera."""
+        """Record a frame that perception has searched, if the budget accepts it; ``gaze`` is its direction."""
         self._pictures.offer(frame, gaze)
 
     # --- inside -------------------------------------------------------------------------------------------------------

@@ -125,7 +125,10 @@ SERIES: Mapping[str, tuple[str, str]] = {
     **{f"head.{name}": ("/state/head", name) for name in ("pan", "tilt", "requested_pan", "requested_tilt")},
     "battery.percent": ("/state/base", "battery_percent"),
 }
-"""Time series for charts, in SI units (battery in percent): topic and field of each."""
+"""Time series of a record for charts, by name: topic and field of each.
+
+Values are in SI units, the battery in percent.
+"""
 
 MAX_MESSAGES, MAX_MESSAGE_BYTES = 3_000_000, 400_000_000
 """Maximum number and bytes of messages that one query keeps in memory: two days of a run."""
@@ -225,7 +228,7 @@ class RunRecord:
 
     @cached_property
     def events(self) -> Sequence[Event]:
-        """All events in order of time: status changes, commands, faults, ticks, the end.
+        """All events of the run in order of time: status changes, commands, faults, ticks, and the end.
 
         A cut record begins with the last changes before its start.
         """
@@ -275,7 +278,10 @@ class RunRecord:
         return [time for time, _ in found], [value for _, value in found]
 
     def statuses(self, time: float) -> Mapping[str, NodeChanged]:
-        """Return the last change of each node by key, up to ``time`` (s) plus ``TIME_TOLERANCE``."""
+        """Return the last status change of each node up to ``time`` (s), by node key.
+
+        ``TIME_TOLERANCE`` is added to the time, since messages are stamped in whole nanoseconds.
+        """
         states = self.status_history
         place = bisect_right(states, time + TIME_TOLERANCE, key=lambda state: state[0])
         return {change.node: change for _, change in states[:place]}
@@ -377,7 +383,7 @@ def _known_values(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, fl
 
 
 def _sort_key(event: Event) -> tuple[float, int]:
-    """Return the sort key of an event: by time, ticks after the events that they cause, the end of the run last."""
+    """Return the sort key of an event: by time; at one time, ticks come after other events, the end of the run last."""
     return event.t, isinstance(event, Ticked) + 2 * isinstance(event, Ended)
 
 

@@ -14,7 +14,7 @@ from missions.plugins.records.recording.tagged_values import dumps, from_json, t
 from missions.plugins.records.recording.validation import check_time
 
 TICK_KINDS = frozenset(get_args(TickKind))
-"""Kinds of tick records."""
+"""Values of the field ``kind`` of a tick record."""
 
 QUESTION_LENGTH = 3
 """Number of elements of the encoded query; an encoded reply that has not changed consists of the query only."""
@@ -67,7 +67,10 @@ def _cached_question(part: str, what: str) -> bytes:
 
 
 class TickDecoder:
-    """Stateful decoder of tick records, for messages in the order in which they were written."""
+    """Decoder of tick records, which remembers the last reply to each query.
+
+    Messages must be decoded in the order in which they were written.
+    """
 
     def __init__(self) -> None:
         self._last_answers: dict[Any, object] = {}

@@ -184,7 +184,11 @@ class StateSampler:
             yield PartStateMessage("/state/arm", t, {"t": t, "joints": joints})
 
     def _accept(self, key: str, t: float, stamp: float, value: object, interval: float = STATE_INTERVAL) -> bool:
-        """Return whether to write a state now; an accepted state delays the next one."""
+        """Return whether to record a part's state now; if so, remember it as recorded.
+
+        A state with the same ``stamp`` is not recorded twice. After one state, the next is recorded after ``interval``
+        (s), or later if its value is unchanged.
+        """
         if self._stamps.get(key) == stamp:
             return False
         # A tick may come early by up to a tenth of the interval.
@@ -309,7 +313,7 @@ class MessageBuilder:
         return RecordMessage("/mission", 0.0, dumps(to_json(self._header)))
 
     def loss_message(self, t: float, counts: Mapping[str, int], reason: str) -> RecordMessage:
-        """Return the message that counts lost messages."""
+        """Return the message with the ``counts`` of lost messages by topic, and the reason."""
         return RecordMessage("/lost", t, dumps({"t": t, "counts": dict(counts), "why": reason}))
 
     def messages(self, item: Any) -> Iterator[RecordMessage]:

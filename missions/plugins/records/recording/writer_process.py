@@ -50,7 +50,7 @@ NICENESS = 5
 """Niceness of the writer process relative to the run's process."""
 
 UNREADABLE_TOPIC = "(unread)"
-"""Topic under which a batch of items that cannot be decoded is counted as lost."""
+"""Topic under which the items of a batch are counted as lost if the batch cannot be decoded."""
 
 REPORTED_PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")
 """Packages whose versions are stored in the record."""
@@ -59,7 +59,7 @@ _READ_BYTES = 1 << 18
 
 
 class BatchReader:
-    """Reads length-prefixed batches from a pipe."""
+    """Reads batches of items from a pipe; each batch has its length in front."""
 
     def __init__(self, number: int) -> None:
         self.is_open = True
@@ -82,7 +82,7 @@ class BatchReader:
 
 
 class WriterProcess:
-    """Writes the items from ``reader`` to the record at ``path``."""
+    """Writes the record at ``path`` from the batches of items that ``reader`` yields."""
 
     def __init__(self, path: Path, reader: BatchReader, clock: Clock, *, limit: float, overwrite: bool) -> None:
         self._path = path
@@ -163,7 +163,7 @@ class WriterProcess:
             return EarlierFile(self._path)
 
     def _repair(self) -> None:
-        """Write the missing index of the record; if the disk has no room for it, the user can repair it later."""
+        """Repair the record by writing its missing index; if the disk is full, the user can repair it later."""
         from missions.plugins.records.recording.repair import RepairError, repair_record  # noqa: PLC0415 - rarely needed
 
         try:

@@ -1,1 +1,1 @@
-"""Replay of recorded runs: player, rerun of decisions, rerun of perception."""
+"""Replay of recorded runs in a player, and reruns of their decisions and of perception."""

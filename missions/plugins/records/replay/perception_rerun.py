@@ -22,10 +22,10 @@ from perception.api import Gaze, Image, Marker, Percept, Thing, View
 from perception.tracks import MIN_DETECTIONS
 
 MIN_OVERLAP = 0.5
-"""Minimum intersection over union of two boxes of one object."""
+"""Minimum intersection over union at which the boxes of two searches show the same object."""
 
 MIN_FOUND_SHARE = 0.5
-"""Minimum share of its pictures in which a track must be found."""
+"""Minimum share of a track's pictures in which the other search must find it for the track to count as found."""
 
 
 @dataclass(slots=True)

@@ -27,13 +27,13 @@ from missions.trees.value_text import percept_name, value_text, variable_text
 from perception.api import Percept
 
 MAX_EVENTS = 3
-"""Maximum number of events shown."""
+"""Maximum number of events shown on the screen of the record player."""
 
 MAX_VARIABLES = 6
 """Maximum number of variables shown; of the others, only their number is shown."""
 
 SHOWN_COMMANDS = frozenset({"latch", "enable", "tune", "tone", "light", "relax", "follow", "recover"})
-"""Commands that are shown as events; motion and speech are shown elsewhere or too frequent."""
+"""Commands that the record player lists as events; motion and speech are shown elsewhere or are too frequent."""
 
 
 class PlayerScreen:
@@ -136,7 +136,7 @@ def running_leaves(root: TreeBox) -> list[TreeBox]:
 
 
 def event_text(event: Event) -> str:
-    """Return an event as text; empty for frequent ones."""
+    """Return an event as text for the record player; empty for events that are too frequent to list."""
     match event:
         case Logged():
             return _log_text(event)

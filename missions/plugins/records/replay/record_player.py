@@ -19,9 +19,9 @@ BACKSPACE_KEYS = ("\x7f", "\b")
 
 
 class RecordPlayer:
-    """Position and speed of playback; ``time`` is in seconds of the run.
+    """Position and speed of a replay, and its keys; ``time`` is in seconds of the run.
 
-    ``note`` is the message of the last key, ``typing`` the search text while it is typed.
+    ``note`` is the message about the last key, ``typing`` the search text while the user types it.
     """
 
     def __init__(self, record: RunRecord, *, at: float = 0.0, speed: float = 1.0) -> None:
@@ -58,7 +58,7 @@ class RecordPlayer:
             self.playing = self.time < self.end
 
     def press(self, key: str) -> bool:
-        """Handle a key; return False to quit."""
+        """Handle a key press of the user; return False to quit."""
         if self.typing is not None:
             self._type_key(key)
             return True
@@ -105,7 +105,7 @@ class RecordPlayer:
             self.note = f"no {what} {'before' if back else 'after'} this time"
 
     def _type_key(self, key: str) -> None:
-        """Handle a key of the search text."""
+        """Handle a key press while the user types a search text."""
         text = self.typing or ""
         if key in ("escape", "end"):
             self.typing = None

@@ -80,7 +80,10 @@ class RecordedAnswers:
                 self._store(question, values[-1])
 
     def answer(self, part: str, query: str, *arguments: object) -> Any:
-        """Return the recorded reply of ``part``, or raise the recorded error. Raises NoRecordedAnswerError."""
+        """Return the recorded reply of ``part`` to a query, or raise the error recorded instead.
+
+        Raises NoRecordedAnswerError if the record has no reply.
+        """
         question = part, query, arguments
         values = self._answers.get(question)
         if values:

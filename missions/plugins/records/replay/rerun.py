@@ -87,8 +87,8 @@ def recorded_robot(
 class ReplayedPart:
     """A part of any ``protocol`` that replies from ``answers``, behind its proxy; see ``drivers.api.marks``.
 
-    A command that differs from the record gets the reply that its mark declares: for a velocity, the limited velocity.
-    ``part`` is its name in the record.
+    ``part`` is its name in the record. The reply to a command that differs from the record is not recorded. It is the
+    one that the command's mark declares: for a velocity, the limited velocity.
     """
 
     def __init__(self, name: str, protocol: type, answers: RecordedAnswers, part: str) -> None:
@@ -146,7 +146,7 @@ class ReplayedVoice(ReplayedPart):
         return self._utterance(self._command("play", reply_none, str(path), otherwise), SOUND_DURATION)
 
     def speaking(self) -> Utterance | None:
-        """Return the recorded utterance in progress."""
+        """Return the utterance that is in progress by the record; None if the voice is silent."""
         number: int | None = self._answers.answer("voice", "speaking")
         return None if number is None else _RecordedUtterance(self._answers, number)
 
@@ -372,7 +372,7 @@ class _Rerun:
             self.result = replace(self.result, unanswered=f"{when}, {by}{query}")
 
     def _note_command(self, part: str, recorded: RecordedCommand | None, current: RecordedCommand | None) -> None:
-        """Store the first different command."""
+        """Store the first command that differs from the record, with the leaf that sends it."""
         if self.result.command is None:
             leaf, tick, time = self._run.active_leaf, self._run.tick, self._run.now()
             by = "" if leaf is None or current is None else leaf.label

@@ -127,7 +127,7 @@ class RerunFiles:
         return f"{path.relative_to(self._folder)} as recorded" if path.is_relative_to(self._folder) else file
 
     def _leaves(self) -> Sequence[Path]:
-        """Return the files with user leaves that may be executed."""
+        """Return the Python files with leaves that the rerun may execute."""
         recorded = self._header.behaviours if self._trusted else ()
         return self._code or [self._unpacked_path(name) for name in recorded]
 

@@ -1,4 +1,4 @@
-"""Results of reruns as text."""
+"""Text that describes the result of a rerun."""
 
 from collections.abc import Callable, Iterator
 

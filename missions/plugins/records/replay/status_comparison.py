@@ -174,7 +174,10 @@ class StatusComparison:
 
 
 def _states_by_node(changes: Iterable[NodeChanged]) -> dict[str, list[NodeStatus]]:
-    """Return the status changes of each node, in order. Older records have success instead of skipped."""
+    """Return the status changes of each node by key, in order.
+
+    Older records have success where newer ones have skipped.
+    """
     found: dict[str, list[NodeStatus]] = defaultdict(list)
     for change in changes:
         found[change.node].append(NodeStatus(plain_status(change.status), change.reason))

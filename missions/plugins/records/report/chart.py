@@ -212,7 +212,7 @@ def _bounding_box(points: Sequence[tuple[float, float]]) -> tuple[float, float, 
 
 
 def _thin_route(points: Sequence[tuple[float, float]], min_distance: float) -> list[tuple[float, float]]:
-    """Return the points of a route that are more than ``min_distance`` (m) from the previous one returned."""
+    """Return the points of a route, without those within ``min_distance`` (m) of the last point returned."""
     kept = [points[0]]
     for point in points[1:]:
         if dist(point, kept[-1]) > min_distance:

@@ -32,7 +32,7 @@ MAX_JOINTS = 100
 """Maximum number of joints read from a record: more than any robot has, but a damaged file may claim more."""
 
 MAX_CHARTS = 24
-"""Maximum number of joint charts in a report; the joints that moved most get one."""
+"""Maximum number of joint charts in a report; if there are more joints, those that moved most get one."""
 
 MAX_NAME_LENGTH = 40
 """Maximum number of characters of a joint name in a report."""
@@ -57,11 +57,11 @@ class JointLogSample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class JointFigures:
-    """Statistics of one joint over a run: angles in degrees, None for unknown values.
+    """Statistics of one joint over a run; angles in degrees, None for unknown values.
 
-    ``rms`` is the root mean square of the joint's error, ``worst`` the largest error (position minus goal), at
-    ``worst_at`` (s). ``energy`` is the work of its motor (J), ``load`` the largest one in -1..1 of the stall torque,
-    ``hottest`` in degC.
+    ``rms`` is the root mean square of the joint's error (position minus goal), ``worst`` the largest error, at
+    ``worst_at`` (s). ``energy`` is the work of its motor (J), ``load`` the largest load in -1..1 of the stall torque,
+    ``hottest`` the highest temperature in degC.
     """
 
     name: str
@@ -216,7 +216,7 @@ def _stall_torques(record: RunRecord) -> Mapping[str, float]:
 
 
 def _file_stem(name: str, number: int) -> str:
-    """Return a safe file name stem for the chart of a joint; a record may hold any name."""
+    """Return a file name stem for the chart of a joint, without unsafe characters, which a recorded name may have."""
     return f"joint_{name}" if re.fullmatch(r"[a-z0-9_.]{1,40}", name) else f"joint_number_{number}"
 
 

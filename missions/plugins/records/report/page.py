@@ -60,7 +60,10 @@ def recorded_world(record: RunRecord) -> WorldConfig | None:
 
 
 def floor_plan(record: RunRecord, route: BaseRoute) -> Markup:
-    """Return the plan of the world at the start of the run; the script moves ``.robot`` along the path on it."""
+    """Return the plan of the world at the start of the run, with the path of the base.
+
+    The page's script moves the element ``.robot`` along the path.
+    """
     config = recorded_world(record)
     if config is None:
         return join()

@@ -23,7 +23,7 @@ MAX_ROWS = 400
 
 
 LogRow = tuple[float, str, str]
-"""Row of a table of events: time (s), subject, and text."""
+"""Row of the fault or log table in a report: time (s), subject, and text."""
 
 
 def faults_table(record: RunRecord, slider: SliderTimes) -> Markup:

@@ -1,4 +1,4 @@
-"""Timeline of leaves: their runs and results."""
+"""Timeline of the leaves in a recorded run: a row per leaf, with a bar for each run of the leaf."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from missions.trees.drawing import ACTIVE, Status, TreeBox, TreeDrawing
 from missions.trees.states import STATUSES
 
 MAX_BARS = 400
-"""Maximum number of bars of a leaf side by side on the timeline; shorter neighbours are merged."""
+"""Number of parts into which a row of the timeline is divided; bars that fit together into one part are merged."""
 
 
 @dataclass(frozen=True, slots=True)

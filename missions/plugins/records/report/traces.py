@@ -33,7 +33,10 @@ _VARIABLE = re.compile(r"\$\{\s*(\w+)\s*\}")
 
 @dataclass(frozen=True, slots=True)
 class TrackingError:
-    """Angle from the camera axis to the followed percept at ``time`` (s), in degrees; left and down positive."""
+    """Tracking error: the angle (degrees) from the camera axis to the followed percept at ``time`` (s).
+
+    Left and down are positive.
+    """
 
     time: float
     horizontal: float
@@ -131,7 +134,7 @@ MIN_VALUE_RANGE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ChartLine:
-    """A line of a chart. ``requested`` marks setpoints, which are dashed and below the measurements."""
+    """A line of a chart; ``requested`` marks setpoints, which are dashed and drawn below the measured line."""
 
     name: str
     points: Points
@@ -140,7 +143,7 @@ class ChartLine:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Lines over time in one ``unit``; ``key`` is its file name."""
+    """A chart of one or more lines over time in one ``unit``; ``key`` is the stem of its file name."""
 
     key: str
     title: str

@@ -72,7 +72,7 @@ def compute_stats(record: RunRecord) -> Stats:
 
 
 def _read_messages(record: RunRecord) -> tuple[list[tuple[float, float, float]], list[Mapping[str, Mapping[str, int]]]]:
-    """Return report time, stamp and search time (s) of each view, and the device counters over time."""
+    """Return two lists: report time, stamp and search time (s) of each view, and the device counters over time."""
     seen: list[tuple[float, float, float]] = []
     devices: list[Mapping[str, Mapping[str, int]]] = []
     for message in record.container.messages(frozenset({"/percepts", "/state/devices"})):

@@ -26,7 +26,7 @@ class RunKind(NamedTuple):
 
 
 MAX_KEY_DIGITS = 9
-"""Number of digits from which on a number in a node key is invalid."""
+"""Number of digits of a number in a node key from which on the key is invalid."""
 
 
 class NodeLabel(NamedTuple):
@@ -97,10 +97,11 @@ class WireFigures:
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """Statistics of one or more runs of a kind.
+    """Statistics of one or more runs of the same kind.
 
-    ``seconds`` and ``ticks`` are totals, ``overruns`` the ticks missed because an earlier one took too long. ``delays``
-    are single times by name, ``wires`` bus statistics by device and operation, ``counts`` all other device counters.
+    ``seconds`` and ``ticks`` are totals. ``overruns`` are ticks missed because an earlier tick took too long.
+    ``delays`` are lists of single delays (s) by name, ``wires`` the bus statistics by device and operation, and
+    ``counts`` all other device counters.
     """
 
     kind: RunKind

@@ -1,7 +1,8 @@
 """Statistics of each node of a recorded tree, from its status changes.
 
-A record does not contain ticks of a node that returns the same status again, nor whether a halted node was ticked
-before in the same tick. Both are inferred from the composites and modifiers above.
+A record does not contain all ticks: it lacks those in which a node returns the same status again, and does not tell
+whether a halted node was ticked earlier in the same tick. Both are inferred from the composites and modifiers above the
+node.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +28,7 @@ ALWAYS_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.chil
 """Modifiers (decorators) that tick their node whenever they are ticked, and may return another status than the node."""
 
 SOMETIMES_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "sometimes")
-"""Modifiers (decorators) that either tick their node and return its status, or do not tick it."""
+"""Modifiers (decorators) that, when ticked, either tick their node and return its status, or do not tick it."""
 
 
 class _Node(NamedTuple):
@@ -50,7 +51,7 @@ class _Tally:
     durations: list[float] = field(default_factory=list)
 
     def on_status(self, status: str, t: float) -> None:
-        """Process a new status at time ``t`` (s)."""
+        """Update the statistics for a new ``status`` of the node at time ``t`` (s)."""
         status = plain_status(status)
         ran = self.status in ACTIVE
         if status in ACTIVE:
@@ -60,7 +61,7 @@ class _Tally:
         self.status = status
 
     def end(self, status: str, seconds: float) -> None:
-        """Count a finished run of the node."""
+        """Count a run of the node that ended with ``status`` after ``seconds``."""
         self.ends[status] += 1
         self.durations.append(seconds)
 
@@ -80,10 +81,10 @@ def node_figures(
     start: float,
     until: float,
 ) -> Mapping[NodeLabel, NodeFigures]:
-    """Return the statistics of each node; nodes outside of the drawing are included by kind and name.
+    """Return the statistics of each node; nodes that the drawing lacks are included by kind and name.
 
-    ``changes`` and ``tick_records`` are in order. ``start`` is the start of the record (s): runs before count from
-    there.
+    ``changes`` and ``tick_records`` are in order of time. ``start`` is the start of the record (s), ``until`` its end.
+    A run of a node that began earlier counts from ``start``.
     """
     nodes = {node.place.key: node for node in _walk_nodes(drawing.root, None, (), ())}
     for change in changes:

@@ -1,4 +1,4 @@
-"""Statistics as tables, JSON and CSV."""
+"""Statistics of runs as terminal tables, JSON and CSV."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ CSV_COLUMNS = (
     *("mission", "robot", "simulate", "records", "key", "kind", "node", "file", "line"),
     *("ticks", "runs", "success", "failure", "halted", "unended", "seconds", "median", "p95", "p99", "longest"),
 )
-"""Columns of the statistics as CSV: times in seconds, empty for a node that never ran."""
+"""Columns of the statistics as CSV; times are in seconds, and empty for a node that never ran."""
 
 
 def lines_of(stats: Stats) -> Iterator[str]:

@@ -31,7 +31,10 @@ SILENCE_TIMEOUT, TIMEOUT = 2.0, 20.0
 """Maximum duration of the trial in seconds; ``SILENCE_TIMEOUT`` is the maximum time without reports."""
 
 WHEEL_TRACK = 0.23
-"""Assumed distance between the wheels (m) if odometry is only a pose; only the sign of the result matters."""
+"""Assumed distance (m) between the wheels, used to compute the motion of the wheels from the pose.
+
+Only the signs of the results are used, so the true distance does not matter.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +76,14 @@ TRIAL_STEPS: tuple[tuple[str, Velocity, float], ...] = (
     ("ahead", Velocity(DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
     ("", Velocity(-DRIVE_DISTANCE / STEP_TIME, 0.0), STEP_TIME),
 )
-"""Steps of a base trial: name of the measurement (empty for none), velocity and duration (s)."""
+"""Steps of a base trial: name of the measurement (empty if none is made), velocity, and duration (s)."""
 
 
 class TrialPhase(Enum):
-    """Phase of one step of a base trial; ABORTING: the base settles after a fault, and the way back is left out."""
+    """Phase of one step of a base trial.
+
+    ABORTING: the base comes to rest after a fault, and the motion back is left out.
+    """
 
     READY, MOVING, SETTLING, ABORTING = range(4)
 
@@ -186,7 +192,7 @@ class TryBase(Leaf):
         return True
 
     def _note_fault(self, velocity: Velocity) -> None:
-        """Store the reason for which the base's driver has stopped the base, if any."""
+        """Store the reason why the base's driver has stopped the base, if it has."""
         if velocity != ZERO_VELOCITY and (fault := self.robot.base.steering().fault):
             self._add_fault(fault)
 
@@ -249,7 +255,7 @@ class SeenMotion(Enum):
 
 
 Signs = tuple[int, int]
-"""Directions of the left and the right wheel: 1 ahead, -1 back, 0 still."""
+"""Directions of the left and the right wheel: 1 forwards, -1 backwards, 0 still."""
 
 _WHEELS: dict[SeenMotion, Signs] = {
     SeenMotion.LEFT: (-1, 1),
@@ -289,7 +295,7 @@ _MOTORS: dict[tuple[SeenMotion, SeenMotion], tuple[str, str]] = {
         "check the right motor, its plug and its fuse",
     ),
 }
-"""Fault of the motors and its fix, by the motions seen in the turn to the left and in the way ahead."""
+"""Fault of the motors and its fix, by the motions that a person saw in the turn to the left and in the motion ahead."""
 
 _ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
     (SeenMotion.LEFT, SeenMotion.LEFT): ((0, 1), (0, 1)),
@@ -302,7 +308,11 @@ The key has the motions that a person saw in these two steps.
 
 
 def judge_base(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
-    """Yield the findings on a base, given the motion that a person saw in each step: turn to the left, way ahead."""
+    """Yield the findings on a base after its trial.
+
+    ``turn`` and ``ahead`` are the motions that a person saw in the two steps: the turn to the left, and the motion
+    ahead.
+    """
     if trial.rest.gyro is not None:
         yield drift(trial.rest.gyro, trial.rest.seconds)
     yield from _motor_findings(trial, turn, ahead)
@@ -416,7 +426,7 @@ def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: boo
 
 
 def _wheel_signs(moved: InstrumentReadings, commanded: float) -> Signs:
-    """Return the direction of each wheel according to the encoders; a short way counts as none."""
+    """Return the direction of each wheel according to the encoders; a wheel that hardly moved counts as still."""
     left, right = (
         0 if abs(way) < MIN_WHEEL_SHARE * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right)
     )

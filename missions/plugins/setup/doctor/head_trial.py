@@ -14,7 +14,7 @@ from drivers.api import HeadPose, Image
 from perception.api import Frame
 
 TURN_ANGLE = radians(8)
-"""Angle in radians by which a trial turns the head."""
+"""Angle in radians by which a head trial turns the head."""
 
 TRIAL_POSES = (
     ("ahead", HeadPose(0.0, 0.0)),
@@ -48,7 +48,8 @@ class TryHead(Leaf):
     drives = frozenset({"head"})
     senses = frozenset()
     still_times: dict[str, tuple[float, float]]
-    """Start and end of the time at rest in each pose, by the name of the pose (s on the run's clock)."""
+    """Start and end of the time in which the head was at rest in each pose, by the name of the pose (s, run's clock).
+    """
     _index = 0
     _arrival: ArrivalDetector
     _started_at = 0.0

@@ -22,7 +22,10 @@ MIN_RESPONSE = 0.06
 """Minimum share of the energy in the peak of the phase correlation for a credible shift."""
 
 MIN_CORRELATION = 0.4
-"""Minimum correlation of two aligned pictures at which the whole scene, not only a person in it, has shifted."""
+"""Minimum correlation of two aligned pictures at which the shift is that of the whole scene.
+
+With a lower correlation, only a person in the scene may have moved.
+"""
 
 MAX_CONTRAST = 10.0
 """Maximum difference of a pixel from the brightness around it, in grey levels; larger ones are reduced to it.
@@ -73,7 +76,10 @@ def judge_head(pictures: PictureLookup, field_of_view: float) -> Iterator[Findin
 
 
 def _judge_axis(pictures: PictureLookup, poses: tuple[str, str, str], expected: float, *, vertical: bool) -> Finding:
-    """Return the finding on an axis of a head, by its turn and return; ``vertical`` for the tilt axis."""
+    """Return the finding on an axis of a head, by the pictures before its turn, after it, and after the return.
+
+    ``expected`` is the expected shift in pixels. ``vertical`` is True for the tilt axis.
+    """
     name = "tilt" if vertical else "pan"
     before, turned, after = (pictures(pose) for pose in poses)
     if before is None or turned is None or after is None:
@@ -127,7 +133,7 @@ def overlap_correlation(one: Image, other: Image, moved: Shift) -> float:
 
 
 def _limit_contrast(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
-    """Return a picture in which a high-contrast person counts no more than the room."""
+    """Return a picture with limited contrast, so that a person with high contrast counts no more than the room."""
     return np.clip(_remove_brightness(image), -MAX_CONTRAST, MAX_CONTRAST)
 
 

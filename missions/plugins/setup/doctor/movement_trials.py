@@ -34,7 +34,7 @@ TRAVEL = math.radians(4.0)
 """Angle in radians by which a trial moves a joint."""
 
 DURATION = 2.0
-"""Seconds for the way of a joint back and forth in a trial."""
+"""Duration in seconds of a joint's movement back and forth in a trial."""
 
 SETTLING_TIME = 0.5
 """Seconds after a joint's movement until its last measurements have arrived."""

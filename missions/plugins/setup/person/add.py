@@ -192,7 +192,7 @@ TOO_SOON = "too soon after the last picture"
 SAME_PICTURE = "identical to an earlier picture: is the camera frozen?"
 
 MAX_LIKENESS = 0.88
-"""Likeness of two face pictures from which on they are too similar.
+"""Likeness of two pictures of a face from which on they are too similar to store both.
 
 Consecutive frames of a person who holds still had 0.8 to 0.98, frames 0.8 s apart 0.58 to 0.89, and pictures of one
 person that were taken to differ 0.58 to 0.83.
@@ -219,11 +219,11 @@ class PortraitCollector:
 
     @property
     def instruction(self) -> str:
-        """Instruction for the next picture."""
+        """Instruction to the person for the next picture, such as to turn the head a little."""
         return INSTRUCTIONS[min(len(self.portraits) * len(INSTRUCTIONS) // self._count, len(INSTRUCTIONS) - 1)]
 
     def offer(self, image: Image, stamp: float) -> str:
-        """Take the picture of time ``stamp`` (s) and return an empty text, or return the reason of its refusal.
+        """Take the picture of time ``stamp`` (s) if it is good enough; return the reason if it is not, else "".
 
         Raises ValueError for an invalid picture.
         """

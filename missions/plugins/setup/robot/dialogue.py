@@ -38,12 +38,12 @@ class Dialogue:
 
     @property
     def has_answers(self) -> bool:
-        """Whether there are answers, saved or new."""
+        """Whether the dialogue has any answers, saved before or given now."""
         return bool(self._answers)
 
     @property
     def is_saved(self) -> bool:
-        """Whether there are answers, and all are saved."""
+        """Whether the dialogue has answers, and all of them are saved in its file."""
         return self.has_answers and not self._save_failed
 
     def print(self, *lines: str) -> None:
@@ -52,7 +52,7 @@ class Dialogue:
             click.echo(line)
 
     def has_answer(self, key: str) -> bool:
-        """Return whether there is an answer for a key, saved or new."""
+        """Return whether the question with this key has an answer, saved before or given now."""
         return key in self._answers
 
     def ask_text(
@@ -109,11 +109,14 @@ class Dialogue:
         return words[self.ask_text(key, f"{question} [{shown}]", "", check).lower()]
 
     def ask_irreversible(self, question: str) -> bool:
-        """Return whether the user agrees to an irreversible action: no by default, never saved."""
+        """Return whether the user agrees to an irreversible action; by default no. The answer is never saved."""
         return not self.yes and self._prompt(f"{question} [y/N]", "").lower() in {"y", "yes"}
 
     def ask_consent(self, key: str, question: str) -> bool:
-        """Return whether the user agrees that something may move or fall: no by default. Only a no is saved."""
+        """Return whether the user agrees that something may move or fall.
+
+        The default is no. Only the answer no is saved, so that a yes is not assumed the next time.
+        """
         if self.has_answer(key):
             return False
         agreed = self.ask_irreversible(question)
@@ -144,7 +147,7 @@ class Dialogue:
         look()
 
     def save_answer(self, key: str, answer: Any) -> None:
-        """Save an answer atomically; if that fails, keep it for this dialogue."""
+        """Save an answer under its key atomically; if the file cannot be written, keep it for this dialogue."""
         self._answers[key] = answer
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)

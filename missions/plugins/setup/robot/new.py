@@ -49,7 +49,7 @@ FIRST_MISSIONS: Sequence[tuple[str, Mapping[str, str]]] = (
 
 
 def suggest_mission(config: RobotConfig) -> str:
-    """Return a mission that the robot can run, with its options as typed; empty if it can run no ``FIRST_MISSIONS``."""
+    """Return a mission that the robot can run, with its options as typed; empty if no ``FIRST_MISSIONS`` can run."""
     for mission, params in FIRST_MISSIONS:
         with suppress(InvalidFileError, UnknownNameError):
             load_mission(mission, params=params, robot=target_of(config))
@@ -243,7 +243,10 @@ def _ask_servos(talk: Dialogue, machine: HostMachine, arm: str, part: RobotPart,
 def _try_parts(
     talk: Dialogue, machine: HostMachine, parts: Mapping[str, RobotPart], config: RobotConfig, extra_timeout: float
 ) -> None:
-    """Find limits, directions and trims by moving the parts. Failures are printed and skipped."""
+    """Find limits, directions and trims of a new robot's parts by moving them.
+
+    If that fails for a part, the error is printed, and the part is skipped.
+    """
     paths = {kind: str(machine.local_path(part.port.path)) for kind, part in parts.items() if part.port is not None}
     try:
         for name, part in parts.items():

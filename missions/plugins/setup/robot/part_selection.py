@@ -29,7 +29,7 @@ from missions.plugins.setup.robot.parts import RobotPart
 NONE = "none"
 
 RobotParts = dict[str, RobotPart]
-"""Parts of the new robot by name, which is the part's kind or a name of its own."""
+"""Parts of the new robot by name; the name of the first part of a kind is the kind, such as "camera"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class ReferenceRobot:
         return self.arm is None or self.arm.at_end == "hold"
 
     def matches(self, device: ProbedDevice) -> bool:
-        """Return whether the robot's arm has the servos of a probed device, by ID and model."""
+        """Return whether the robot's arm has the same servos as a probed device: their IDs and models are equal."""
         units = {number: model for number, model, _ in device.units}
         alike = all(model in ("?", self.servos[number]) for number, model in units.items() if number in self.servos)
         return alike and units.keys() == self.servos.keys()
@@ -112,7 +112,7 @@ def _end_note(reference: ReferenceRobot) -> str:
 
 
 GENTLE_TORQUE = "50 %"
-"""Maximum torque of the joints of an arm that the user has not confirmed."""
+"""Maximum torque of the joints of an arm that was only assumed, and that the user has not confirmed."""
 
 
 def _with_gentle_torque(reference: ReferenceRobot) -> ReferenceRobot:
@@ -142,7 +142,11 @@ def _load_reference(name: str) -> ReferenceRobot | None:
 
 
 def _likeness(devices: Sequence[ProbedDevice], reference: ReferenceRobot) -> float:
-    """Return how many connected devices a robot has; servos count if IDs and models are equal."""
+    """Return a score for how well the ``reference`` robot matches the connected devices.
+
+    Each device that the robot has counts 1. A servo bus counts 2 more if its servos have the same IDs and models, else
+    1 less.
+    """
     score = 0.0
     for each in devices:
         if reference.drivers.get(each.driver.kind) == each.driver:
@@ -175,7 +179,10 @@ def choose_parts(
 def _choose_probed_parts(
     talk: Dialogue, parts: RobotParts, kind: str, devices: Sequence[ProbedDevice], reference: ReferenceRobot | None
 ) -> None:
-    """Ask about the probed devices of a kind: which one to use, and the name of each further one."""
+    """Ask which probed device is the robot's part of this ``kind``, and for a name of each further one.
+
+    The parts are added to ``parts``.
+    """
     chosen = _choose_device(talk, kind, devices, reference)
     if chosen is None:
         return

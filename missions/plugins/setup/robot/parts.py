@@ -27,7 +27,7 @@ MAX_COMMENT_LENGTH = 70
 
 
 def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mapping[str, Any]]]) -> str:
-    """Return the text of a robot file with ``parts``: driver and section of each by its name."""
+    """Return the text of a robot file; ``parts`` has the driver and the section of each part by its name."""
     lines = [
         "# Written by `mission robot new`, to be changed as you like; docs/robot_files.md has every key.",
         f"robot: {_quote_if_needed(name)}",
@@ -99,7 +99,7 @@ def udev_rules(robot: str, ports: Mapping[str, SerialPortInfo]) -> str:
 
 
 ONE_LINE_FORMS = {"text", "choice", "flag", "number", "integer", "quantity", "span", "vector"}
-"""Forms of robot file keys whose values fit on one line."""
+"""Forms of keys in a robot file, such as a number, whose values fit on one line."""
 
 SEPARATE_KEYS = {"port", "baud", "joints", "groups", "source"}
 """Keys of a part's section whose values the dialogue asks for in other questions."""

@@ -194,7 +194,10 @@ def find_limits(
 
 
 def _watch_joints(talk: Dialogue, bus: ServoBus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
-    """Switch torque off after identifying each servo, and track the range of each until Enter."""
+    """Switch the torque of an arm off, and return the range (steps) in which each joint is moved until Enter.
+
+    Each servo is identified before its torque goes off.
+    """
     turned = []
     for joint in joints.values():
         require_unique_id(bus, joint.address, joint.model.number)
@@ -282,7 +285,10 @@ def _calibrated_registers(
 
 
 def _read_registers(talk: Dialogue, part: RobotPart, path: str, extra_timeout: float) -> dict[str, list[int]]:
-    """Return the calibration registers of all servos of a known model, by ID; empty if one does not reply."""
+    """Return the calibration registers of the arm's servos by ID; empty if one of them does not reply.
+
+    Servos of an unknown model are left out.
+    """
     found = {}
     try:
         with open_servo_bus(path, int(part.section.get("baud", 1_000_000)), extra_timeout) as bus:

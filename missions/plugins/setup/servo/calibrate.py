@@ -115,7 +115,7 @@ def calibrate(
 def _watch_joints(
     bench: OpenBus, joints: Sequence[Joint], *, zero: bool, seconds: float | None, yes: bool
 ) -> list[JointTravel]:
-    """Switch the torque of joints off, track their travel until the user ends it, and return it."""
+    """Switch the torque of joints off, and measure the range of each until the user ends it; return the ranges."""
     make_limp(bench, joints, yes=yes)
     travels = [_start_travel(bench, joint, zero=zero) for joint in joints]
     names = ", ".join(each.joint.name for each in travels)

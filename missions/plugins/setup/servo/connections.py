@@ -38,7 +38,7 @@ from missions.control.holders import hold_robot
 from missions.plugins.setup.servo.target import DEFAULT_ARM, ServoTarget
 
 REPLY_TIMEOUT = 0.004
-"""Maximum extra delay of a servo's reply in seconds."""
+"""Maximum seconds by which a servo's reply may be later than expected."""
 
 DEFAULT_BAUD = 1_000_000
 """Baud rate of a servo bus if no robot file is named."""
@@ -48,7 +48,7 @@ POLL_INTERVAL = 0.02
 
 
 _ID = re.compile("[0-9]{1,3}")
-"""Pattern of a servo ID in digits."""
+"""Pattern of a servo ID as text: one to three digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,10 @@ class OpenArm:
     simulated: bool = False
 
     def wait_for_reports(self, names: Collection[str]) -> None:
-        """Wait until joints report. Raises DeviceFault after ``REPORT_TIMEOUT`` s, with the reason."""
+        """Wait until the joints ``names`` have reported.
+
+        Raises DeviceFault with the reason after ``REPORT_TIMEOUT`` s.
+        """
         begun = self.clock.now()
         while silent := [name for name, it in self.joints.states().items() if name in names and not it.good]:
             health = self.joints.health()
@@ -305,7 +308,7 @@ def require_terminal(seconds: float | None) -> None:
 hold_option = click.option(
     "--yes", is_flag=True, help="Do not wait for Enter before the torque goes off: a person holds the arm already."
 )
-"""Adds ``--yes`` to a command that switches torque off."""
+"""Decorator that adds ``--yes`` to a command that switches torque off."""
 
 
 def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: bool) -> None:
@@ -320,7 +323,10 @@ def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: b
 
 
 def confirm_weak(names: Collection[str], *, simulated: bool, yes: bool) -> None:
-    """Wait until the user holds the arm, whose joints will hold with less force; options as in ``confirm_limp``."""
+    """Wait until the user holds the arm, whose joints will hold with less force.
+
+    ``simulated`` and ``yes`` have the same meaning as in ``confirm_limp``.
+    """
     if yes or simulated or not names:
         return
     _confirm_held(f"{', '.join(names)} will hold with less force: hold the arm, it may fall", stiff=True)

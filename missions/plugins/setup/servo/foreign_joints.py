@@ -185,7 +185,7 @@ def _ticks(name: str, part: Mapping[str, Any], model: ServoModel) -> Ticks | Non
 
 
 def _lerobot(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: ServoModel) -> None:
-    """Read the motors of a LeRobot calibration; the file stays in place and is referenced."""
+    """Read the motors of a LeRobot calibration; the robot file will refer to this file, which is not copied."""
     if model.protocol != "STS":
         raise _ImportFailure(
             "an arm of Dynamixels that LeRobot calibrated is not driven here: its servos count from elsewhere"

@@ -219,7 +219,11 @@ def _confirm_doubts(found: Sequence[str], *, yes: bool) -> None:
 def _save_calibration(
     bench: OpenBus, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
 ) -> bool:
-    """Save the calibration and the servos' identity, before any servo is changed; return whether it is saved."""
+    """Save the calibration and the settings that identify its servos, before any servo is changed.
+
+    ``kept`` are the old entries of ``file``: they are saved in a backup, and stay in the file for joints that ``new``
+    lacks. Return whether all is saved.
+    """
     settings = {**calibration_origin.load_settings(file), **calibration_origin.read_settings(bench.bus, new)}
     if kept:
         save(free_backup_path(file), format_calibration(kept))
@@ -281,7 +285,7 @@ def _travel_degrees(homed: HomedServo) -> float:
 
 
 def _travel_table(found: Iterable[HomedServo], margin: float) -> str:
-    """Return a table of the travel of each joint from its middle."""
+    """Return a table of the distances to which each joint was moved from its middle."""
     rows = []
     for each in found:
         tick = each.joint.model.tick

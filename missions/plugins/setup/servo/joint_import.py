@@ -172,7 +172,7 @@ class _JointReader:
                 self._note(fields, at, f"'{at[-1]}' is left out: the {what} of a servo stays as it is")
 
     def _is_leader(self, fields: Fields) -> bool:
-        """Return whether a controller leads others, and add a note if so."""
+        """Return whether a controller only commands other controllers; if so, add a note."""
         kind, node = _controller_type(fields)
         if node is not None and kind in LEADER_TYPES:
             what = f"{fields.subject} is left out: a {quoted_value(kind)} leads other controllers, and is not a joint"

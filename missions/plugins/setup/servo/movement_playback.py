@@ -23,7 +23,7 @@ from missions.plugins.setup.servo.movement_tables import error_table, plan_playb
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 CURVE_POINTS = 400
-"""Number of points of a plotted curve."""
+"""Number of points with which a curve of a movement is plotted."""
 
 Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Curve of each joint in a movement, by joint name: its times (s) and its angles (rad)."""
@@ -123,7 +123,7 @@ def _summary(movement: Gesture, playing: KeyframeMotion, speed: float) -> str:
 
 
 def _goal_curves(playing: KeyframeMotion) -> Curves:
-    """Return the planned angles of the movement as curves."""
+    """Return the curve of planned angles of each joint in the movement."""
     times = [playing.duration * point / CURVE_POINTS for point in range(CURVE_POINTS + 1)]
     angles = [playing.at(time) for time in times]
     return {joint: (times, [each[joint] for each in angles]) for joint in playing.joints}

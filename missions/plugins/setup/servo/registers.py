@@ -37,7 +37,7 @@ DEFAULT_WATCH_RATE = "5Hz"
 """Default rate of ``--watch``."""
 
 JOINT_HEADINGS = ("joint", "id", "position", "goal", "error", "speed", "load", "volts", "degC", "torque", "")
-"""Columns of the joint table of `mission servo info`; angles in degrees."""
+"""Column headings of the joint table of `mission servo info`; angles in degrees."""
 
 _UNIT_STEP = re.compile(r"([0-9.]+) (\S+)")
 """Pattern of the unit of a register step, such as ``0.1 V``."""
@@ -177,7 +177,10 @@ def _read_joints(bus: ServoBus, joints: Iterable[Joint]) -> list[JointReport]:
 
 
 def _read_joint(bus: ServoBus, joint: Joint) -> JointReport:
-    """Return the state of a joint, from one read of all registers from the shutdown mask to the last reading."""
+    """Return the state of a joint.
+
+    One request reads all registers from the shutdown mask to the last measured value.
+    """
     table = joint.model.table
     start = table["shutdown"].address
     whole = RegisterBlock(start, max(table[name].end for name in ("present_temperature", "moving")) - start)

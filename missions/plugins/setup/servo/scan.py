@@ -17,7 +17,7 @@ from missions.plugins.setup.servo.connections import open_bus
 from missions.plugins.setup.servo.target import ServoTarget, target_options
 
 VIRTUAL_REPLY_TIMEOUT = 0.015
-"""Seconds that a virtual servo may take to reply: short, since most IDs are unused."""
+"""Maximum seconds that a virtual servo may take to reply; short, since a scan tries many unused IDs."""
 
 BAUD_RATES = (
     *(1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000),
@@ -93,7 +93,10 @@ def scan(
 
 
 def _rates_to_try(first: int, *, fixed: bool, all_bauds: bool) -> list[int]:
-    """Return the baud rates to try, each once, ``first`` first."""
+    """Return the baud rates to try in a scan, each once, beginning with ``first``.
+
+    With ``fixed``, the factory rates are left out; with ``all_bauds``, all known rates are added.
+    """
     return list(dict.fromkeys((first, *(() if fixed else FACTORY_BAUD_RATES), *(BAUD_RATES if all_bauds else ()))))
 
 
@@ -157,7 +160,7 @@ def _servo_json(servo: ScannedServo) -> str:
 def find_differences(
     all_servos: Sequence[ScannedServo], joints: Mapping[str, Joint], baud: int, *, searched_ids: Collection[int]
 ) -> list[str]:
-    """Return a line for each joint whose servo differs from the robot file."""
+    """Return a line for each joint whose servo is missing, or differs from the robot file in model or baud rate."""
     troubles = []
     for joint in joints.values():
         servos = [servo for servo in all_servos if servo.address.id == joint.spec.id]

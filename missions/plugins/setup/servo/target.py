@@ -36,7 +36,7 @@ class ServoTarget:
 
     @property
     def is_virtual(self) -> bool:
-        """Whether servos are simulated: on request, or because no hardware was named."""
+        """Whether the servos are simulated, on request or because no hardware was named."""
         return self.simulate or (self.robot is None and self.port is None)
 
     @property
@@ -92,7 +92,7 @@ def find_arm(robot: RobotConfig, name: str) -> DynamixelKeys:
 arm_option = shared_option(
     "--arm", default=DEFAULT_ARM, metavar="NAME", help="Name of the arm, if the robot has several."
 )
-"""Adds ``--arm`` to a command."""
+"""Decorator that adds ``--arm`` to a command."""
 
 
 def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callable[..., Any]:

@@ -184,7 +184,7 @@ FOXGLOVE_SCHEMAS: Mapping[str, Schema] = {
 
 
 def _percepts(about: str, /, **members: Schema) -> Schema:
-    """Return the schema of a list of tracked percepts, with the common fields and ``members``."""
+    """Return the schema of a list of tracked percepts: the fields that all percepts have, and those in ``members``."""
     return array(about, open_object("", **_PERCEPT, **members))
 
 
