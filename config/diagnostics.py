@@ -273,7 +273,7 @@ KEY_SYNONYMS: Mapping[str, str] = {
     "cases": "scenarios",
     "behaviours": "behaviors leaves plugins",
 }
-"""Our keys, each with the names that other programs use for it. It is suggested only where our key is missing."""
+"""Our keys, each with the names that other programs use for it. A key that the section has already is not suggested."""
 
 
 def to_snake_case(word: str) -> str:
@@ -283,7 +283,7 @@ def to_snake_case(word: str) -> str:
 
 
 def own_words_for(word: str, table: Mapping[str, str], known: Iterable[str]) -> list[str]:
-    """Return our names for ``word``: those of ``known`` for which the table has it, in the table's order."""
+    """Return our names for ``word``: the ``known`` names that have it as a synonym in ``table``, in its order."""
     known, word = set(known), to_snake_case(word)
     return [ours for ours, theirs in table.items() if key_of(ours) in known and word in theirs.split()]
 

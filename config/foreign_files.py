@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from config.file_io import open_regular, read_regular
 
 MAX_HEAD_BYTES = 65_536
-"""Number of bytes by which a file is recognised, except JSON."""
+"""Number of bytes at the start of a file by which it is recognised. JSON files are read completely."""
 
 MAX_JSON_BYTES = 20_000_000
 
@@ -118,9 +118,10 @@ def recognise_file(path: Path) -> ForeignFile | None:
 
 
 def read_plain_data(path: Path, beginning: str = "") -> Any:
-    """Return the data of a JSON or YAML file as plain Python values, or None.
+    """Return the data of a JSON or YAML file as plain Python values, or None if it is neither.
 
-    Of JSON lines, the first line is returned.
+    Of a file of JSON lines, only the first line is returned, under the key `_lines`. ``beginning`` is the beginning of
+    the text, if it is known.
     """
     try:
         if (beginning or "{").lstrip().startswith(("{", "[")):

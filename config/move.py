@@ -20,7 +20,10 @@ POINTS_ERROR = "'{}' needs three points, such as [shoulder, elbow, wrist]"
 
 @dataclass(frozen=True, slots=True)
 class JointSource:
-    """Columns that give a joint's angle: one ``column``, or three ``points``; times ``sign``, plus ``offset``."""
+    """Columns that give a joint's angle: one ``column``, or three ``points``.
+
+    The value is multiplied by ``sign``, and ``offset`` is added.
+    """
 
     column: str = ""
     points: tuple[str, str, str] | None = None

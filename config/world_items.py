@@ -212,7 +212,7 @@ ANY_PHRASE = "anything"
 """Value of ``hears`` that matches any phrase of the robot."""
 
 REACTION_TIME = 0.6
-"""Default seconds from a phrase to the person's reaction."""
+"""Default time in seconds from a phrase of the robot to a person's reaction."""
 
 EARSHOT = 4.0
 """Default distance in metres within which people hear the robot."""

@@ -36,7 +36,7 @@ UNLOGGED_COMMANDS = frozenset(
 )
 """Commands that are not logged: they change nothing, or come 20 times a second.
 
-The log shows who drives by the commands `take` and `give`.
+The commands `take` and `give`, which are logged, show who drives.
 """
 
 BURST_LINES, REFILL_RATE = 20.0, 0.1

@@ -23,7 +23,10 @@ TOKEN, PROOF = "token", "proof"
 PAGE, SOCKET = "/", "/ws"
 
 MEDIA_TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
-"""Media types of the page's files, the only ones served. The cookie alone opens them: they hold no secrets."""
+"""Media types of the files of the studio's page, by suffix. No files with other suffixes are served.
+
+The cookie alone opens these files, without a proof, since they hold no secrets.
+"""
 
 CONTENT_POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
@@ -90,7 +93,10 @@ class AuthGate:
         return None
 
     def _check_token(self, scope: Scope) -> Response | None:
-        """Authenticate a request and write its role into ``scope``; return an answer if it is refused or redirected."""
+        """Authenticate a request and write its role into ``scope``.
+
+        Return an answer if the request is refused or redirected, else None.
+        """
         headers = Headers(scope=scope)
         query = parse_qs(scope["query_string"].decode("latin-1"), keep_blank_values=True)
         kind, _, bearer = headers.get("authorization", "").partition(" ")
@@ -109,7 +115,7 @@ class AuthGate:
         return None
 
     def _check_cookie(self, scope: Scope, headers: Headers, query: dict[str, list[str]]) -> Response | None:
-        """Authenticate a request without a token by its cookie and proof, like ``_check_token``."""
+        """Authenticate a request without a token by its cookie and its proof; return as ``_check_token``."""
         path, proof = scope["path"], query.get(PROOF, [""])[0]
         sign_ins = self._sign_ins(headers)
         opened = SOCKET if path == PAGE else path
@@ -126,9 +132,10 @@ class AuthGate:
         return None
 
     def _redirect_signed_in(self, scope: Scope, query: dict[str, list[str]], role: Role) -> Response:
-        """Return a redirection to a link with a proof instead of the token, which so is not in the browser's history.
+        """Return a redirection to a link that has a proof instead of the token.
 
-        The response also sets the cookie of the sign-in, if the browser has none of this role.
+        So the token does not stay in the browser's history. The response also sets the cookie of the sign-in, if the
+        browser has none of this role.
         """
         headers = Headers(scope=scope)
         value = ""
@@ -146,7 +153,7 @@ class AuthGate:
         return response
 
     def _sign_ins(self, headers: Headers) -> list[SignIn]:
-        """Return the sign-ins of the cookies sent; a server on another port may have added cookies."""
+        """Return the sign-ins of the cookies that the browser sent, without cookies that the studio does not know."""
         values = _cookie_values(headers.get("cookie", ""), _cookie_name(headers))
         return [found for value in values if (found := self._access.by_cookie(value)) is not None]
 
@@ -207,7 +214,7 @@ def _cookie_values(header: str, name: str) -> Iterator[str]:
 
 
 def _add_headers(send: Send, more: Mapping[str, str]) -> Send:
-    """Return a ``send`` that adds headers to each answer."""
+    """Return a function in place of ``send`` that adds the headers ``more`` to each response."""
 
     async def sent(message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):

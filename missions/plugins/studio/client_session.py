@@ -115,7 +115,10 @@ class ClientSession:
             self._serve_task.cancel()
 
     def send_runs(self, runs: RunsMessage) -> None:
-        """Send the list of runs as soon as the client can receive it; of several lists, only the newest."""
+        """Send the list of runs as soon as the client can receive it.
+
+        If several lists wait, only the newest is sent.
+        """
         self._runs = runs
         self._has_news.set()
 
@@ -231,7 +234,7 @@ class ClientSession:
     # --- what goes to and comes from runs -----------------------------------------------------------------------------
 
     async def _relay(self) -> None:
-        """Forward commands to their runs, in order."""
+        """Forward the client's queued commands to their runs, in order."""
         while True:
             command = await self._run_commands.get()
             outcome = "ok"

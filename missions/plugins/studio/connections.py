@@ -83,7 +83,7 @@ COUNT_INTERVAL = 0.1
 """Minimum time in seconds between two counts of this process's descriptors."""
 
 RETRY_INTERVAL = 0.1
-"""Seconds without accepting after the process had no descriptor left."""
+"""Seconds for which no connection is accepted after the process has run out of file descriptors."""
 
 
 class AuthLevel(IntEnum):

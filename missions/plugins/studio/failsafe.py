@@ -27,4 +27,4 @@ def answer_failsafe(command: ClientCommand) -> Json:
 
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"failsafe": answer_failsafe}
-"""Handler of the command `failsafe`, by its word."""
+"""Handlers of commands, by the command's word: here only `failsafe`."""

@@ -172,7 +172,7 @@ def _own_files(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mappi
 
 
 def check_name(kind: str, name: str) -> str:
-    """Return a name if the library has it. Raises BadMessage."""
+    """Return ``name`` if it is the name of a file of this kind that the studio can use. Raises BadMessage otherwise."""
     if name in files_by_name(kind) or (
         kind == "missions" and name in {full.rpartition("/")[2] for full in files_by_name(kind)}
     ):
@@ -211,7 +211,7 @@ def answer_library(command: ClientCommand) -> Json:
 
 
 def _option_json(option: Option) -> Json:
-    """Return an option as a form field; an infinite default becomes none."""
+    """Return an option as a form field. An infinite default becomes None, since JSON has no infinity."""
     default = None if option.default == inf else option.default
     bounds = {"low": option.low, "high": option.high}
     return {"help": option.help, "default": default, "among": list(option.among), **bounds}
@@ -326,7 +326,7 @@ def _list_entry(kind: str, name: str, path: Path, edition: str, clock: Clock) ->
 
 
 _entries: dict[tuple[str, str, Path, str], Json] = {}
-"""Cache of entries by kind, name, file and the edition of the files on which they depend."""
+"""Cache of list entries, by kind, name, file, and the edition of the files on which an entry depends."""
 
 
 def _mission_entry(name: str, path: Path, edition: str) -> Json:
@@ -359,7 +359,7 @@ def _base_entry(kind: str, name: str, path: Path, edition: str) -> Json:
 
 
 def _depths(box: TreeBox, depth: int = 0) -> Iterator[int]:
-    """Yield the depth of each node, in the order of the file."""
+    """Yield the depth of each node of a drawn tree, in the order of the file; ``depth`` is that of its root."""
     yield depth
     for child in box.children:
         yield from _depths(child, depth + 1)

@@ -77,11 +77,11 @@ def answer_moment(command: ClientCommand) -> Json:
 
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {"moment": answer_moment}
-"""Handler of the command `moment`, by its word."""
+"""Handlers of commands, by the command's word: here only `moment`."""
 
 
 def _parts(now: Mapping[str, Any]) -> list[Json]:
-    """Return the state of the parts in a message of the robot's state."""
+    """Return the state of each part of the robot; ``now`` has the last message of each topic."""
     devices = now.get("/state/devices", {"devices": {}})["devices"]
     found: list[Json] = []
     for part in dict.fromkeys((*devices, *(part for part in PART_FIGURES if f"/state/{part}" in now))):
@@ -98,7 +98,7 @@ def _parts(now: Mapping[str, Any]) -> list[Json]:
 
 
 def _joints(now: Mapping[str, Any]) -> Json:
-    """Return the state of the joints in a message of the robot's state."""
+    """Return the state of the joints; ``now`` has the last message of each topic."""
     joints = now.get("/state/arm", {"joints": {}})["joints"]
     found = {name: [each.get(field) for field in ("position", "load", "temperature")] for name, each in joints.items()}
     return {name: each for name, each in found.items() if all(isinstance(value, int | float) for value in each)}

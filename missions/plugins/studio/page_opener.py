@@ -1,4 +1,7 @@
-"""Opens the page in this user's browser, by a private file that redirects: command lines are visible to others."""
+"""Opens the studio's page in this user's browser, by a private file that redirects to the link with a token.
+
+The link itself is not on the browser's command line, since other users of the computer could read it there.
+"""
 
 import os
 import webbrowser

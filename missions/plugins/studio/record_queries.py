@@ -160,7 +160,7 @@ class _RecordPieces:
 
 
 def pose_in(message: Mapping[str, Any]) -> list[list[float]]:
-    """Return the base's time and pose in a message, as a list of one point; empty if it has none."""
+    """Return the time (s) and the pose of the base in a message as ``[[t, x, y, heading]]``; empty if unknown."""
     found = [message[name] for name in ("t", "x", "y", "heading")]
     known = message["quality"] == "good" and all(
         isinstance(each, int | float) and abs(each) < MAX_SECONDS for each in found

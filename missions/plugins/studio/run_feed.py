@@ -26,16 +26,16 @@ OnLine = Callable[[bytes], Awaitable[None]]
 
 
 async def ignore_line(line: bytes) -> None:
-    """Ignore a line."""
+    """Do nothing: the default callback for lines of a run."""
     del line
 
 
 def ignore_end() -> None:
-    """Ignore the end of a connection."""
+    """Do nothing: the default callback for the end of a connection."""
 
 
 class AsyncRunLink:
-    """Connection to the control socket of a run, made by ``open``. ``about`` is the run's first message.
+    """Connection to the control socket of a run, made by ``open``. ``about`` is the run's first message, about itself.
 
     ``on_closed`` is called after the last line, when the connection ends, unless ``close`` ended it.
     """
@@ -241,7 +241,7 @@ class FeedClient(ClientQueue):
 
 
 class RunFeed:
-    """Feed of a ``run`` to all clients that watch it, over one connection that is open while there are any."""
+    """Feed of a ``run`` to all clients that watch it, over one connection, which is closed when no client watches."""
 
     def __init__(self, run: str, connect: Connect, clock: Clock | None = None) -> None:
         self.run, self._connect, self._clock = run, connect, clock or SystemClock()
@@ -260,7 +260,7 @@ class RunFeed:
         return self._line[1] if self._line[0] is state else encode_json(state)
 
     async def watch(self, client: FeedClient, command: WatchCommand) -> None:
-        """Begin to send a client the topics it requests, first a complete state. Raises BadMessage."""
+        """Begin to send a client the topics in ``command``, after a complete state of the run. Raises BadMessage."""
         async with self._request_lock:
             self._next_scene = client, command
             try:
@@ -353,7 +353,10 @@ class RunFeed:
             self._end(line)
 
     def _rename_run(self, line: bytes) -> bytes:
-        """Return a line with the studio's name of the run, which differs if two runs have the same name."""
+        """Return a line of the run with the name that the studio gives the run.
+
+        This name differs from the run's own if two runs have the same name.
+        """
         own = "" if self._link is None else str(self._link.about.get("run", self.run))
         if own in ("", self.run):
             return line
@@ -381,7 +384,7 @@ class RunFeed:
 
 
 def merge_watches(watches: Sequence[WatchCommand]) -> WatchCommand:
-    """Return one request that covers all requests."""
+    """Return one command that requests from a run all topics that any of ``watches`` requests."""
     return WatchCommand(
         state=any(each.state for each in watches),
         events=any(each.events for each in watches),

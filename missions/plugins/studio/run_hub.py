@@ -169,7 +169,7 @@ class RunHub:
     async def _stamp_shared(self) -> str:
         """Store the time of a stop with ``stamp_stop``; return its warning, empty on success.
 
-        Concurrent calls share one.
+        Concurrent calls share one time stamp.
         """
         if self._next_stamp is None:
             self._next_stamp = asyncio.ensure_future(self._stamp_next())
@@ -214,8 +214,8 @@ class RunHub:
     async def _stop(self, link: AsyncRunLink, by: str, press: str) -> Mapping[str, object]:
         """Stop one run; return its answer. Calls that arrive during a stop share the next one.
 
-        So many calls do not fill the connection. But each press of STOP (``press``) is sent by itself: otherwise the
-        release of one press could also release a later one.
+        This keeps many calls from filling the connection. But each press of STOP (``press``) is sent by itself, since
+        otherwise the release of one press could also release a later one.
         """
         if link not in self._next_stops:
             presses = [press]
@@ -257,7 +257,7 @@ class RunHub:
         del self._stopping[key]
 
     def about_run(self, run: str) -> Mapping[str, object]:
-        """Return the status of a run. Raises BadMessage if there is no such run."""
+        """Return the status of a run, as in its first message. Raises BadMessage if there is no such run."""
         if run not in self._links:
             known = ", ".join(self._links) or "none"
             raise BadMessage("no_such_run", f"there is no run '{run}' (there is: {known})")

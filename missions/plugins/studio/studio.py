@@ -159,7 +159,7 @@ class FleetConnection:
         self._has_discovered = False
 
     async def run_command(self, command: ClientCommand, by: str) -> Json:
-        """Run a command of the fleet. Raises BadMessage("no_fleet")."""
+        """Run a command of the fleet for the person ``by``. Raises BadMessage("no_fleet") without a fleet file."""
         match command:
             case FleetQuery():
                 return await self._run_in_thread(self._list)
@@ -197,7 +197,7 @@ class FleetConnection:
                 return self._operator
 
     def _list(self, operator: Operator) -> Json:
-        """Return the robots of the fleet. The first call waits for discovery, without delaying a stop of others."""
+        """Return the robots of the fleet. The first call waits until the robots are discovered."""
         met, self._has_discovered = self._has_discovered, True
         if not met:
             operator.discover()
@@ -245,12 +245,15 @@ MAX_KEPT_PRESSES = 256
 
 
 class StudioClient(Protocol):
-    """Client that is connected to the studio, as its session."""
+    """Client that is connected to the studio, such as a ClientSession."""
 
     name: str
 
     def send_runs(self, runs: RunsMessage) -> None:
-        """Send the list of runs as soon as possible, only the newest; returns at once."""
+        """Send the list of runs as soon as possible, without waiting for it.
+
+        If several lists wait, only the newest is sent.
+        """
         ...
 
     def disconnect(self) -> None:
@@ -299,7 +302,7 @@ class Studio:
 
     @contextmanager
     def register(self, client: StudioClient) -> Iterator[None]:
-        """Send a client the list of runs, and its changes, inside the context."""
+        """Send a client the list of runs, now and after each change, while the context is entered."""
         self._clients.add(client)
         try:
             yield

@@ -14,7 +14,7 @@ from missions.request import RunRequest
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello(ClientCommand):
-    """First command of a connection; later, a ping. The page reloads if its version differs."""
+    """First command of a connection; later, a ping. The page reloads if its version differs from that of the studio."""
 
     word: ClassVar[str] = "hello"
     role: ClassVar[Role] = "viewer"

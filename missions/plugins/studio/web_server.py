@@ -200,7 +200,7 @@ class StudioAddress:
         return "http" if self.certificate is None else "https"
 
     def link(self, token: str, port: int | None = None) -> str:
-        """Return the link that signs in with ``token``; ``port`` replaces the configured port if it was in use."""
+        """Return the link that signs in with ``token``; ``port`` replaces the configured port if it is given."""
         host = local_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - compared, not bound
         named = f"[{host}]" if ":" in host else host
         return f"{self.scheme}://{named}:{port or self.port}/?token={token}"

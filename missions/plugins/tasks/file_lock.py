@@ -12,14 +12,14 @@ from drivers.clock import Clock, SystemClock
 from missions.plugins.tasks.task import TaskError
 
 LOCK_TIMEOUT = 1.0
-"""Seconds to try for a lock; a check by ``is_locked`` holds it for a moment."""
+"""Seconds to try to take a lock, since a check by ``is_locked`` holds it for a moment."""
 
 RETRY_INTERVAL = 0.02
 """Seconds between two tries to take a lock."""
 
 
 class LockHeldError(TaskError):
-    """Another program holds the lock."""
+    """Error: another program holds the lock."""
 
 
 def server_lock(folder: Path) -> Path:

@@ -59,7 +59,7 @@ class DeliverySchedule:
         return [letter for letter in found if letter is not None]
 
     def on_delivered(self, queued: QueuedNotice) -> None:
-        """Store that a notice was delivered."""
+        """Store in the outbox that a notice was delivered; its channel then has no failures."""
         self._outbox.mark_delivered(queued, self._now())
         state = self._state(queued.channel)
         if state.failures:
@@ -117,15 +117,15 @@ class AbortableChannel(Protocol):
     """Channel whose delivery must be aborted when the sender ends, since it has started a program."""
 
     def abort(self) -> None:
-        """Abort the delivery that is going on: its call raises an exception. Thread-safe."""
+        """Abort the running delivery: the call of the channel then raises an exception. Thread-safe."""
         ...
 
 
 class NoticeSender:
-    """Delivers the notices of the queue at ``path`` while it is entered; at its end it tries all due ones once more.
+    """Delivers the notices of the queue at ``path`` while the context is entered.
 
     ``channel_of`` makes a channel from its encoding. ``now`` returns Unix time, ``report`` prints a text for people.
-    The end takes at most ``flush_timeout`` seconds.
+    The end takes at most ``flush_timeout`` seconds, in which all due notices are tried once more.
     """
 
     def __init__(
@@ -213,7 +213,7 @@ class NoticeSender:
             del self._finished[0], self._attempts[trial.queued.channel]
 
     def _wait_for_event(self, seconds: float) -> bool:
-        """Wait for a finished attempt or a request for at most ``seconds``; return whether one came."""
+        """Wait for a finished attempt or a call of ``flush``, at most ``seconds``; return whether there was one."""
         try:
             event = self._events.get(timeout=seconds)
         except Empty:

@@ -17,7 +17,7 @@ WAITING = "delivered IS NULL AND next < 9e999"
 class QueuedNotice:
     """A notice for one channel, with ``tries`` failed tries and the ``last_error``. Times are Unix times.
 
-    A ``given_up`` one is not tried again.
+    A notice that is ``given_up`` is not tried again.
     """
 
     id: int

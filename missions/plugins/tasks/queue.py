@@ -293,7 +293,7 @@ class TaskQueue:
             return Claim(self.task(task.id), attempt or 0)
 
     def has_pausing_task(self, now: float) -> bool:
-        """Return whether a due task waits for its next attempt."""
+        """Return whether a due task waits for the end of the pause before its next attempt."""
         sql = f"SELECT 1 FROM task WHERE state = 'waiting' AND due <= ?1 AND NOT {_READY} LIMIT 1"  # noqa: S608 - ours
         return self._execute(sql, now, RETRY_INTERVAL).fetchone() is not None
 

@@ -174,7 +174,7 @@ class _Termination:
         self.killed = ""
 
     def advance(self) -> None:
-        """Send the signal that is due."""
+        """Send SIGTERM at the first call; later send SIGKILL if the process has not ended after ``grace`` seconds."""
         if not self.begun:
             self.begun = True
             self._process.terminate()

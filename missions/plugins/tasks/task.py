@@ -69,10 +69,10 @@ def is_due(not_before: float, now: float, pause: float) -> bool:
 class NewTask:
     """A task to add: a mission with its params as texts, and its time. Times are Unix times in seconds.
 
-    ``robot`` is empty for the simulated default; ``options`` are further words for `mission run`. ``due`` is 0 for a
-    task that runs as soon as its turn comes. The task is missed if it has not begun ``late`` seconds after it was due
-    or added; None waits for ever. ``every`` is the text of a ``queue.Repetition``. ``channels`` are filled in by the
-    queue: where notices went when the task was added.
+    ``robot`` is empty for the simulated default; ``options`` are further arguments of `mission run`. ``due`` is 0 for a
+    task that runs as soon as the tasks before it have ended. The task is missed if it has not begun ``late`` seconds
+    after it was due or added; None waits for ever. ``every`` is the text of a ``queue.Repetition``. ``channels`` are
+    set by the queue: the notice channels of the robot file when the task was added.
     """
 
     mission: str

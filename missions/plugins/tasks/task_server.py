@@ -81,7 +81,10 @@ class TaskServer:
         self._retry_until_stored(lambda: self._queue.finish(claim, outcome, self._now()))
 
     def _retry_until_stored(self, action: Callable[[], T]) -> T | None:
-        """Call a function of the queue, retrying while the disk is full, until the server is stopped."""
+        """Return the result of ``action``, a function of the queue. While the disk is full, try again.
+
+        Return None if the server is stopped meanwhile.
+        """
         while True:
             try:
                 result = action()

@@ -117,7 +117,7 @@ SHOW_INTERVAL = 0.1
 
 
 def _parse_share(ctx: click.Context, option: click.Parameter, value: str) -> float:
-    """Convert an option value such as 30 %."""
+    """Convert an option value such as 30 % to a share (0.3). Raises click.BadParameter."""
     try:
         share = si_value(value, "share")
     except ValueError as error:

@@ -318,7 +318,7 @@ class PadDevice:
             pad.close()
 
     def _wait(self, seconds: float) -> str:
-        """Wait; return the key "end" when the device is closed."""
+        """Wait for ``seconds``; return the key "end" if the device is closed, else an empty text."""
         return "end" if self._closing.wait(seconds) else ""
 
 

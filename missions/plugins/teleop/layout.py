@@ -157,7 +157,10 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Stick:
-    """Axis of the drive stick: ``sign`` is 1 if it increases ahead or to the left; ``rest`` position, if known."""
+    """Axis of the drive stick. ``sign`` is 1 if its value increases ahead or to the left, -1 if it decreases.
+
+    ``rest`` is its rest position, None if it is unknown.
+    """
 
     code: int
     sign: int = -1

@@ -29,7 +29,7 @@ STANDSTILL_SPEED = 0.005
 
 END_VERBS = {"success": "succeeds", "failure": "fails"}
 FIXED_ENDS = {"succeed": ("success",), "fail": ("failure",)}
-"""Leaves that always end the same way; coverage does not count the nodes behind them as reachable."""
+"""Leaves that always end in the same way, with the ends that coverage expects of them."""
 
 NOTICE_VERBS = {"offline": "disconnects", "online": "reconnects", "fault": "complains"}
 

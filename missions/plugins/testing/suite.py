@@ -131,7 +131,7 @@ def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str
 
 
 def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
-    """Return a mocked mission's results by name; a mapping among them means a face."""
+    """Return the results of a mocked mission by name; a mapping as a value stands for a face."""
     found: dict[str, object] = {}
     for name, value in fields.entries():
         if name.text not in returns:

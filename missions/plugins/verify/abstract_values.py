@@ -218,7 +218,7 @@ def widen(found: object) -> object:
 def may_fail(value: Value) -> bool:
     """Return whether computing a value can raise. A conversion can, except to a truth value.
 
-    For variables, the rules are those of `mission check`. Sensor data may be missing, which is no error only for
+    For variables, the rules are those of `mission check`. Sensor data may be missing: then all operators raise except
     ``==``, ``not``, ``and`` and ``or``.
     """
     formula = value.template

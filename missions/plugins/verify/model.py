@@ -284,7 +284,10 @@ def _read_variables(step: Step, key: str, names: frozenset[str]) -> Iterator[tup
 
 
 class ScopeSnapshots:
-    """Saves and restores variables: ``variables`` of the mission itself, whose ``nodes`` were built from ``tree``."""
+    """Saves and restores the variables of a mission and its sub-missions.
+
+    ``variables`` are those of the mission itself, ``nodes`` the nodes that were built from ``tree``.
+    """
 
     def __init__(self, tree: Step, nodes: Sequence[Node], variables: Scope) -> None:
         self._nodes = nodes
@@ -293,7 +296,7 @@ class ScopeSnapshots:
         self._live_in: dict[Rows, tuple[frozenset[str] | None, ...]] = {}
 
     def take(self, rows: Rows) -> tuple[Row, ...]:
-        """Return the live variables of each scope; ``rows`` are the state of the nodes."""
+        """Return the live variables of each scope; ``rows`` is the state of the nodes at this time."""
         if rows not in self._live_in:
             self._live_in[rows] = self._live_now()
         each = zip(self._scopes, self._live_in[rows], strict=True)

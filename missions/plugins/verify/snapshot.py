@@ -160,9 +160,9 @@ def _recomputes_result(node: Node) -> bool:
 
 
 def _row_value(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
-    """Return a value as a row stores it: instants by their numbers, and counts only up to a maximum.
+    """Return a value as a row stores it: an instant by its number, a count only up to a maximum.
 
-    Counts above the maximum have the same effect as the maximum.
+    The maximum is for loops whose number of rounds is not known: larger counts have the same effect there.
     """
     if isinstance(value, Instant):
         wait = _wait_seconds(node, name)

@@ -95,7 +95,7 @@ class RuleChecker:
         return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
 
     def _partial_verdict(self, rule: str, count: int, missed: int) -> RuleVerdict:
-        """Return the verdict on a rule about each of ``count`` nodes, of which ``missed`` lack an example."""
+        """Return the verdict on a rule about ``count`` nodes; for ``missed`` of them, no run that shows it was seen."""
         return (
             RuleVerdict(rule, UNDECIDED, so_far=f"true of {count - missed} so far")
             if missed

@@ -24,7 +24,7 @@ _READ_SIZE = 1 << 16
 
 
 class Viewer:
-    """Shows a ``feed`` on the terminal behind ``keys`` and ``screen``, from ``open`` to ``close``.
+    """Shows a ``feed`` on the terminal with the descriptors ``keys`` and ``screen``, from ``open`` to ``close``.
 
     ``first_message`` is sent before all others. While ``is_showing``, the viewer owns the terminal, and other output of
     this process to it is held back. ``exit_cause`` is the reason if the view ended before ``close``.

@@ -195,7 +195,10 @@ def _progress(runs: int) -> Iterator[Callable[[Sequence[SweepRow]], None]]:
 def _report(
     sweep: SweepPlan, folder: SweepFolder, mission: str, rows: Sequence[SweepRow], summary: Summary, took: str
 ) -> None:
-    """Write a sweep's files, then print the table and draw the picture. Files first: the terminal may be closed."""
+    """Write a sweep's files, print its table, and draw the picture.
+
+    The files are written before printing, which fails if the terminal has been closed.
+    """
 
     def again(row: SweepRow) -> tuple[str, str]:
         world = folder.world_file(row.seed)

@@ -97,7 +97,7 @@ WHO: Mapping[str, frozenset[Source]] = {
     "both": frozenset({Source.MISSION, Source.TELEOP}),
     "nobody": frozenset(),
 }
-"""Sources of commands, which send until they are refused."""
+"""Choices of the sources that command the base, until their commands are refused."""
 
 WISHES: Mapping[str, Velocity] = {
     "ahead": Velocity(0.2, 0.0),
@@ -107,7 +107,7 @@ WISHES: Mapping[str, Velocity] = {
     "back": Velocity(-0.2, 0.0),
     "turn": Velocity(0.0, radians(60)),
 }
-"""Velocities that the sources command."""
+"""Choices of the velocity that the sources command."""
 
 FAULTS: Mapping[str, TimedActions] = {
     "nothing": (),
@@ -154,7 +154,10 @@ REFLEXES: Mapping[str, Mapping[str, Any]] = {
 
 @dataclass(frozen=True, slots=True)
 class FailsafeSetting:
-    """Keys of ``WHO``, ``WISHES``, ``FAULTS``, ``BATTERIES`` and ``REFLEXES``. Raises KeyError for others."""
+    """Choices of one scenario: a key of ``WHO``, ``WISHES``, ``FAULTS``, ``BATTERIES`` and ``REFLEXES`` each.
+
+    Raises KeyError for any other word.
+    """
 
     who: str = "a mission"
     wish: str = "ahead"
@@ -200,7 +203,8 @@ TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
 """Seconds between two commands of missions and of people, and from a base report to the next command."""
 
 LOOK_PHASE = 0.018
-"""Seconds from a report of the base to the moment that is recorded; by then the commands sent before have an effect."""
+"""Seconds from a report of the base until its state is recorded; commands sent after the report have an effect by then.
+"""
 
 WAITING = "waits"
 """Feedback to a source that commands an unplugged base."""

@@ -51,7 +51,7 @@ def _velocity_text(velocity: tuple[float, float]) -> str:
 
 
 def distinct_moments(moments: Sequence[ScenarioMoment]) -> Sequence[tuple[ScenarioMoment, str]]:
-    """Return the moments whose text is new, with their texts."""
+    """Return the moments whose text differs from that of the moment before, with their texts."""
     found: list[tuple[ScenarioMoment, str]] = []
     for moment in moments:
         words = describe_moment(moment)

@@ -258,7 +258,7 @@ class RecordedJoints(Spy):
 
 
 class RecordedRos2(Spy):
-    """Records the requests to ROS 2: calls, goals, places and cancellations.
+    """Records the requests to ROS 2: calls, goals, navigations and cancellations.
 
     ``goal_progress`` is the progress of every request, ``messages`` the latest message by topic, ``nav2`` whether Nav2
     exists.

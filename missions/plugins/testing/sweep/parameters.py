@@ -19,7 +19,7 @@ PUSH_WINDOW = 3.0, 7.0
 """Times in seconds between which the robot is pushed."""
 
 ApplyValue = Callable[[PlainMapping, DrawnValue, Random], None]
-"""Sets a value in the plain data of a world. ``Random`` is for further random choices. Raises ValueError."""
+"""Sets a value in the plain data of a world; ``Random`` makes further random choices of the run. Raises ValueError."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,7 +67,7 @@ Pairs = Sequence[tuple[DrawnValue, SweepRow]]
 class Bin:
     """Runs whose parameter lies in one part of its range, or has one value.
 
-    ``low`` and ``high`` are its limits on an axis: numbers, or the index of a word in its list.
+    ``low`` and ``high`` are the limits of the bin on an axis: numbers, or the index of a word in the list of values.
     """
 
     label: str
@@ -137,7 +137,7 @@ class RunTimes:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Cause of failures: the number of runs, and the first of them."""
+    """Cause of failures: the number of runs that failed for it, and the first of these runs."""
 
     text: str
     runs: int
