@@ -23,7 +23,7 @@ STYLES: Mapping[Status, str] = {
     "skipped": "fill:#f4f5f7,stroke:#56616d,color:#1d2530,stroke-dasharray:1 3",
     "failure": "fill:#fdf0e9,stroke:#b3400a,color:#1d2530,stroke-width:2px",
 }
-"""Mermaid style of each node status, with a border of its own."""
+"""Mermaid style of each node status. The borders differ too, so that pictures do not depend on colour alone."""
 
 _ENTITIES = str.maketrans({mark: f"#{ord(mark)};" for mark in '#"<>&`|\\'})
 """Characters that need escaping in Mermaid labels, with their character codes."""

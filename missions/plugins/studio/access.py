@@ -127,7 +127,10 @@ class StudioAccess:
         return bool(self._once_digest)
 
     def renew(self) -> None:
-        """Replace both tokens and drop all sign-ins. Raises OSError if the new tokens cannot be stored."""
+        """Replace the tokens of operator and viewer, and end all sign-ins.
+
+        Raises OSError if the tokens cannot be stored.
+        """
         self.operator, self.viewer = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self._once_digest, self.epoch = b"", self.epoch + 1
         self._sign_ins.clear()

@@ -1,7 +1,7 @@
 """Connections of the studio: their limits, and the choice of connections to close for newer ones.
 
-A connection counts from ``accept``, before TLS, until its descriptor is closed. A connection that has not signed in is
-closed for a newer one; a signed-in one never is.
+A connection counts towards the limits from ``accept``, before TLS, until its file descriptor is closed. To make room
+for a newer connection, only one that has not signed in is closed.
 """
 
 import asyncio
@@ -109,7 +109,7 @@ class ClientConnection:
 
     @property
     def is_open(self) -> bool:
-        """Whether the connection still has its descriptor."""
+        """Whether the connection's file descriptor is still open."""
         return self.raw_socket.fileno() >= 0
 
     def close(self) -> None:
@@ -126,7 +126,10 @@ ProtocolFactory = Callable[[ClientConnection], asyncio.Protocol]
 
 @dataclass(slots=True)
 class ConnectionAcceptor:
-    """Accepts connections, with TLS if there is an ``ssl_context``, and creates their protocols. For one event loop."""
+    """Accepts connections, with TLS if there is an ``ssl_context``, and creates an HTTP protocol for each of them.
+
+    All methods must be called on one event loop.
+    """
 
     protocol: ProtocolFactory
     ssl_context: SSLContext | None = None
@@ -216,7 +219,7 @@ class ConnectionAcceptor:
         return True
 
     def _capacity(self) -> int:
-        """Return the number of connections for which there are descriptors, without the reserve."""
+        """Return the number of connections for which there are file descriptors, without those reserved for stops."""
         now = self.clock.now()
         if now >= self._count_at:
             self._count_at = now + COUNT_INTERVAL

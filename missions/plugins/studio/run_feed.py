@@ -207,7 +207,7 @@ Connect = Callable[[OnLine, Callable[[], None]], Awaitable[AsyncRunLink]]
 """Connects to a run, given callbacks for its lines and for its end. Raises OSError, ValueError."""
 
 SCENE_TIMEOUT = 10.0
-"""Seconds within which a run must send its complete state."""
+"""Seconds within which a run must send its complete state to a client that begins to watch it."""
 
 
 class FeedClient(ClientQueue):

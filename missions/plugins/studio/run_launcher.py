@@ -225,7 +225,7 @@ def check_names(command: AddTask | StartRun) -> None:
 
 
 def _run_task_command(*words: str) -> str:
-    """Run `mission task` and return its output. Raises BadMessage with its message if it fails."""
+    """Run `mission task` with the arguments ``words``; return its output. Raises BadMessage with its error message."""
     done = subprocess.run(  # noqa: S603 - ourselves
         [sys.executable, "-m", "missions", "task", *words],
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TASK_TIMEOUT, check=False,

@@ -362,7 +362,10 @@ class Studio:
         return await self._reader.do(command)
 
     def _revoke(self, by: StudioClient) -> Mapping[str, object]:
-        """Replace both tokens and disconnect all other clients. Raises BadMessage if the new ones cannot be stored."""
+        """Replace the tokens of operator and viewer, and disconnect all clients except ``by``.
+
+        Raises BadMessage if the new tokens cannot be stored.
+        """
         try:
             self.access.renew()
         except OSError as error:

@@ -103,7 +103,10 @@ def ancestors(process: int, folder: Path = Path("/proc")) -> Iterator[str]:
 
 
 def _find_relay(programs: list[str]) -> str:
-    """Return the name of a program that answers for the terminal; empty if there is none."""
+    """Return the name of the program, such as tmux, that answers in place of the terminal; empty if there is none.
+
+    It is found by an environment variable, or among the parent ``programs``.
+    """
     found = next((name for variable, name in RELAYS.items() if os.environ.get(variable)), "")
     return found or next((each for each in RELAY_PROGRAMS if _has_program(programs, (each,))), "")
 

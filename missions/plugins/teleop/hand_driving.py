@@ -188,7 +188,7 @@ class LineDelay:
 
 
 COMMAND_INTERVAL = 0.05
-"""Seconds between two drive commands: a command expires after 0.3 s, so five may be missed."""
+"""Seconds between two drive commands. A command expires after 0.3 s, so five commands in a row may be lost."""
 
 
 def drive_by_hand(
@@ -253,7 +253,7 @@ RETRY_INTERVAL = 1.0
 class PadDevice:
     """A ``drivers.api.Device`` that reads a game pad and commands ``base``, on its own thread.
 
-    ``make_pad`` returns the pad, plugged in or not; it may be another one each time.
+    ``make_pad`` returns the pad, plugged in or not; it is called at each attempt, and may return a different pad.
     """
 
     name = "pad"
@@ -323,5 +323,5 @@ class PadDevice:
 
 
 def _discard_line(line: str) -> None:
-    """Ignore the status line: the mission shows its own."""
+    """Ignore the status line of hand driving: a mission shows a line of its own."""
     del line

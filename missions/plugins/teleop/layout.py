@@ -28,7 +28,7 @@ TRIGGER = 0x120
 """Event code of the first button of a joystick. A pad in D mode numbers its buttons from this code on."""
 
 BUTTONS = range(0x100, 0x300)
-"""Event codes that are buttons of an input device."""
+"""Range of the event codes that stand for buttons of an input device."""
 
 STICK_X, STICK_Y, HAT_X, HAT_Y = 0x00, 0x01, 0x10, 0x11
 
@@ -199,12 +199,15 @@ STANDARD_LAYOUT = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(ST
 """Layout of linux/Documentation/input/gamepad.rst."""
 
 D_MODE_LAYOUT = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
-"""Layout of pads in D mode: left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2 by maker, so both stop."""
+"""Layout of pads in D mode: left shoulder is button 5, Start is button 10.
+
+A and B are buttons 2 and 3, in an order that depends on the maker. So both buttons stop.
+"""
 
 UNIDENTIFIED_LAYOUT = PadLayout(
     STANDARD_LAYOUT.hold, (*STANDARD_LAYOUT.stops, *D_MODE_LAYOUT.stops), STANDARD_LAYOUT.enable
 )
-"""Layout of a game pad that the kernel does not describe: the stop buttons of both other layouts."""
+"""Layout of a game pad that the kernel does not describe. The stop buttons of both other layouts stop."""
 
 D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
     {

@@ -182,7 +182,10 @@ class PadTeacher:
     # --- listening ----------------------------------------------------------------------------------------------------
 
     def _movement(self) -> Movement:
-        """Wait until a control was pressed or moved, and released. Raises TeachingError after ``ANSWER_TIMEOUT``."""
+        """Wait until a control was pressed or moved, and released; return the changes.
+
+        Raises TeachingError after ``ANSWER_TIMEOUT``.
+        """
         begun = quiet_since = self._clock.now()
         down, pressed = set[int](), list[int]()
         seen = {code: [value] for code, value in self._values.items()}

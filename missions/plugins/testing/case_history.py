@@ -212,7 +212,7 @@ def _is_moving(velocity: Velocity) -> bool:
 
 
 def _steps_by_key(step: Step, key: str) -> Iterator[tuple[str, Step]]:
-    """Yield each step, parents first, with the key that the builder gives its node."""
+    """Yield each step with the key of its node in the built tree, parents first."""
     yield key, step
     for place, child in enumerate(step.children, start=1):
         yield from _steps_by_key(child, f"{key}.{place}")

@@ -34,9 +34,9 @@ IN_PROCESS_LIMITS = WatchdogLimits(slow=math.inf, stall=math.inf, fail=10.0, los
 
 
 class CaseRunner:
-    """Runs one case, once. ``history`` records its events, ``violations`` the errors that no case may have.
+    """Runs one case, once. ``history`` records its events, ``violations`` the errors that fail any case.
 
-    The watchdog uses ``limits``; its default ones end the process if a behaviour hangs for good.
+    The watchdog uses ``limits``; the default limits end the process if a behaviour hangs for good.
     """
 
     def __init__(self, case: Case, limits: WatchdogLimits | None = None) -> None:
@@ -107,7 +107,7 @@ def _velocity_getter(twins: Twins) -> Callable[[], Velocity] | None:
 
 
 def _posture(twins: Twins) -> Posture:
-    """Return the present true poses of the twins: base, head and joints."""
+    """Return the true poses of the twins now: base, head and joints."""
     head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
     return twins.pose(), head, _joint_angles(twins)
 

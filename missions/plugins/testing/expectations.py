@@ -89,7 +89,7 @@ def read_expectations(case: Fields, keys: ExpectKeys | None, names: CaseNames) -
 
 
 def _read_texts(node: Node) -> Iterator[ExpectedItem]:
-    """Yield the texts that a key of ``expect`` lists, or its single text."""
+    """Yield an item for each text that a key of ``expect`` lists, or for its single text."""
     for item in _scalars(node):
         yield ExpectedItem(item.mark, item.text)
 

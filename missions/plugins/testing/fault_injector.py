@@ -83,7 +83,7 @@ class FaultInjector:
                 self.start(mishap)
 
     def _wait_for_trigger(self, fault: FaultSpec) -> None:
-        """Start a fault when its trigger first occurs: after that tick, not within it."""
+        """Start a fault when its trigger first occurs, after the tick in which it occurs."""
 
         def hear(happening: ObservedEvent) -> None:
             if fault.trigger is not None and fault.trigger.matches(happening):

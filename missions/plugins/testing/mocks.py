@@ -138,7 +138,7 @@ class TurnSequence:
         self._left = [turn for turn in script for _ in range(turn.times)]
 
     def take(self) -> MockTurn:
-        """Return the next turn of the script; after its end, the last turn again and again."""
+        """Return the next turn of the script; after the end of the script, return its last turn each time."""
         return self._left.pop(0) if len(self._left) > 1 else self._left[0]
 
 

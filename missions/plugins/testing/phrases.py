@@ -8,7 +8,7 @@ from config.units import quantity_text, quoted_value, si_value
 from config.yaml_nodes import Scalar
 
 JOINING_WORDS = ("to", "for", "from", "at", "when", "then", "because")
-"""Words that join the parts of phrases, and so cannot be units."""
+"""Words that join the parts of phrases. They are not read as units after a number."""
 
 _WORD = re.compile(r'"[^"]*"|[^\s",]+|.', re.DOTALL)
 

@@ -1,6 +1,6 @@
 """Pytest plugin: collects mission tests, and offers fixtures for Python tests.
 
-Pytest loads it wherever MissionTree is installed, so it imports nothing before it is used.
+Pytest loads this module wherever MissionTree is installed. So it imports other modules only when they are used.
 """
 
 import re

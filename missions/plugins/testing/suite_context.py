@@ -107,7 +107,7 @@ class SuiteContext:
         return cls(folder, mission, tuple(found), load_leaves(found, files), own.robot or None, own.world or None)
 
     def read_setting(self, fields: Fields, keys: CommonKeys) -> CaseSetting:
-        """Return the setting of a case, and check its mission with that robot and those params."""
+        """Return the setting of a case, with its mission checked for the robot and the params of the case."""
         robot = self._read_name(fields, "robot", keys.robot, load_robot) or self.robot
         world = self._read_name(fields, "world", keys.world, load_world) or self.world
         of = robot or DEFAULT_ROBOT

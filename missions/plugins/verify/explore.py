@@ -168,14 +168,14 @@ class StateSpace:
         return number
 
     def path_to(self, number: int) -> list[int]:
-        """Return the states from the start to this one, both included."""
+        """Return the numbers of the states on the path from the start to the state ``number``, both ends included."""
         way = [number]
         while (before := self.places[way[-1]].predecessor) >= 0:
             way.append(before)
         return way[::-1]
 
     def reachable_from(self, number: int) -> set[int]:
-        """Return the states reachable from one, itself included."""
+        """Return the numbers of the states that are reachable from the state ``number``, itself included."""
         found, rest = {number}, [number]
         while rest:
             new = self.places[rest.pop()].successors - found

@@ -104,7 +104,7 @@ Child = Callable[[LiveAfter], Names]
 
 
 def names_read(values: Iterable[Value]) -> Names:
-    """Return the variables read by these values, including by those whose reading can only fail."""
+    """Return the names of the variables that ``values`` read when they are computed or checked."""
     computed = (value for value in values if not (isinstance(value, NondetValue) and value.never_computed))
     return frozenset(read.name for value in computed if value.template is not None for read in value.template.reads)
 

@@ -213,7 +213,7 @@ _MERGED_STATUS = {OnFailureModifier: SUCCESS, OnSuccessModifier: FAILURE}
 
 
 def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMonitor]) -> None:
-    """Reduce the outcomes of stand-ins to distinguishable ones, unless a monitor observes them."""
+    """Drop outcomes of stand-ins that have the same effect as others, unless a property monitor observes the leaf."""
     observed = frozenset[Node]().union(*(monitor.subject | monitor.other | monitor.counts for monitor in monitors))
     for node in nodes:
         if type(node) in _MERGED_STATUS:
@@ -303,7 +303,7 @@ class ScopeSnapshots:
         return tuple(freeze(scope if live is None else _select(scope, live)) for scope, live in each)
 
     def restore(self, rows: Sequence[Row]) -> None:
-        """Restore the variables of every scope; others are removed."""
+        """Restore the variables of every scope from ``rows``; variables that are not in ``rows`` are removed."""
         for scope, row in zip(self._scopes, rows, strict=True):
             scope.clear()
             scope.update(thaw(row))

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from paho.mqtt.reasoncodes import ReasonCode
 
 TIMEOUT = 10.0
-"""Seconds to connect to the broker, and then again for its acknowledgement."""
+"""Seconds to connect to the broker, and the same time again to wait for its acknowledgement."""
 
 POLL_INTERVAL = 0.1
 """Seconds of one wait for network traffic."""

@@ -18,7 +18,7 @@ from missions.plugins.tasks.notice import DeliveryError, Notice, read_secret
 
 
 class Deadline:
-    """Shuts down the watched sockets when ``seconds`` have passed while it is entered; ``expired`` is True then."""
+    """Shuts down watched sockets after ``seconds``, while the context is entered; ``expired`` is True from then on."""
 
     def __init__(self, seconds: float) -> None:
         self.expired = False
@@ -62,7 +62,7 @@ TIMEOUT = 10.0
 
 
 class WebhookChannel:
-    """Posts each notice; an answer of 2xx means delivered.
+    """Posts each notice to a web server; a status of 2xx means delivered.
 
     The header ``Idempotency-Key`` has the notice's id, so the server can drop duplicates. Redirections are errors,
     since a redirected POST becomes a GET without body. Error messages contain only scheme and host, because the rest of
@@ -73,7 +73,7 @@ class WebhookChannel:
         self._config, self._environment, self._timeout = config, environment, timeout
 
     def __call__(self, notice: Notice) -> None:
-        """Post a notice. Raises DeliveryError for any other answer, and for none."""
+        """Post a notice. Raises DeliveryError for any status except 2xx, and if the server does not answer."""
         url, site = self._address()
         headers = {"Content-Type": "application/json", "Idempotency-Key": notice.id}
         headers |= {name: read_secret(value, self._environment) for name, value in self._config.headers.items()}
@@ -114,7 +114,7 @@ class WebhookChannel:
 
 
 class _NoRedirect(HTTPRedirectHandler):
-    """Treats each redirection as an error."""
+    """Opener for requests that treats each redirection as an error."""
 
     def redirect_request(self, *_: object, **__: object) -> None: ...
 

@@ -157,10 +157,10 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "rate": ("deg/s", math.degrees(1)),
     "edge": ("px", 1.0),
 }
-"""Display unit of each input of a controller, and its number per SI unit."""
+"""Display unit of each input of a controller, and the number of display units in one SI unit."""
 
 OUTPUT_UNIT = ("deg/s", math.degrees(1))
-"""Display unit of the outputs of controllers, which are rates, and its number per SI unit."""
+"""Display unit of the outputs of controllers, which are rates, and the number of display units in one SI unit."""
 
 
 def describe_controller(config: ControllerConfig) -> Iterator[str]:

@@ -118,7 +118,7 @@ def returning_path(time: float) -> float:
 
 
 def running_path(time: float) -> float:
-    """Return the bearing of a face that passes three times as fast, then stops to the side."""
+    """Return the bearing of a face that passes three times as fast as ``walking_path``, then stops to the side."""
     return RUN_RATE * min(time, 1.5)
 
 

@@ -26,7 +26,7 @@ TUNING_SCENARIOS: Sequence[Scenario] = (SCENARIOS[0], SCENARIOS[1])
 """Scenarios of the search: the step and the walk."""
 
 FIRST_SEED = 100
-"""First seed of the trials. The benchmark uses others, so that tuning cannot overfit to it."""
+"""First seed of the tuning trials. The benchmark uses other seeds, so that tuning cannot overfit to them."""
 
 MAX_LOG_FACTOR = log2(2.5)
 """Base-2 logarithm of the largest factor: numbers change by up to 2.5 times either way."""
@@ -55,7 +55,7 @@ class TuningResult:
 class ControllerTuning:
     """Search for the numbers of one rule base of the controller file ``source``.
 
-    Raises InvalidFileError for an invalid file, ValueError for an invalid controller or one without such rules.
+    Raises InvalidFileError for an invalid file, ValueError for an invalid controller or one without this rule base.
     """
 
     def __init__(self, source: SourceText, rules: str) -> None:

@@ -66,7 +66,7 @@ class BaseRig(Protocol):
 
 
 TimedActions = Sequence[tuple[float, Callable[[BaseRig], object]]]
-"""Actions on a BaseRig, each with its time in seconds after the first."""
+"""Actions on a BaseRig, each with its time in seconds after the first action."""
 
 
 def _press_for(
@@ -203,8 +203,7 @@ TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
 """Seconds between two commands of missions and of people, and from a base report to the next command."""
 
 LOOK_PHASE = 0.018
-"""Seconds from a report of the base until its state is recorded; commands sent after the report have an effect by then.
-"""
+"""Seconds from a report of the base until its state is recorded; later commands have an effect by then."""
 
 WAITING = "waits"
 """Feedback to a source that commands an unplugged base."""

@@ -97,7 +97,7 @@ class RecordedBase(Spy):
         return velocity
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Record the act with its gait's name; return ``performed``."""
+        """Record the act and the name of its gait; return the progress that the test has set in ``performed``."""
         self.record((act,) if gait is None else (act, gait.gait))
         return self.performed
 
@@ -107,17 +107,17 @@ class RecordedBase(Spy):
         self.record_always(STOP)
 
     def latch(self, reason: str) -> None:
-        """Latch, and record that."""
+        """Latch the base, and record the latch."""
         self.latched = self.latched or reason
         self.record_always((LATCH, reason))
 
     def enable(self) -> None:
-        """Release the latch, and record that."""
+        """Release the latch of the base, and record the release."""
         self.latched = ""
         self.record_always(ENABLE)
 
     def steering(self) -> Steering:
-        """Return the value set by the test."""
+        """Return the commanding source set by the test, as a Steering."""
         return self.steers
 
     def play(self, tune: Tune) -> None:
@@ -136,7 +136,7 @@ class RecordedBase(Spy):
         return self.reading
 
     def heading_at(self, stamp: float) -> float | None:
-        """Return the current heading: past ones are not stored."""
+        """Return the current heading for any ``stamp``, since past headings are not stored."""
         del stamp
         return None if self.reading.value is None else self.reading.value.pose.heading
 
@@ -153,7 +153,7 @@ class RecordedRanger(Spy):
         self.show({})
 
     def show(self, distances: Mapping[int, float]) -> None:
-        """Set the scan to these distances (m) by whole degrees, counter-clockwise from straight ahead, stamped now."""
+        """Set the scan: distances (m) by whole degrees, counter-clockwise from straight ahead, stamped now."""
         ranges = np.full(360, np.nan, dtype=np.float32)
         for angle, distance in distances.items():
             ranges[angle % 360] = distance
@@ -189,7 +189,7 @@ class RecordedHead(Spy):
         return self.reading
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Return the current pose: past ones are not stored."""
+        """Return the current pose for any ``stamp``, since past poses are not stored."""
         del stamp
         return self.reading.value
 
@@ -237,11 +237,11 @@ class RecordedJoints(Spy):
         return self.readings
 
     def hold(self, joints: Collection[str] | None = None) -> None:
-        """Record a hold of all joints, or of these."""
+        """Record a hold of ``joints``, or of all joints for None."""
         self.record_always(HOLD if joints is None else (HOLD, *joints))
 
     def relax(self, joints: Collection[str] | None = None) -> None:
-        """Record a relax of all joints, or of these."""
+        """Record a relax of ``joints``, or of all joints for None."""
         self.record_always(RELAX if joints is None else (RELAX, *joints))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
@@ -418,7 +418,7 @@ class LeafTestBench:
 
 
 def plain_spy(kind: PartKind, clock: ManualClock) -> Spy:
-    """Return a spy for parts of a kind, from its protocol alone."""
+    """Return a spy for parts of a kind. It records the commands that the kind's protocol declares."""
     protocol = resolve_name(kind.leaf_protocol or kind.protocol)
     spy_class: type[Spy] = type(f"Recorded{protocol.__name__}", (Spy,), {"protocol": protocol})
     return spy_class(kind.name, clock)

@@ -23,17 +23,17 @@ OFFLINE_ERROR = NotConnected("the cable is out", hint="plug it in")
 
 
 def good(value: T) -> Reading[T]:
-    """Return a fresh reading."""
+    """Return a reading of ``value`` with good quality."""
     return Reading(value, 0.0, Quality.GOOD)
 
 
 def stale(value: T) -> Reading[T]:
-    """Return a reading that is too old."""
+    """Return a reading of ``value`` that is too old: its quality is stale."""
     return Reading(value, 0.0, Quality.STALE)
 
 
 def none() -> Reading[T]:
-    """Return a reading without a measurement."""
+    """Return a reading without a value, as from a sensor that has not measured yet."""
     return Reading(None, 0.0, Quality.NONE)
 
 

@@ -115,7 +115,7 @@ def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[Sweep
 
 @contextmanager
 def _defer_interrupts() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C; a Ctrl-C inside the context is raised at its end."""
+    """Make processes that are started in the context ignore Ctrl-C; raise a Ctrl-C that comes meanwhile at its end."""
     pending: list[int] = []
     ours = threading.current_thread() is threading.main_thread()  # no other hears of it
     handler = signal.signal(signal.SIGINT, lambda number, _: pending.append(number)) if ours else None

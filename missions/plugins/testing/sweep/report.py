@@ -60,7 +60,7 @@ def _worst(rows: Sequence[SweepRow], again: Callable[[SweepRow], Sequence[str]])
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return aligned columns, the first to the left and the others to the right."""
+    """Return the lines of a table with aligned columns: the first column to the left, all others to the right."""
     widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
     return [
         "   ".join(
