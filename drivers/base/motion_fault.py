@@ -102,7 +102,7 @@ LINEAR_CAUSES: Mapping[str, tuple[str, str]] = {
         "swap the wires of both motors, or of both encoders; `mission doctor --move` shows which",
     ),
 }
-"""Likely cause and hint by the deviation of a driving base: "none", "less", "more" or "opposite" motion."""
+"""Likely cause and hint for a driving base by the kind of deviation: "none", "less", "more" or "opposite" motion."""
 
 ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
     "none": (
@@ -119,7 +119,7 @@ ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
         "swap left and right; `mission doctor --move` shows which",
     ),
 }
-"""Likely cause and hint by the deviation of a turning base: "none", "less", "more" or "opposite" motion."""
+"""Likely cause and hint for a turning base by the kind of deviation: "none", "less", "more" or "opposite" motion."""
 
 
 def describe_command(velocity: Velocity) -> str:

@@ -152,7 +152,7 @@ TURN_PER_WAY = 0.5
 WAY_PER_TURN = 0.03
 """Additional tolerance of the distance, in metres per radian turned.
 
-The base may not turn about its middle.
+The centre of a turn may differ from the middle of the base.
 """
 
 MIN_MONITORED_SPEED = 0.05
@@ -263,7 +263,7 @@ class ProgressMonitor:
             witness.restart()
 
     def _advance(self, now: float) -> None:
-        """Add the motion commanded since the last update."""
+        """Add the motion that was commanded since the last update."""
         before, self._updated_at = self._updated_at, now
         if now - before > GAP:
             self._sent.add(before + GAP, ZERO_VELOCITY)
@@ -287,7 +287,7 @@ class ProgressMonitor:
         self._reported_at = now
 
     def _overload(self, now: float, sent: Velocity, state: BaseState) -> MotionFault | None:
-        """Return a fault if a motor has been overloaded for ``OVERCURRENT_TIMEOUT``."""
+        """Return a fault if a motor has been overloaded for ``OVERCURRENT_TIMEOUT``; else None."""
         if not state.overcurrent:
             self._overloaded_since = None
             return None
@@ -300,7 +300,7 @@ class ProgressMonitor:
         return MotionFault(reason, "free its wheels and its way")
 
     def _compare(self, sent: Velocity, state: BaseState) -> MotionFault | None:
-        """Return a fault if commanded and measured motion differ in a window."""
+        """Return a fault if commanded and measured motion differ within a window; else None."""
         for window in self._windows:
             motion = window.add(self._sums)
             way = max(abs(motion.low.linear), abs(motion.high.linear))

@@ -115,7 +115,6 @@ class RangerTwin:
         self._measured, self._turned_at = None, -inf
 
     def _ranges(self, now: float) -> Ranges:
-        """Return the distances of all beams at time ``now``."""
         far = self._look(self._bearings, now)
         if self._noise:
             far = far * (1 + self._noise * self._random.standard_normal(len(far)))

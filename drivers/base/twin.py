@@ -389,7 +389,6 @@ class BaseTwin(ArbitratedBase):
         self._on_report(now)
 
     def _on_report(self, now: float) -> None:
-        """Measure the body for one report."""
         self._odometry.measure(self.body, self.late, now, self._random)
         if self._feels:
             self._signals = self.body.dock_signals()
@@ -417,7 +416,6 @@ class BaseTwin(ArbitratedBase):
         )
 
     def _move_body(self, velocity: Velocity, now: float) -> None:
-        """Send a velocity to the simulated body, through the odometry."""
         given = self._odometry.send(velocity, now)
         self.body.command(given.linear, given.angular, now)
 
@@ -432,7 +430,6 @@ class BaseTwin(ArbitratedBase):
         self._report_changes(before, (self._felt,))
 
     def _state(self) -> BaseState:
-        """Return the state as of the newest report."""
         bumper, cliff, wheel_drop, hazards, buttons, docked = self._contacts
         battery = self.body.battery
         state = BaseState(

@@ -34,7 +34,10 @@ MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
 """Smallest number of significant beams, and their share of all valid beams: in a corridor few are significant."""
 
 MIN_ANGLE = 0.7
-"""Minimum angle in radians of the beams that must change: fewer may change because a person walks along."""
+"""Minimum sum of the angles in radians of all beams that must show the motion.
+
+A person who walks along changes fewer beams.
+"""
 
 OWN_PARTS = 0.02
 """Distance in metres from the outline of the base within which a scanned point belongs to the robot itself."""

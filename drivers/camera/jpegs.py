@@ -55,7 +55,7 @@ class JpegFinder:
                 self._drop(-end)
 
     def _find_start(self) -> bool:
-        """Drop the bytes before the next picture; return False if none has begun."""
+        """Drop the bytes before the next picture; return False if the data contains no start of a picture."""
         if self._position:
             return True
         place = self._data.find(JPEG_START)

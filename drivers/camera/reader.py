@@ -38,7 +38,7 @@ STALL_TIMEOUT = 6.0
 """Seconds without a picture after which a source is closed and opened again."""
 
 QUIT_TIMEOUT = 0.5
-"""Seconds to wait for a reader process to exit, at each step of ending it."""
+"""Seconds to wait for a reader process to exit, after a request and again after killing it."""
 
 START, GRAB, SKIP_TO, RELEASE, QUIT = b"sgfxq"
 """Commands of a reader, one byte each: open the source, return a picture, skip, release the source, quit.

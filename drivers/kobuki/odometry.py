@@ -55,7 +55,7 @@ def _wrap(difference: int, period: int) -> int:
 
 FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 LOW_VOLTAGE = 14.0
-"""Voltage in volts at which the vendor's driver calls the battery low; the constants above are full and empty."""
+"""Voltage in volts at which the vendor's driver calls the battery low."""
 
 NO_DOCK = DockSignals()
 

@@ -53,7 +53,7 @@ class SoundForwarder:
     def wait_for_end(self, orders: int, timeout: float = SILENCE_TIMEOUT) -> str:
         """Wait until the file descriptor ``orders`` reaches its end; return an empty text then.
 
-        If no sound arrives for ``timeout`` seconds, return that as the reason.
+        If no sound arrives for ``timeout`` seconds before, return a message that says so.
         """
         before = -1
         while before != self.piece_count:

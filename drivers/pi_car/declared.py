@@ -58,7 +58,7 @@ class PiCarKeys(BaseKeys, I2CKeys):
     track: float = key("length", default=0.13, low=0.02, high=2.0, help="Effective distance of its wheels.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a diagnostic for a maximum speed that the car cannot reach, and for pins used twice or missing."""
+        """Yield a diagnostic for a maximum speed that the car cannot reach, and for pins used twice or out of range."""
         if self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"

@@ -130,10 +130,13 @@ CONTACTS_TIMEOUT = 1.0
 """Seconds without a contact report after which a base with contact sensors is offline."""
 
 MAX_POSITION_JUMP = 0.3
-"""Distance in metres beyond the possible motion since the last message that shows a reset of the odometry."""
+"""Tolerance in metres: a pose that is farther from the last one than the base can drive, shows a reset.
+
+After a reset of the odometry the pose is continued from the last one.
+"""
 
 MAX_HEADING_JUMP = 0.5
-"""Angle in radians beyond the possible turn since the last message that shows a reset of the odometry."""
+"""Tolerance in radians: a heading that differs more from the last one than the base can turn, shows a reset."""
 
 MAX_PLAUSIBLE_VALUE = 1e6
 """Limit of plausible odometry, in metres, m/s and rad/s."""

@@ -11,7 +11,7 @@ from drivers.ros2.wire import BRIDGE, CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEN
 TOKENS = "@/*/@ros2_lv/**"
 """Key expression that matches the liveliness tokens of all bridges.
 
-The token of a bridge itself ends with @ros2_lv; those of its topics, services and actions continue.
+The token of a bridge itself ends with @ros2_lv; in those of its topics, services and actions more follows.
 """
 
 ACTION_SERVER, ACTION_CLIENT = "AS", "AC"

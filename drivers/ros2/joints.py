@@ -356,7 +356,6 @@ class TopicJoints(LatchingPart):
         self._progress[name].hold(way.goal)
 
     def _update_followers(self, now: float) -> None:
-        """Update the goals of all followers."""
         positions = {name: self._feedback.position(name) for name in self._joints}
         goals = self._bounds.clamp_goals(self._following.goals(positions), now)
         self._set_trajectories(goals, self._following.speeds(goals, positions, now), now)

@@ -31,7 +31,7 @@ CANCEL_RETRY_INTERVAL = 1.0
 """Seconds after which a cancel is sent again if its goal may still be active."""
 
 SERVER_TIMEOUT = 1.0
-"""Seconds after its server has disappeared for which the state of a request still counts as known."""
+"""Seconds for which the state of a request still counts as known after its server has disappeared."""
 
 MAX_KEPT_REQUESTS = 100
 """Maximum number of ended requests whose progress is kept."""

@@ -25,7 +25,7 @@ ROUTER_PORT = 7447
 """Default port number of Zenoh routers. The link has it in the place of a baud rate."""
 
 GetNode = Callable[[str], Ros2Node]
-"""Function that returns our ROS 2 node; its argument is the part in the message. Raises NotConnected without one."""
+"""Function that returns our ROS 2 node. Its argument is the part named in the error. Raises NotConnected."""
 
 
 @dataclass(frozen=True, slots=True)

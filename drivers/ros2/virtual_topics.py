@@ -83,8 +83,7 @@ class VirtualTopics:
     def _kind(self, channel: int) -> str:
         return self.channels[channel].kinds[0]
 
-    def _handle_message(self, channel: int, payload: bytes, now: float) -> None:
-        """Handle a message that was received on ``channel`` at time ``now``."""
+    def _handle_message(self, channel: int, payload: bytes, now: float) -> None: ...
 
     def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:  # noqa: ARG002 - of those that say something
         """Yield the messages that are due at ``now``, each with the index of its channel."""

@@ -163,7 +163,8 @@ def _demangle(name: str) -> str:
 class Attachment:
     """Attachment of a message in `rmw_zenoh`: sequence number, send time (ns since 1970), and id of the sender.
 
-    Before version 0.2.4 each field is preceded by its name, and an attachment must have the same form: ``has_names``.
+    ``has_names`` is True for the form before version 0.2.4, in which the name of each field precedes it. An attachment
+    must have the form that the receiver uses.
     """
 
     number: int
@@ -203,7 +204,7 @@ def frame(channel: int, payload: bytes, kind: int = 0) -> bytes:
 
 
 def about_frame(channel: int, *kinds: str) -> bytes:
-    """Return a control frame with the types of the nodes at the other end of ``channel``; no types if no nodes."""
+    """Return a control frame with the types of the nodes at the other end of ``channel``; no types without nodes."""
     return frame(ABOUT_CHANNEL, struct.pack("<H", channel) + " ".join(kinds).encode())
 
 

@@ -206,7 +206,6 @@ class RPLidarSession:
             self._report_once(message, "set `model` in the robot file")
 
     def _report_once(self, message: str, hint: str) -> None:
-        """Report a fault, once in a session."""
         if message not in self._reported_faults:
             self._reported_faults.add(message)
             self._report(DeviceStatus(self._name, "fault", f"{self._prefix()}: {message}", hint))

@@ -294,7 +294,7 @@ def _paint(image: Image, shape: FaceShape) -> None:
 
 
 def _flatten(shape: FaceShape) -> npt.NDArray[np.float64]:
-    """Return points (n, 2) along the chain."""
+    """Return points along the curves of a shape, as an array of shape (n, 2)."""
     return np.concatenate(BERNSTEIN @ np.array(list(shape.curves())))
 
 

@@ -123,7 +123,7 @@ MOODS = {
     ),
     Mood.SPEAKING: FaceExpression(brow_height=0.75, curve=0.45, width=0.75, opening=0.3),
 }
-"""Expression of each mood, with the eyes open (except asleep) and the mouth at rest."""
+"""Expression of each mood without blinking, with the mouth at rest."""
 
 SHUT_EYES = MOODS[Mood.ASLEEP]
 

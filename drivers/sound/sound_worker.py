@@ -200,7 +200,6 @@ class SoundCardPlayer:
         self._device = self._open_device(rate)
 
     def _stop_when_idle(self) -> None:
-        """Stop the device whenever it is idle."""
         while self._queue.idle.wait():
             with self._lock:
                 if self._closed:

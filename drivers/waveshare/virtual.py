@@ -45,7 +45,6 @@ class VirtualWaveshare:
         self._reset_settings()
 
     def _reset_settings(self) -> None:
-        """Reset all settings to their values after a boot."""
         self.heartbeat = 3.0
         self._partial_line = b""
         self._echo = self._flow = False
