@@ -67,7 +67,7 @@ def add(name: str, robot: str, router: str | None, at: str | None) -> int:
 @place.command("list", epilog="Example: mission ros2 place list")
 @robot_option
 def list_places(robot: str) -> int:
-    """List the places."""
+    """List the named places on a robot's map."""
     config = _load_robot(robot)
     places = places_of(config)
     click.echo(
@@ -80,7 +80,7 @@ def list_places(robot: str) -> int:
 @click.argument("name")
 @robot_option
 def remove(name: str, robot: str) -> int:
-    """Remove a place."""
+    """Remove a named place from a robot's map."""
     config = _load_robot(robot)
     places = dict(places_of(config))
     if name not in places:

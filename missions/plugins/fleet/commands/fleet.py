@@ -88,8 +88,8 @@ def _row(member: RosterEntry, *, twice: bool) -> Iterator[str]:
 def stop(name: str | None) -> int:
     """Stop and latch all robots until `mission fleet release`.
 
-    Each robot confirms the stop. Robots that do not are listed and were perhaps not reached: go there, or press their
-    stop.
+    Each robot confirms the stop. A robot that does not confirm is listed, since the stop may not have reached it: go
+    there, or press its stop.
     """
     with open_operator(name) as operator:
         answers, silent = operator.stop()

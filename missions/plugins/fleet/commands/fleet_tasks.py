@@ -83,9 +83,9 @@ def run(
 ) -> int:
     """Give a mission to one robot of a fleet, or to each.
 
-    The mission is one of the library; one robot runs it as soon as one is free.
+    The mission is one of the library; a robot runs it as soon as it is free.
 
-    One of the robots keeps the task and decides which robot does it. The mission is read on the robot that does it.
+    One of the robots keeps the task and decides which robot runs it. The mission is read on the robot that runs it.
     """
     _check(mission, where, on, number)
     policy = interrupted or _policy(mission)

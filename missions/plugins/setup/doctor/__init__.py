@@ -50,8 +50,9 @@ VERDICT_STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | None, as_json: bool, root: Path) -> int:
     """Check this computer, its connected devices, and each part of the robot, at rest.
 
-    Each line is ok, a warning, or wrong, with a command to try. Nothing moves without --move, and nothing is written to
-    a device. Exit codes: 0 nothing is wrong, 1 something is wrong, 2 an error in the command or a file.
+    Each line says ok, warning or wrong, and gives a command to try where one helps. Nothing moves without --move, and
+    nothing is written to a device. Exit codes: 0 nothing is wrong, 1 something is wrong, 2 an error in the command or a
+    file.
     """
     machine, (config, robot_finding) = HostMachine(root), _find_robot(robot)
     if unknown := sorted(set(ports) - set(config.sections if config else ())):
