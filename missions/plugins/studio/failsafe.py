@@ -11,11 +11,14 @@ from missions.plugins.testing.failsafe.scenario_text import distinct_moments
 
 Json = dict[str, object]
 
+FIRST_CHOICES: Mapping[str, str] = {"fault": "bumper left"}
+"""Choices that are shown first, if not the first of ``CHOICES``: without a fault there is nothing to see."""
+
 
 def answer_failsafe(command: ClientCommand) -> Json:
     """Return the answer to `failsafe`. Raises BadMessage for a field that is not one of the available choices."""
     query = command if isinstance(command, FailsafeQuery) else FailsafeQuery()
-    chosen = {name: getattr(query, name) or words[0] for name, words in CHOICES.items()}
+    chosen = {name: getattr(query, name) or FIRST_CHOICES.get(name, words[0]) for name, words in CHOICES.items()}
     for name, word in chosen.items():
         if word not in CHOICES[name]:
             hint = did_you_mean(word, CHOICES[name]) or f"one of: {', '.join(CHOICES[name])}"

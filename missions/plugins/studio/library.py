@@ -13,10 +13,11 @@ from contextlib import contextmanager, suppress
 from math import inf, isfinite
 from pathlib import Path
 
-from config.defaults import unreadable_folders, user_files
+from config.defaults import load_defaults, unreadable_folders, user_files
 from config.diagnostics import InvalidFileError
 from config.file_io import open_regular, parse_object, read_regular_text
 from config.library import (
+    DEFAULT_ROBOT,
     MAX_HEAD_BYTES,
     SHEET_SUFFIXES,
     SUFFIXES,
@@ -205,9 +206,17 @@ def answer_library(command: ClientCommand) -> Json:
         "motions": [f"motions/{name}" for name in MOTIONS.values()],
         "people": _people_names(),
         "checkup": _last_checkup(),
+        "robot": _default_robot(),
         "options": {name: _option_json(RUN_OPTIONS[name]) for name in FORM_OPTIONS},
     }
     return {"edition": edition, "trouble": "\n".join(dict.fromkeys(faults)), **lists, **more}
+
+
+def _default_robot() -> str:
+    """Return the name of the robot that is simulated if the form names none."""
+    with suppress(InvalidFileError):
+        return load_defaults().robot or DEFAULT_ROBOT
+    return DEFAULT_ROBOT
 
 
 def _option_json(option: Option) -> Json:

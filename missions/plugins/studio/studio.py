@@ -185,7 +185,8 @@ class FleetConnection:
                 return self._operator
             closings = self._close_count
         if not (config_folder() / FLEET_FILE).is_file():
-            hint = f"echo 'fleet: home' > {config_folder() / FLEET_FILE}"
+            folder = config_folder()
+            hint = f"mkdir -p {folder} && echo 'fleet: home' > {folder / FLEET_FILE}"
             raise TaskError(f"there is no {FLEET_FILE} with the fleet of this computer", hint=hint)
         with ExitStack() as opened:
             operator = opened.enter_context(connect_operator(load_fleet()))

@@ -58,7 +58,7 @@ class WorldQuery(ClientCommand):
 class FailsafeQuery(ClientCommand):
     """Return the reaction of a base to a fault as `moments`, and the available `choices`.
 
-    Each field is one of `choices`; empty selects the first.
+    Each field is one of `choices`; an empty one is chosen for you.
     """
 
     word: ClassVar[str] = "failsafe"

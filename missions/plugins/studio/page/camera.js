@@ -104,9 +104,9 @@ export class Camera extends HTMLElement {
       this.#is_busy = false;
       if (this.#watcher.lives) this.#watcher.send("seen", { t: picture.t });
     }
+    put(this.#caption, found(picture));
     if (performance.now() - this.#described_at < 1000) return;
     this.#described_at = performance.now();
-    put(this.#caption, found(picture));
     this.#canvas.setAttribute("aria-label", `Camera: ${this.#caption.textContent}`);
   }
 }

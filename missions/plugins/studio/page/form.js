@@ -52,7 +52,6 @@ function help(param) {
   return [param.help, list, bounds, param.default === null ? "required" : ""].filter(Boolean).join(" · ");
 }
 
-/** The params of a mission as a form. */
 export class Params {
   #controls = new Map();
 
@@ -103,8 +102,8 @@ export class Params {
 }
 
 const SIMULATIONS = [
-  ["fast", "simulated time (fast)"],
-  ["wire", "real time, virtual devices (wire)"],
+  ["fast", "in simulated time (fast)"],
+  ["wire", "in real time (wire)"],
 ];
 const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", "2 ×"], ["5", "5 ×"], ["20", "20 ×"], ["", "as fast as possible"]];
 
@@ -137,9 +136,10 @@ export class Target {
   }
 
   /** Update the choices of robots and worlds. */
-  update({ robots, worlds }) {
+  update({ robots, worlds, robot }) {
     const named = (each) => [each.name, [heading(each), each.trouble ? "has errors" : each.summary].filter(Boolean).join(": ")];
-    set_options(this.robot, [["", "default"], ...robots.map(named)]);
+    this.usual = `default: ${plain(robot)}`;
+    set_options(this.robot, [["", this.#real ? "choose" : this.usual], ...robots.map(named)]);
     set_options(this.world, [["", "default"], ...worlds.map(named)]);
   }
 
@@ -152,6 +152,7 @@ export class Target {
     this.#real = real;
     this.simulated.hidden = real;
     this.moving.hidden = !real;
+    this.robot.options[0].text = real ? "choose" : this.usual;
     this.reset_confirmation();
     this.node.dispatchEvent(new Event("change"));
   }

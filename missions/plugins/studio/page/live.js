@@ -37,7 +37,7 @@ export class Live {
   constructor({ link, watcher }) {
     this.#link = link;
     this.#watcher = watcher;
-    const follow = toggle("Follow", true, (on) => (this.#tree.follow = on));
+    const follow = toggle("Follow the running node", true, (on) => (this.#tree.follow = on));
     this.#tree.follow = true;
     const tools = el("div", { class: "tools" }, follow, button("Fold all", () => this.#tree.fold(true)), button("Unfold all", () => this.#tree.fold(false)), this.#ticks);
     const cameras = panel("Camera", "camera", this.#camera);

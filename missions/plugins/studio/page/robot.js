@@ -26,7 +26,7 @@ export class Robot {
     this.#watcher = watcher;
     this.#faults = new Faults({ link, watcher });
     this.#joints.panel = panel("Joints", "arm", this.#joints.node);
-    const about = el("p", { class: "hint" }, "A change holds until the run ends. To keep it, write it to the robot file; comments there stay. Joints use a new limit from their next goal on.");
+    const about = el("p", { class: "hint" }, "Changes last until the run ends, unless you write them to the robot file. Its comments are kept. A new joint limit applies from the next movement on.");
     this.node = el("div", { class: "view robot" }, el("div", null, this.#title, this.#facts),
       el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel, this.#faults.panel),
         panel("Trims and limits", "tuning", about, this.#controls, el("div", { class: "actions" }, this.#write_button), this.#file)));

@@ -52,8 +52,8 @@ export class Run {
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#trouble, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Course exercises", "eight", this.#motions), library, panel("People", "people", this.#people, this.#person_form),
-        panel("Check-up", "checkup", this.#checkup), this.#links),
+      el("div", { class: "side" }, panel("Course exercises", "eight", el("p", { class: "hint" }, "A press starts one, simulated."), this.#motions), library, panel("People", "people", this.#people, this.#person_form),
+        panel("Diagnostics", "checkup", this.#checkup), this.#links),
       this.#form);
   }
 
@@ -127,8 +127,8 @@ export class Run {
     try {
       if (!name) throw new Error("Enter a name first.");
       if (!here && !this.#watcher.lives) throw new Error("The robot's camera needs a run: start one, such as Drive without a mission.");
-      notify("Look into the camera, and turn your head a little to each side…", "good");
-      if (here) await pose(this.#preview, (words) => notify(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
+      if (!here) notify("Look into the robot's camera; turn your head a little to each side…", "good");
+      else await pose(this.#preview, (words) => notify(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
       const { message } = await this.#link.ask({ do: "add_person", name, run: here ? "" : this.#watcher.run }, 70000);
       notify(message, "good");
       await this.#refresh();
@@ -238,18 +238,16 @@ export class Run {
   }
 }
 
-/** Return the list item of a mission. */
 function item(entry) {
   const { name, title, summary, trouble, shape, own } = entry;
   const words = `${name} ${title ?? ""} ${heading(entry)} ${summary}`.toLowerCase();
   const link = el("a", { href: `#run/${encodeURIComponent(name)}` },
-    el("b", null, plain(title ?? name)), shape && sketch(shape), el("span", { class: trouble ? "trouble" : "" }, trouble || summary), own && el("small", null, name));
+    el("b", null, plain(title ?? name)), shape && sketch(shape), el("span", { class: trouble ? "trouble" : "" }, (trouble || summary).split("\n")[0]), own && el("small", null, name));
   return el("li", { "data-words": words }, link);
 }
 
-/** Return the findings of the last check-up, with hints. */
 function checkup_lines(told) {
-  if (!told) return ["No check-up yet. Try: mission doctor"];
+  if (!told) return ["None yet. Try: mission doctor"];
   const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;
   if (!told.ailing.length) return [`No problems found (${of}).`];
   const lines = told.ailing.map(({ part, about, message, verdict, fix }) =>

@@ -7,6 +7,7 @@ import { UNKNOWN } from "./watch.js";
 const PROTOCOL = "2";
 const RETRY_INTERVAL = 250; // milliseconds between tries, until a stop is answered
 const REPLY_TIMEOUT = 3000; // milliseconds; a hanging run delays the answer
+const REMEDY = "Press the emergency stop on the robot or switch it off.";
 const DOUBT_TEXT = "PERHAPS NOT STOPPED";
 const HOLD_TIME = 1000; // milliseconds for which release must be held
 const SECOND_PRESS_TIME = 4000; // milliseconds for the second press, without a pointer or key to hold
@@ -151,10 +152,10 @@ export class Stop extends HTMLElement {
   #show(text = "") {
     const lost = !this.#links.some((link) => link.open);
     let said = text;
-    if (this.#pending) said = lost ? "NOT STOPPED: no connection. Press the emergency stop on the robot or switch it off." : "Stopping…";
-    else if (this.#doubt) said = `${this.#doubt}\nPress the emergency stop on the robot or switch it off.`;
-    else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#stopped_by(each.by)))].join("; ")}`;
-    else if (lost) said = "No connection: STOP does not reach the robot. Press the emergency stop on the robot or switch it off.";
+    if (this.#pending) said = lost ? `NOT STOPPED: no connection. ${REMEDY}` : "Stopping…";
+    else if (this.#doubt) said = `${this.#doubt}\n${REMEDY}`;
+    else if (this.latched) said = [...new Set([...this.#latched.values()].map((each) => this.#stopped_by(each.by)))].join("; ");
+    else if (lost) said = `No connection: STOP does not reach the robot. ${REMEDY}`;
     else if (!text && this.#unreached) said = `STOP may not reach every run: ${this.#unreached}`;
     put(this.#message, said);
     this.classList.toggle("is-latched", this.latched);

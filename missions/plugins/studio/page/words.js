@@ -57,7 +57,7 @@ export function sized(name, value) {
 }
 
 /** Return the text for a run's kind of simulation. */
-export const simulation_text = (simulated) => ({ "": "on the robot", wire: "simulated", fast: "simulated time" })[simulated] ?? simulated;
+export const simulation_text = (simulated) => ({ "": "on the robot", wire: "simulated (wire)", fast: "simulated (fast)" })[simulated] ?? simulated;
 
 /** Return a result with its sign and reason. */
 export function result_text(result, reason) {
