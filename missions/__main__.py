@@ -43,7 +43,7 @@ def shadowed_packages() -> dict[str, str]:
 
 
 def shadowing_fixes(hidden: Iterable[str]) -> list[str]:
-    """Return commands or advice that make our packages importable again."""
+    """Return pip commands, or advice, that make the ``hidden`` packages of ours importable again."""
     from importlib import metadata  # noqa: PLC0415 - only where something is wrong
 
     others: dict[str, None] = {}
@@ -75,7 +75,7 @@ def _file(name: str) -> Path:
 
 
 def _contains_file(distribution: "Distribution", file: Path) -> bool:
-    """Return True if ``file`` is in the folder of a distribution."""
+    """Return True if ``file`` is inside the folder in which ``distribution`` is installed."""
     return Path(str(distribution.locate_file(""))) in file.parents
 
 

@@ -257,7 +257,7 @@ def _control_socket(runner: Runner) -> Iterator[None]:
 
 
 def _argument(name: str, value: str = "") -> str:
-    """Return an argument of ``run`` as the user writes it."""
+    """Return an argument of ``run`` as Python code, such as ``camera="0"``; only its name if ``value`` is empty."""
     return f'{name}="{value}"' if value else {"port": "ports"}.get(name, name.replace("-", "_"))
 
 

@@ -45,7 +45,7 @@ class CodecError(ValueError):
         return f"'{self.path[:60]}' {self.problem}" if self.path else self.problem
 
     def inside(self, name: str) -> "CodecError":
-        """Return the error with the member ``name`` (any text) before its path."""
+        """Return this error with ``name`` put before its ``path``: the path ``x`` becomes ``pose.x``."""
         name = short_text(name)[1:-1]
         return CodecError(self.problem, f"{name}.{self.path}" if self.path else name, self.hint)
 
@@ -64,12 +64,13 @@ def identity(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits for messages that one kind of reader accepts.
+    """Limits for the JSON messages of one channel, such as the control socket or a record.
 
-    Texts have at most ``max_text`` characters and satisfy ``is_text``, which ``text`` describes in errors; lists and
-    objects have at most ``max_members``; numbers are at most ``max_number``. With ``finite``, numbers are finite;
-    otherwise "nan", "inf" and "-inf" stand for the others. ``omit_none`` omits members that are None. ``other`` returns
-    the coder of a type that this module has none for, such as Any.
+    Texts have at most ``max_text`` characters and satisfy the function ``is_text``; ``text`` describes a valid text in
+    error messages. Lists and objects have at most ``max_members`` members; numbers are at most ``max_number``. With
+    ``finite``, infinity and NaN are refused; otherwise they are written as "nan", "inf" and "-inf". ``omit_none``
+    leaves out members that are None. ``other`` is a function that returns the coder of a type which this module does
+    not support, such as Any.
     """
 
     max_text: float = inf
@@ -102,7 +103,10 @@ class JsonName:
 
 @dataclass(frozen=True, slots=True)
 class MessageField:
-    """Declared field of a message: its name in JSON, type without annotations, description, bounds, and if required."""
+    """Declared field of a message: its names in Python and JSON, type, description, bounds and default.
+
+    ``required`` is true if a message without it is refused.
+    """
 
     name: str
     json_name: str
@@ -135,7 +139,7 @@ def _message_field(field: "Field[Any]", hint: Any) -> MessageField:
 
 
 def short_text(value: object) -> str:
-    """Return the beginning of a value for an error message, however deep or long the value is."""
+    """Return the first 60 characters of a value's repr, for an error message; a deep or long value is abbreviated."""
     return _shown.repr(value)[:60]
 
 
@@ -152,7 +156,7 @@ def decode(kind: type[T], data: object, rules: Rules) -> T:
 
 
 def encode_tagged(message: Any, key: str, rules: Rules) -> dict[str, Any]:
-    """Return a message as JSON data with its tag first, under ``key``."""
+    """Return a message as JSON data, with the message's ``word`` (its tag, such as "stop") first, under ``key``."""
     return {key: message.word, **encode(message, rules)}
 
 
@@ -167,7 +171,10 @@ def parse(data: str | bytes, max_bytes: int) -> Any:
 
 
 def decode_tagged(data: object, key: str, kinds: Mapping[str, type[T]], rules: Rules) -> T:
-    """Return the message whose tag is under ``key``, as an instance of the tag's class. Raises CodecError."""
+    """Return the message in JSON ``data``, whose tag under ``key`` selects the class from ``kinds``.
+
+    Raises CodecError.
+    """
     if not isinstance(data, dict):
         raise CodecError(f'not an object, such as {{"{key}": "{next(iter(kinds))}"}}')
     word = data.get(key)
@@ -178,12 +185,15 @@ def decode_tagged(data: object, key: str, kinds: Mapping[str, type[T]], rules: R
 
 
 class UnknownTagError(CodecError):
-    """Message with an unknown tag."""
+    """A message whose tag, the word that names its class, is not known."""
 
 
 @cache
 def coder(kind: Any, rules: Rules, bound: Bound = UNBOUNDED) -> Coder:
-    """Return the coder of a type; a dataclass may contain itself."""
+    """Return the coder of the type ``kind``, for example a dataclass, a list or a number with a ``bound``.
+
+    A dataclass may contain itself.
+    """
     origin, inner = get_origin(kind), get_args(kind)
     made = kind if origin is None else origin
     if isinstance(made, type) and is_dataclass(made):
@@ -375,7 +385,10 @@ Schema = dict[str, Any]
 
 
 def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
-    """Return the JSON Schema of a class; ``first`` are members before its own. Other classes are references."""
+    """Return the JSON Schema of the dataclass ``kind``; the members in ``first`` come before its own fields.
+
+    A field of another dataclass refers to that class in ``definitions``.
+    """
     properties = dict(first)
     for each in message_fields(kind):
         found = _schema_of(each.kind, each.bound, rules)
@@ -395,7 +408,7 @@ def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
 
 
 def definitions(kind: Any, rules: Rules) -> dict[str, Schema]:
-    """Return the JSON Schemas of the classes used by a class, by name."""
+    """Return the JSON Schemas, by class name, of all dataclasses that the fields of ``kind`` contain."""
     found: dict[str, Schema] = {}
     waiting = [each.kind for each in message_fields(kind)]
     while waiting:

@@ -70,7 +70,10 @@ class Option:
     hidden: bool = False
 
     def fault(self, value: object) -> str:
-        """Return the error of an option's value that does not come from a command line, or an empty text."""
+        """Return the error text if ``value`` is out of bounds or not an allowed word; empty if it is valid.
+
+        For values from Python or the studio: click checks those of the command line.
+        """
         if value is None or value == self.default:
             return ""
         if self.among and value not in self.among:
@@ -84,7 +87,7 @@ class Option:
 
     @property
     def bounds(self) -> str:
-        """Bounds of the option's value as text; empty without any."""
+        """Bounds of the option's value as text, such as "from 1 to 10"; empty if the value is not bounded."""
         if self.low is not None and self.high is not None:
             return f"from {self.low:g} to {self.high:g}"
         return "" if self.low is None else f"at least {self.low:g}"
@@ -114,7 +117,7 @@ def option(
 
 
 def options_of(cls: type) -> tuple[Option, ...]:
-    """Return the options that a dataclass declares, in their order."""
+    """Return the options that the dataclass ``cls`` declares, in the order of its fields."""
     return _options_of(cls)
 
 
@@ -129,7 +132,7 @@ def _options_of(cls: Any) -> tuple[Option, ...]:
 
 
 def faults(values: object) -> Iterator[tuple[Option, str]]:
-    """Yield the options of a dataclass whose values are out of bounds, each with its error."""
+    """Yield each option whose value in the dataclass instance ``values`` is invalid, with the error text."""
     for each in options_of(type(values)):
         if fault := each.fault(getattr(values, each.name)):
             yield each, fault
@@ -139,6 +142,9 @@ T = TypeVar("T")
 
 
 def make_options(cls: type[T], values: Mapping[str, object], **more: object) -> T:
-    """Return an instance of ``cls`` with the ``values`` of its options; None stands for the default."""
+    """Return an instance of the dataclass ``cls`` with the option ``values`` by name; None stands for the default.
+
+    ``more`` are the values of fields that are not options.
+    """
     options = {each.name: values[each.name] for each in options_of(cls) if values.get(each.name) is not None}
     return cls(**options, **more)

@@ -39,14 +39,15 @@ class FileKind(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """Optional feature.
+    """Optional feature: a set of commands, options and files.
 
     ``extra`` is the pip extra with its requirements, and ``needs`` are the plug-ins that it imports. ``commands`` are
-    its commands by name; a subcommand has a space in its name: ``record replay``. ``run_options`` is a dataclass that
-    extends ``missions.request.RunOptions``: options for `mission run`. ``run_context`` is ``(options, session) ->
-    context manager``, entered after the mission was checked and before anything moves, if the options ask for it;
-    ``session`` is a ``missions.cli.session.RunSession``. ``file_kinds`` are its kinds of files by suffix, ``.mcap``.
-    ``services`` are hooks of the core by name, for our own plug-ins only: ``missions.library.plugins.service``.
+    its commands by name; a subcommand has a space in its name: ``record replay``. ``run_options`` is the path of a
+    dataclass that extends ``missions.request.RunOptions``: options for `mission run`. ``run_context`` is the path of a
+    function ``(options, session) -> context manager``. Its context is entered after the mission was checked and before
+    anything moves, if the user gives one of the options; ``session`` is a ``missions.cli.session.RunSession``.
+    ``file_kinds`` are its kinds of files by suffix, such as ``.mcap``. ``services`` are functions that the core calls
+    by name (``missions.library.plugins.service``); only our own plug-ins can have them.
     """
 
     name: str

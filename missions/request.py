@@ -127,9 +127,9 @@ class RunRequest:
 
     @property
     def is_batch(self) -> bool:
-        """True for simulated time at full speed with known truth: nothing moves, no client can watch or stop it.
+        """True for a simulated run at full speed that takes faces from the world: it cannot be watched or stopped.
 
-        Such a run starts no thread, socket or process, unless code of others takes part.
+        Such a run starts no thread, socket or process, unless leaves or listeners from outside MissionTree take part.
         """
         return self.simulation == "fast" and self.eyes == "truth" and self.speed == inf
 
@@ -142,12 +142,18 @@ class RunRequest:
 
     @property
     def with_default_simulation(self) -> "RunRequest":
-        """The same request in simulated time, if an option needs that and neither robot nor simulation is given."""
+        """The same request, in simulated time if it has an option that needs it (such as ``until``).
+
+        The request is unchanged if it names a robot or a level of simulation.
+        """
         timed = self.speed != inf or self.eyes == "truth" or self.until is not None or self.physics
         return replace(self, simulate="fast") if timed and self.simulate is None and self.robot is None else self
 
     def world_file(self) -> "WorldConfig":
-        """Return the request's world, from its file if it is a name. Raises InvalidFileError or UnknownNameError."""
+        """Return the world of the request; a name, or the default world, is read from its file.
+
+        Raises InvalidFileError or UnknownNameError.
+        """
         from config.world import load_world  # noqa: PLC0415 - the metal has no other world than this one
 
         if self.world is None or isinstance(self.world, str):
@@ -168,7 +174,7 @@ class RunOptions:
         return any(getattr(self, each.name) != each.default for each in options_of(type(self)))
 
     def adapt(self, request: RunRequest) -> RunRequest:
-        """Return the request with the changes that these options need."""
+        """Return ``request``, changed as these options need it; by default, unchanged."""
         return request
 
     def check(self, request: RunRequest) -> None:
@@ -181,7 +187,7 @@ def contradictions(
     """Yield errors for options of a request that contradict each other or would have no effect.
 
     ``named(name, value)`` returns an option as the user writes it: ``--simulate fast``, or ``simulate="fast"``.
-    ``ports_of(request)`` returns the additional parts of its robot that have ports.
+    ``ports_of(request)`` returns the names of the robot's additional parts (such as a second arm) that have ports.
     """
     for each, fault in faults(request):
         yield f"{named(each.flag.removeprefix('--'))}: {fault}"
@@ -212,6 +218,6 @@ def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Ite
 
 
 def _may_be_camera(source: str) -> bool:
-    """Return True if a source can be a camera: a device may still be plugged in, a file must exist."""
+    """Return True if ``source``, a text of the user, can be a camera: a file must exist, a device may follow later."""
     kind = source_kind(source) if source.strip() else None
     return kind is not None and (kind not in (SourceKind.VIDEO, SourceKind.PICTURE) or Path(source).is_file())

@@ -1,4 +1,4 @@
-"""One run of a mission: read the files, assemble the robot, tick, and leave the robot at rest."""
+"""Execution of one run of a mission: read the files, assemble the robot, tick, and leave the robot at rest."""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -55,7 +55,7 @@ SIMULATED_LIMITS = WatchdogLimits(slow=inf, stall=inf, fail=10.0)
 
 
 OWN_PACKAGES = frozenset({"behaviours", "config", "drivers", "missions", "perception"})
-"""Packages whose leaves and devices never block a tick in simulated time."""
+"""Packages of MissionTree; their leaves and devices never block a tick in simulated time."""
 
 
 def end_process(result: Result) -> None:
@@ -66,10 +66,10 @@ def end_process(result: Result) -> None:
 class Runner:
     """One run of one mission. The constructor reads and checks everything; then call ``run`` once.
 
-    ``give_up`` is called from the watchdog's thread after the robot was closed because the main thread hangs for good.
-    ``substitute`` may replace each leaf, by a mock for example. ``twins`` are the robot in simulated time. ``plan`` is
-    the mission if it was loaded before; a plan can be run any number of times. Raises InvalidFileError or
-    UnknownNameError for invalid files, before anything is opened.
+    ``give_up`` is called from the watchdog's thread if the main thread hangs for good; the robot has been closed by
+    then. ``substitute`` may replace each leaf, by a mock for example. ``plan`` is the checked mission if the caller has
+    loaded it already; a plan can be run any number of times. The attribute ``twins`` holds the simulated devices, or
+    None in real time. Raises InvalidFileError or UnknownNameError for invalid files, before anything is opened.
     """
 
     def __init__(
@@ -166,7 +166,7 @@ class Runner:
         return root, executive
 
     def _assemble_real(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
-        """Return run state and robot in real time, on the hardware or on virtual devices."""
+        """Return a new run state and the robot in real time: on the hardware, or on virtual devices."""
         from missions.assembly.assemble import assemble  # noqa: PLC0415 - simulated time opens no port
 
         world = None if request.simulation is None else request.world_file()
@@ -177,7 +177,7 @@ class Runner:
         return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
 
     def _assemble_simulated(self, request: RunRequest) -> tuple[RunState, AssembledRobot]:
-        """Return run state and robot in simulated time."""
+        """Return a new run state and the robot in simulated time."""
         from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
         from missions.assembly.twin_assembly import twin_robot  # noqa: PLC0415
         from missions.executive.pace import PausedPacer, SimulationPacer  # noqa: PLC0415
@@ -238,9 +238,9 @@ class Runner:
     ) -> None:
         """Add observers before the run starts.
 
-        ``on_tick`` gets the record of each tick, with all input from outside; ``on_view`` the percepts, and
-        ``on_frame`` each searched picture, on the threads of the eyes. An exception is logged once per observer; the
-        run goes on.
+        ``on_tick`` gets the record of each tick, with all input from outside. ``on_view`` gets the percepts of each
+        picture, and ``on_frame`` each picture that the detectors have searched; both are called on the threads of the
+        eyes. If an observer raises an exception, it is logged once, and the run goes on.
         """
         self._observers += (on_tick, on_view, on_frame)
         if on_tick is not None:
@@ -300,7 +300,7 @@ class Runner:
 
     @contextmanager
     def _watchdog_running(self) -> Iterator[None]:
-        """Run the watchdog within the context; if nothing can hang, only from the first signal on."""
+        """Run the watchdog within the context; if no leaf or device can hang, start it only at the first signal."""
         self._is_watching = True
         try:
             if self._is_watched:
@@ -336,7 +336,7 @@ class Runner:
             self._close()
 
     def _undo_process_changes(self) -> None:
-        """Undo changes of the process by a behaviour: end a forked process, and restore the signal handlers."""
+        """Undo changes of this process by a behaviour: end it if it is a forked copy; restore signal handlers."""
         self._leave_if_forked()
         if taken := self._signals.reinstall():
             detail = f"a behaviour had taken {', '.join(taken)}, by which a run is ended: taken back"
@@ -352,7 +352,10 @@ class Runner:
         return self._signals.first_signal()
 
     def _abandon(self, outcome: str, reason: str) -> None:
-        """Close the robot for a hanging main thread. Devices close in parallel, with a timeout."""
+        """Close the robot and end the run with the result ``outcome``, since the main thread hangs.
+
+        The devices are closed in parallel, with a timeout.
+        """
         result = Result(self.plan.mission, outcome, reason, self.executive.time(), self._context.tick)
         robot = self._robot
         closing = {name: device.close for name, device in robot.devices.items()}
@@ -385,15 +388,18 @@ def requested_robot(request: RunRequest) -> RobotConfig:
 
 
 def parts_with_ports(request: RunRequest) -> Sequence[str]:
-    """Return the additional parts of the request's robot that have a port. Raises as ``requested_robot``."""
+    """Return the names of the robot's additional parts (such as a second arm) that have a port.
+
+    Raises InvalidFileError or UnknownNameError.
+    """
     robot = requested_robot(request)
     return [name for name in robot.extra_parts if isinstance(robot.sections[name].keys, SerialKeys)]
 
 
 def load_plan(request: RunRequest, robot: RobotConfig | Robot | None) -> Plan:
-    """Read and check the mission of a request, for the robot of a file, an existing robot, or any robot.
+    """Read and check the mission of a request. Raises InvalidFileError or UnknownNameError.
 
-    Raises InvalidFileError or UnknownNameError.
+    ``robot`` is the robot to check it for: from a robot file, or an existing one; None for any robot.
     """
     return load_mission(
         request.mission,

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 
 def real_voice(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Voice, Voice]:
-    """Return the voice as device and part; in a simulation it prints its text, and people in the world hear it."""
+    """Return the robot's voice twice: as the device to open, and as the part that leaves use.
+
+    In a simulation the voice prints its text, and people in the world hear it.
+    """
     simulation = factory.simulation
     if simulation is None:
         voice: Voice = factory.device(section, devices)
@@ -45,7 +48,10 @@ PART_MAKERS: Mapping[str, str] = {
     "screen": "missions.assembly.face:real_face",
     "camera": "missions.assembly.eyes:real_eyes",
 }
-"""Functions that make the parts that need more than a driver; called with factory, section and devices."""
+"""Functions, by kind of part, that make a part from more than its driver: a camera with its detectors, for example.
+
+They are called with the factory, the section of the robot file, and the devices made so far.
+"""
 
 
 class RealPartFactory:
@@ -64,7 +70,7 @@ class RealPartFactory:
         self._ports: dict[str, str] = dict(overrides.ports)
 
     def simulate(self, chosen: frozenset[str]) -> None:
-        """Create virtual devices for the ``chosen`` parts if there is a world.
+        """If the run has a world, create virtual devices for the ``chosen`` parts (names).
 
         Raises BadRequest for a driver without a virtual device: its real device must not move in a simulation.
         """
@@ -84,13 +90,16 @@ class RealPartFactory:
             self._ports = {**simulation.ports, **overrides.ports}
 
     def refuse_other_ports(self, chosen: frozenset[str]) -> None:
-        """Raise NotConnected if the port of a ``chosen`` part is not a serial port."""
+        """Raise NotConnected if one of the ``chosen`` parts has a port that exists but is not a serial port."""
         sections = {kind: section for kind, section in self.config.sections.items() if kind in chosen}
         ports = {kind: self._port(section) for kind, section in sections.items()}
         require_serial_ports({kind: port for kind, port in ports.items() if port})
 
     def make(self, kind: str, section: Section, devices: Mapping[str, Any]) -> tuple[Device, object]:
-        """Return the device of a part, and the object that leaves use."""
+        """Return the device of a part, and the object that leaves use, which is usually the device itself.
+
+        ``section`` is its section of the robot file; ``devices`` are those that were made before, by name.
+        """
         if kind in PART_MAKERS:
             maker_result: tuple[Device, object] = resolve_name(PART_MAKERS[kind])(self, section, devices)
             return maker_result
@@ -105,7 +114,10 @@ class RealPartFactory:
     def site(
         self, section: Section, devices: Mapping[str, Any], out: Callable[[str], None] | None = None
     ) -> DriverContext:
-        """Return the driver context of a section; ``out`` replaces the function that prints text for people."""
+        """Return the context for the driver of a section: clock, port, callbacks, and the devices that it needs.
+
+        ``out`` replaces the function that prints text for people.
+        """
         hooks = self.hooks
         return DriverContext(
             self.clock,

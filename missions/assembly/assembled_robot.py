@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
 
 CONNECT_TIMEOUT = 6.0
-"""Seconds within which all parts must appear: a board needs two to boot, a servo bus one."""
+"""Seconds within which all parts must be connected: a board needs two to boot, a servo bus one."""
 
 POLL_INTERVAL = 0.05
 """Seconds between two polls of the parts while a run waits for them; a new picture ends the wait early."""
@@ -25,14 +25,14 @@ REMARK_DELAY = 1.0
 
 
 class RunEyes(Protocol):
-    """Eyes as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
+    """The methods of a robot's eyes that a run calls: of ``perception.eyes.Eyes``, or of the eyes in simulated time."""
 
     may_rest: bool
     """True if the eyes may pause while no percepts are requested; always False in simulated time."""
 
     @property
     def looked(self) -> Callable[[], float | None]:
-        """Function that returns the stamp of the newest searched frame, None before the first."""
+        """Function that returns the time stamp of the newest picture that was searched, None before the first."""
         ...
 
     def open(self) -> None:
@@ -48,8 +48,9 @@ class RunEyes(Protocol):
 class AssembledRobot:
     """Robot with all devices and eyes that a run opens and must close.
 
-    ``devices`` are the parts by name, in the order in which they open; more can be added before ``open``. ``safe_stop``
-    and ``close`` continue with the other parts after an exception. ``lags`` are the learnt delays.
+    ``devices`` are the parts by name, in the order in which they open; more can be added before ``open``. If a part
+    raises an exception in ``safe_stop`` or ``close``, the other parts are still stopped and closed. ``lags`` are the
+    learnt delays of camera and base.
     """
 
     name: str
@@ -84,16 +85,16 @@ class AssembledRobot:
         return {name: device.health() for name, device in self.devices.items()}
 
     def missing(self) -> dict[str, tuple[str, str]]:
-        """Return the detail and the hint of each part that is not connected, by the part's name."""
+        """Return the parts that are not connected, by name, each with the problem and a hint for the user."""
         missing = {name: (each.detail, each.hint) for name, each in self.health().items() if not each.online}
         if self.eyes is not None and self.eyes.looked() is None:
             missing.setdefault("camera", ("camera: no picture has been searched yet", ""))
         return missing
 
     def wait_until_complete(self, run: RunState, report: StatusCallback, stopping: Callable[[], bool]) -> None:
-        """Wait until every part is connected; missing parts are reported after REMARK_DELAY.
+        """Wait until every part is connected, or ``stopping()`` is true. Raises NotConnected after ``CONNECT_TIMEOUT``.
 
-        Raises NotConnected that lists all missing parts after ``CONNECT_TIMEOUT``.
+        ``report`` is called for each part that is missing after ``REMARK_DELAY``; the error lists all of them.
         """
         begun = run.now()
         mentioned: set[str] = set()

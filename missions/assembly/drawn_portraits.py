@@ -22,7 +22,7 @@ from perception.identity import FaceRecogniser, NullRecogniser
 from perception.people import NotOneFaceError, PatchRecogniser, enrol
 
 PORTRAIT_COUNT = 5
-"""Number of portraits drawn of each simulated person."""
+"""Number of portraits that are drawn of each simulated person, from which the recogniser learns the face."""
 
 PORTRAIT_DISTANCES = (1.0, 1.5)
 """Distances in metres from the camera at which portraits are drawn."""
@@ -34,7 +34,10 @@ LENS = Lens(640, 480, 1.0471975512)
 
 
 def drawn_gallery(people: Sequence[PersonConfig], report: StatusCallback) -> FaceRecogniser:
-    """Return a recogniser for the people of a world whose key ``known`` is true."""
+    """Return a recogniser for the people in a world file who have ``known: true``; it learns from drawn portraits.
+
+    ``report`` is called if two of them look alike.
+    """
     known = [person for person in people if person.known]
     alike = defaultdict[str, list[str]](list)
     for person in known:

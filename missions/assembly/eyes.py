@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 
 class OnDemandSight:
-    """Sight that wakes the detectors on access, and raises while its percepts are stale.
+    """View of the eyes that starts the detectors when a leaf reads percepts, and raises while the percepts are old.
 
-    ``asks`` requests detection and returns True if the percepts are current; ``awake`` only returns that. While the
-    eyes rest, each access raises NotConnected, so that a leaf waits for the next pictures instead of seeing no face.
-    ``passive_view`` never wakes the detectors, for recorders.
+    ``asks`` is a function that requests detection and returns True if the percepts are current; ``awake`` returns that
+    without a request. While they are not current, each read raises NotConnected, so that a leaf waits for the next
+    pictures instead of seeing no face. ``passive_view`` never starts the detectors; it is for recorders.
     """
 
     def __init__(self, sight: Sight, asks: Callable[[], bool], awake: Callable[[], bool]) -> None:
@@ -72,7 +72,7 @@ class OnDemandSight:
 
 
 def real_eyes(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Camera, OnDemandSight]:
-    """Return the camera of a robot (or a rendered one), and its sight."""
+    """Return the camera of a robot (in a simulation, one that renders the world), and the percepts in its pictures."""
     overrides, hooks = factory.overrides, factory.hooks
     keys = _keys(factory, section)
     camera = _camera(factory, section, keys, devices)
@@ -101,7 +101,7 @@ def real_eyes(factory: "RealPartFactory", section: Section, devices: Mapping[str
 
 
 def _recogniser(factory: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser | None:
-    """Return the recogniser of people, or None if the mission does not use names."""
+    """Return the recogniser of people's faces, or None if the mission does not use names of people."""
     overrides, world = factory.overrides, factory.overrides.world
     if not overrides.interests.names:
         return None
@@ -116,7 +116,10 @@ def _recogniser(factory: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser 
 
 
 def _keys(factory: "RealPartFactory", section: Section) -> CameraKeys:
-    """Return the keys of the camera; a video that replaces it is upright."""
+    """Return the keys of the camera section, with the camera of ``--camera`` as source, if given.
+
+    A video has no orientation keys: it is upright.
+    """
     keys: CameraKeys = section.keys
     source = factory.overrides.camera
     if source is None:
@@ -152,8 +155,10 @@ def vision(
 ) -> Vision:
     """Return the detection for a mission's ``interests`` in the pictures of a camera; ``detector`` finds faces.
 
-    ``field_of_view`` may depend on the width and height of a picture. ``lens`` is the lens calibration, None for an
-    ideal lens. ``recogniser`` names the faces. ``delay`` estimates the delay of the camera's time stamps.
+    ``gaze`` returns the direction of the camera at a time. ``field_of_view`` is in radians, or a function of the width
+    and height of a picture. ``lens`` is the lens calibration, None for an ideal lens. ``seen`` is called with the
+    percepts of each picture, ``watched`` with the picture itself. ``recogniser`` names the faces. ``delay`` estimates
+    the delay of the camera's time stamps.
     """
     finder = FaceFinder(detector)
     faces: Sense[Face] = FaceSense(finder, Tracker())

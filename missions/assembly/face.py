@@ -35,7 +35,7 @@ MOUTH_OPENINGS = {
 """Opening of the mouth on the screen (0..1) for each mouth shape."""
 
 SYLLABLE_RATE = 4.0
-"""Openings of the mouth per second if the voice does not report mouth shapes."""
+"""Rate in Hz at which the mouth on the screen opens, if the voice does not report mouth shapes."""
 
 FRAME_INTERVAL, IDLE_INTERVAL = 1 / 30, 0.1
 """Seconds between two updates of the mouth during speech and without speech."""
@@ -58,7 +58,7 @@ class ScreenPage(Protocol):
 
 
 class MouthAnimation:
-    """Moves the mouth on a ``screen`` with a ``voice``, at each ``step``."""
+    """Animation of the mouth on a ``screen`` that follows a ``voice``; call ``step`` repeatedly to update it."""
 
     def __init__(self, voice: Voice, screen: Screen, clock: Clock) -> None:
         self._voice = voice
@@ -88,7 +88,10 @@ class MouthAnimation:
 
 
 class TalkingScreen:
-    """Screen whose mouth moves with the ``voice``, on a thread of its own: a ``drivers.api.Screen``."""
+    """A ``screen`` whose mouth moves with the ``voice``, on a thread of its own.
+
+    It implements ``drivers.api.Screen``.
+    """
 
     def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: StatusCallback = ignore) -> None:
         self.name = screen.name

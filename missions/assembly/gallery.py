@@ -42,14 +42,20 @@ MAX_CACHE_BYTES = 4_000_000
 
 
 class FeatureCache:
-    """Computes features of portraits, and caches them in the person's folder: a ``perception.dlib_people.Learner``."""
+    """Computes the features of people's portraits, and caches them in each person's folder.
+
+    An instance is a ``perception.dlib_people.Learner``: call it with a name and portraits.
+    """
 
     def __init__(self, people: People, describe: DlibDescriber) -> None:
         self._people = people
         self._describe = describe
 
     def __call__(self, name: str, portraits: Sequence[Image]) -> list[Feature]:
-        """Return the features of a person's portraits. Raises as ``describe``."""
+        """Return the features of the portraits of the person ``name``, computed or from the cache.
+
+        Raises the errors of the network that computes them.
+        """
         home, model = self._people.folder / name, self._describe.model
         cached = _read_cache(home / FEATURES_FILE, model)
         found = {
@@ -63,7 +69,7 @@ class FeatureCache:
         return [found[picture_digest(each).hex()] for each in portraits]
 
     def _write_cache(self, home: Path, model: str, found: Mapping[str, Feature]) -> None:
-        """Write the features of the pictures that still exist."""
+        """Write the features in ``found`` (by picture digest) whose pictures still exist in the folder ``home``."""
         with self._people.exclusive_access():
             there = {
                 picture_digest(picture).hex()
@@ -114,7 +120,7 @@ def recogniser(
     camera: CameraKeys | None = None,
     drawn: Sequence[PersonConfig] = (),
 ) -> FaceRecogniser | None:
-    """Return a recogniser of the user's people for a real ``camera``, else of the ``drawn`` people.
+    """Return a recogniser of the user's people for a real ``camera``, or else of the simulated people in ``drawn``.
 
     Returns None if the mission does not use names. Problems with the pictures are reported at the first recognition.
     """

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 class MicrophoneEars:
-    """Microphone with a recogniser: the device ``microphone``, and a ``perception.api.Hearing``."""
+    """Ears of a robot: the device of the part ``microphone`` together with a speech recogniser.
+
+    It implements ``perception.api.Hearing``.
+    """
 
     def __init__(
         self, microphone: Microphone, worker: WorkerProcess, listener: SpeechListener, report: StatusCallback
@@ -56,7 +59,7 @@ class MicrophoneEars:
         self._microphone.close()
 
     def health(self) -> Health:
-        """Return whether sound arrives and is processed."""
+        """Return the health of the microphone, or of the recogniser if the microphone works."""
         sound, recogniser = self._microphone.health(), self._worker.health()
         if not sound.online:
             return sound
@@ -79,7 +82,10 @@ class MicrophoneEars:
 
 
 def real_ears(factory: "RealPartFactory", section: Section, devices: Mapping[str, Any]) -> tuple[Device, Heard]:
-    """Return ears for the phrases of a mission, as device and part; these ignore the robot's own speech."""
+    """Return ears for the phrases of a mission, as the device to open and as the part that leaves use.
+
+    They ignore sound during the robot's own speech.
+    """
     keys: MicrophoneKeys = section.keys
     voice: Voice | None = devices.get("voice")
     overrides, hooks, simulation = factory.overrides, factory.hooks, factory.simulation
@@ -112,7 +118,11 @@ def make_ears(
     deaf: Callable[[float, float], bool] = never_deaf,
     changed: Callable[[], None] = ignore,
 ) -> MicrophoneEars:
-    """Return ears that recognise ``phrases`` in the sound of ``source``."""
+    """Return ears that recognise ``phrases`` in the sound of ``source``.
+
+    ``deaf(start, end)`` returns whether to ignore the sound between two times (s); ``changed`` is called after a
+    phrase.
+    """
     engine = _engine(config, PhraseGrammar.from_texts(phrases), clock)
     worker = WorkerProcess("microphone", engine.program, clock, hint=engine.hint, report=report)
     return MicrophoneEars(

@@ -27,7 +27,8 @@ MAX_LAG_SIGMA = 0.015
 """Maximum standard deviation in seconds of a stored base lag; for the camera see ``Delay.known``."""
 
 MIN_SAMPLES = 30
-"""Minimum number of picture pairs, or of base reports, from which a stored delay was learnt."""
+"""Minimum number of measurements behind a stored delay: pairs of pictures for the camera, speed reports for the base.
+"""
 
 MAX_FILE_SIZE = 1000
 """Maximum size in bytes of a file with learnt delays."""
@@ -46,7 +47,7 @@ def delays_file(robot: str) -> Path:
 
 
 class LearntDelays:
-    """Delays of a robot: ``delay`` of its camera, including the lag of its head, and ``lag`` of its base.
+    """Learnt delays of a robot: ``delay`` of its camera (with the head's lag), and ``lag`` with which its base moves.
 
     Both start from the stored values if the robot file is unchanged, and keep learning. A ``simulated`` robot neither
     loads nor stores delays. With ``other_camera``, a source other than that of the robot file, only the lag of the base
@@ -71,7 +72,7 @@ class LearntDelays:
         return CameraDelay(0.0 if self._other_camera else self._stored.get(CAMERA, self._told))
 
     def save(self) -> None:
-        """Store the delays that are known well, and remove those that have proved wrong.
+        """Store the delays that were measured precisely; remove a stored camera delay that has proved wrong.
 
         Raises OSError if the file cannot be written.
         """

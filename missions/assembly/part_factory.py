@@ -1,6 +1,6 @@
-"""Assembly loop for the parts of a robot, shared by hardware, virtual devices and twins.
+"""Makes the parts of a robot one after another, on hardware, as virtual devices or as twins.
 
-The table of drivers also decides the order in which parts are made, and the parts that they require.
+The table of drivers decides the order in which parts are made, and which other parts each of them requires.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -39,8 +39,9 @@ if TYPE_CHECKING:
 class Overrides:
     """Settings of a run that override the robot file.
 
-    ``world`` is the world of a simulated robot, None on hardware. ``camera`` is a source that replaces the robot's
-    camera, or the rendered one. ``ports`` are ports by part. ``interests`` are the percepts that the mission uses.
+    ``world`` is the world of a simulated robot, None on hardware. ``camera`` is a source (device or file) that replaces
+    the robot's camera, or in a simulation the rendered picture. ``ports`` are device files by part. ``interests`` are
+    the detectors and phrases that the mission needs.
     """
 
     world: "WorldConfig | None" = None
@@ -62,10 +63,10 @@ class Overrides:
 class Hooks:
     """Callbacks of a robot's devices.
 
-    ``report`` gets device statuses; ``on_change`` is called when a tick is worthwhile; ``print_line`` prints speech;
-    ``on_view`` gets percepts; ``on_answer`` gets name and text of people who speak in a simulated world;
-    ``on_steering`` gets changes of control of the base; ``on_frame`` gets each searched frame with the camera's
-    direction.
+    ``report`` gets device statuses; ``on_change`` is called when new input should cause a tick; ``print_line`` prints
+    speech; ``on_view`` gets percepts; ``on_answer`` gets name and text of people who speak in a simulated world;
+    ``on_steering`` gets changes of the source that controls the base; ``on_frame`` gets each searched frame with the
+    camera's direction.
     """
 
     report: StatusCallback
@@ -134,14 +135,14 @@ def joint_groups(config: RobotConfig, part: str = "arm") -> Mapping[str, tuple[s
 
 
 def camera_position(config: RobotConfig) -> tuple[float, float, float]:
-    """Return the position of the camera (m, robot's frame), or a default one without a camera."""
+    """Return the position of the camera on the robot (x, y, z in m); 1 m above the floor if it has none."""
     return (0.0, 0.0, 1.0) if config.camera is None else config.camera.position
 
 
 def resolve_maker(name: str, section: Section, what: str) -> Callable[..., Any]:
-    """Return the function for a device, twin or virtual device by its dotted name.
+    """Return the function with the dotted ``name`` that makes a device, twin or virtual device (``what``, for errors).
 
-    Raises BadRequest if the driver does not declare one, or if the name is wrong.
+    Raises BadRequest if the driver of ``section`` does not declare one, or if the name is wrong.
     """
     driver = section.driver
     part = f"{section.part}: the driver '{driver.name}'"
@@ -167,7 +168,10 @@ def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
-    """Return ``chosen``, plus the parts that carry those parts, and the range finder of a base that it guards."""
+    """Return the ``chosen`` parts and the parts that they need.
+
+    A camera needs the head that carries it; a base with a range guard needs the range finder.
+    """
     if "camera" in chosen:
         chosen |= {"head"}
     if "base" in chosen and config.has_range_guard:

@@ -16,7 +16,10 @@ from drivers.sim.rigid.scene import PhysicsScene
 
 
 def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) -> PhysicsScene:
-    """Return the scene of a robot's body on the floor of a world."""
+    """Return the physics scene of a robot's body on the floor of a world, standing at ``start``.
+
+    Raises BadRequest for a robot whose base has no legs.
+    """
     legs, arm = config.keys(LegsKeys), config.keys(DynamixelKeys)
     if legs is None or arm is None:
         raise BadRequest(
@@ -31,7 +34,10 @@ def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) 
 
 
 def model_file(legs: LegsKeys, config: RobotConfig) -> Path | None:
-    """Return the path of the MuJoCo model that a robot file names, or None. Raises BadRequest."""
+    """Return the path of the MuJoCo model that a robot file names, or None if it names none.
+
+    Raises BadRequest if the file does not exist.
+    """
     if not legs.model:
         return None
     path = (Path() if config.path is None else config.path.parent) / legs.model
@@ -41,7 +47,7 @@ def model_file(legs: LegsKeys, config: RobotConfig) -> Path | None:
 
 
 def floor_of(world: WorldConfig) -> Floor:
-    """Return the floor of a world, with its disturbances."""
+    """Return the floor of a world: friction, slope, and the disturbances of the robot, such as pushes."""
     physics = world.physics
     return Floor(
         friction=physics.friction,

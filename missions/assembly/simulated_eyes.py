@@ -28,7 +28,8 @@ MIN_LIGHT = 0.08
 class SteppedEyes(Generic[T]):
     """Takes a picture every ``period`` seconds of a timeline, and processes it ``delay`` seconds later.
 
-    ``take`` returns None if there is no picture. ``looked`` returns the stamp of the newest processed picture.
+    ``take`` returns the picture, or None if there is none; ``see`` processes it. ``looked`` returns the time stamp of
+    the newest processed picture, None before the first.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class SteppedEyes(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Glimpse:
-    """Percepts of a perfect detector in the picture taken at ``stamp``."""
+    """All faces, things and markers that a perfect detector finds in the picture taken at ``stamp`` (s)."""
 
     stamp: float
     scene: Scene
@@ -81,10 +82,10 @@ class Glimpse:
 
 
 class TrueSight(NewestView):
-    """Sight that takes percepts from the world instead of pictures; tracks and ids are those of real perception.
+    """Percepts that come from the simulated world instead of pictures; tracks and ids are made as in real perception.
 
-    ``viewpoint`` returns the camera's pose, ``gaze`` the direction that the robot assumes for a past time. ``names``
-    names the faces; without it they have no names.
+    ``viewpoint`` returns the true pose of the camera, ``gaze`` the direction that the robot assumes for a past time.
+    ``names`` is the recogniser of faces; without it all faces are nameless.
     """
 
     def __init__(
@@ -133,7 +134,7 @@ class TrueSight(NewestView):
         )
 
     def see(self, glimpse: Glimpse) -> None:
-        """Update the percepts with a glimpse."""
+        """Replace the percepts that leaves read by those of a new picture, and report them."""
         camera, gaze, stamp, names = self._lens, self._gaze(glimpse.stamp), glimpse.stamp, self._names
         faces = self._faces.update(glimpse.faces, camera=camera, gaze=gaze, stamp=stamp)
         if names is not None:

@@ -1,4 +1,7 @@
-"""Ears in a simulated world in real time: through sound if all packages are installed, else as text."""
+"""Ears in a simulated world in real time.
+
+They recognise synthesised speech if the packages for that are installed; otherwise they receive phrases as text.
+"""
 
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
@@ -37,7 +40,7 @@ WORDS_PER_MINUTE = 150.0
 
 
 class TextEars:
-    """``HearingTwin`` that is stepped in real time. Its queries are thread-safe."""
+    """Ears that receive the phrases of simulated people as text, for runs in real time. Queries are thread-safe."""
 
     def __init__(self, twin: HearingTwin[Words]) -> None:
         self.name = twin.name
@@ -70,7 +73,7 @@ class TextEars:
         return self._twin.health()
 
     def hear(self, reply: PersonReply) -> None:
-        """Process a phrase that a person says now."""
+        """Process the phrase in ``reply``, which a person in the world says now."""
         with self._lock:
             self._twin.on_reply(reply)
 
@@ -106,7 +109,7 @@ def make_simulated_ears(
     report: StatusCallback,
     changed: Callable[[], None],
 ) -> tuple[MicrophoneEars | TextEars, Callable[[PersonReply], None]]:
-    """Return ears, and the function to call with phrases within earshot. Raises BadRequest as ``make_ears``."""
+    """Return ears, and a function to call with each phrase that people say within earshot. Raises BadRequest."""
     if config.recogniser == "pocketsphinx" and all(find_spec(name) for name in NEEDED_MODULES):
         people = {person.name: _manner(person) for person in world.people}
         engine = EspeakEngine(

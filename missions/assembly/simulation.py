@@ -31,7 +31,7 @@ def ignore_reply(reply: PersonReply) -> None:
 
 
 class Simulation:
-    """Virtual devices for some parts of a robot in one world, each on its own pseudo-terminal."""
+    """Virtual devices for the ``chosen`` parts of a robot, together in one world, each on a pseudo-terminal."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class Simulation:
         return {part: terminal.path for part, terminal in self.terminals.items()}
 
     def device(self, cls: type[D]) -> D | None:
-        """Return the virtual device of a class, or None."""
+        """Return the virtual device that is an instance of ``cls``, or None if there is none."""
         return next((each.device for each in self.parts.values() if isinstance(each.device, cls)), None)
 
     def open(self) -> None:
@@ -132,7 +132,10 @@ class Simulation:
         return self.terminals[owner]
 
     def state(self) -> dict[str, object]:
-        """Return the true state of the devices: base in SI units, servos of the head in degrees, joints in radians."""
+        """Return the true state of each virtual device by part.
+
+        The base is in SI units, the head in degrees, joints in radians.
+        """
         now = self._clock.now()
         found = {}
         for kind, plugged in self.parts.items():
@@ -141,7 +144,7 @@ class Simulation:
         return found
 
     def hear(self, text: str) -> None:
-        """Let people hear the robot's speech; their answers follow in their own time."""
+        """Let the people in the world hear the robot's speech ``text``; their answers are scheduled."""
         if self._world is not None:
             now = self._clock.now()
             self._expect(self._world.deliver_speech(text, now, self._robot_position(now)))

@@ -31,11 +31,14 @@ from perception.tracks import (
 # Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
 
 LOOK_MARGIN = 1.0
-"""Margin of each recognition result of a perfect detector, above or below zero."""
+"""Similarity above the threshold (or below it, for a stranger) that simulated face recognition reports."""
 
 
 class TrueNames:
-    """Names each face if its person is known; a share ``mistaken`` of the results is wrong."""
+    """Simulated face recognition that knows the people with ``known: true`` in the world file.
+
+    A share ``mistaken`` (0..1) of the results is wrong.
+    """
 
     def __init__(self, people: Iterable[PersonConfig], mistaken: float, random: Random) -> None:
         self._known = frozenset(person.name for person in people if person.known)
@@ -43,7 +46,7 @@ class TrueNames:
         self._random = random
 
     def look(self, face: Box, sightings: Sequence[FaceSighting]) -> FaceMatch | None:
-        """Return the recognition result for the face in a box, or None if no sighting is there."""
+        """Return the recognition result for the face in the box ``face``, or None if no sighting has this box."""
         who = next((sighting.person for sighting in sightings if sighting.box == face), "")
         if not who:
             return None
@@ -66,7 +69,11 @@ MARKER_HEIGHT = MARKER_SIZE * 4 / 3
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Noise of true eyes: share of missed items per picture, pixel noise (one sigma) of boxes, share of wrong names."""
+    """Errors of simulated detectors.
+
+    ``missed`` is the share of missed faces or things, ``noise`` the error of boxes (one sigma, in pixels), ``mistaken``
+    the share of wrong names.
+    """
 
     missed: float = 0.02
     noise: float = 1.0
@@ -74,7 +81,7 @@ class SensorNoise:
 
 
 class GroundTruth:
-    """Perfect detectors of a world through ``lens``, with the ``noise`` of real ones."""
+    """Perfect detectors in a world, seen by a camera with this ``lens``; ``noise`` adds realistic errors."""
 
     def __init__(self, world: SimulatedWorld, lens: Pinhole, noise: SensorNoise, random: Random) -> None:
         self._world = world
@@ -91,7 +98,10 @@ class GroundTruth:
     def things(
         self, view: Viewpoint, now: float, wanted: Sequence[ThingSpec], colours: Mapping[str, Colour]
     ) -> tuple[ThingSighting, ...]:
-        """Return the ``wanted`` things in view, including furniture of the same colour and shape."""
+        """Return the things in view that match one of ``wanted``, also furniture of the same colour and shape.
+
+        ``colours`` are the colours by name.
+        """
         found = []
         for thing in chain(self._world.objects, self._world.furniture):
             shape = BALL if isinstance(thing, WorldBall) else BOX
@@ -110,7 +120,7 @@ class GroundTruth:
         return tuple(one for one in seen if one is not None)
 
     def motion(self, view: Viewpoint, before: float, now: float) -> float:
-        """Return the share 0..1 of the picture that people and robots change who moved since ``before``."""
+        """Return the share of the picture (0..1) that changed since ``before`` (s) because people and robots moved."""
         then, changed = dict(self._moving(before)), 0.0
         for name, solid in self._moving(now):
             was = then.get(name)
@@ -148,7 +158,10 @@ class GroundTruth:
         return self._detected_box(Box(seen[0] - width / 2, seen[1] - width / 2, width, width), view, middle, now)
 
     def _thing(self, thing: WorldBall | Crate, view: Viewpoint, now: float) -> tuple[Box, float] | None:
-        """Return the box of a thing in the picture and its width as in ``Spot``, or None."""
+        """Return the box of a thing in the picture, and its apparent width in pixels.
+
+        None if the thing is hidden, missed or too small.
+        """
         solid = thing.solid()
         middle = (thing.x, thing.y, (solid.bottom + solid.top) / 2)
         _, _, ahead = view.to_camera_axes(*middle)
@@ -166,7 +179,10 @@ class GroundTruth:
         return None if box is None else (box, width)
 
     def _marker(self, rover: Rover, view: Viewpoint, now: float, kind: MarkerSet) -> MarkerSighting | None:
-        """Return the marker of a robot that faces the camera most, or None if none is readable."""
+        """Return the marker on the side of a robot that faces the camera most.
+
+        None if it is hidden, or too small to read.
+        """
         solid = rover.solid(now)
         x, y, facing = max(_sides(solid), key=lambda side: cos(_side_angle(side, view)))
         angle = _side_angle((x, y, facing), view)
@@ -202,7 +218,7 @@ class GroundTruth:
         return Box(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
 
     def _detected_box(self, box: Box, view: Viewpoint, middle: Point3, now: float) -> Box | None:
-        """Return a box with detector noise, or None if it is cut off, hidden or missed."""
+        """Return ``box`` with detector noise, or None if the object in it is cut off, hidden or missed."""
         random, noise, lens = self._random, self._noise.noise, self._lens
         x, y = box.x + random.gauss(0.0, noise), box.y + random.gauss(0.0, noise)
         inside = 0 <= x <= lens.width - box.width and 0 <= y <= lens.height - box.height
@@ -214,7 +230,7 @@ class GroundTruth:
 
 
 def _corners(block: UprightBox) -> Iterator[Point3]:
-    """Yield the eight corners (x, y, z) of a box."""
+    """Yield the eight corners (x, y, z) of ``block`` in metres."""
     for (x, y), z in product(block.corners(), (block.bottom, block.top)):
         yield x, y, z
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class Conversation:
-    """Conversation in simulated time: gives ``twins`` a voice, ears and a face, and lets people answer.
+    """Conversation of a robot with simulated people: makes its voice, ears and screen, and lets people answer.
 
     People and robot hear each other within earshot, unless an inner wall is in between. ``phrases`` are those that the
     robot listens for.
@@ -56,7 +56,7 @@ class Conversation:
         self._seed = seed
 
     def twin(self, kind: str, keys: Any) -> Device | None:
-        """Return the twin of a voice, microphone or screen; None for other parts."""
+        """Return the simulated device for the kind "voice", "microphone" or "screen"; None for other kinds."""
         match kind:
             case "voice":
                 return self._voice(keys)
@@ -101,7 +101,7 @@ class Conversation:
         self._expect(twins.world.deliver_speech(text, twins.timeline.clock.now(), self._robot_position()))
 
     def _expect(self, replies: Iterable[PersonReply]) -> None:
-        """Schedule the phrases in which people reply."""
+        """Schedule each phrase in ``replies`` at its time on the timeline."""
         for reply in replies:
             self._twins.timeline.call_at(reply.time, partial(self._on_spoken, reply))
 
@@ -120,13 +120,13 @@ class Conversation:
 
 
 PICTURE_INTERVAL = 0.08
-"""Seconds between two searched pictures for both kinds of eyes: the rate of a small computer.
+"""Seconds between two searched pictures in simulated time, rendered or from the world: the rate of a small computer.
 
-Real eyes also drop the other pictures of a faster camera.
+Eyes in real time skip pictures of a faster camera in the same way.
 """
 
 DETECTION_DELAY = 0.03
-"""Seconds from a picture to its percepts, for both kinds of eyes in simulated time."""
+"""Seconds from a picture to its percepts in simulated time, for rendered pictures and for percepts from the world."""
 
 WHITE, BLACK = cast(Image, Array()), cast(Image, Array())
 """Placeholders without pixels for pictures that nothing searches: of an open and of a covered camera."""
@@ -144,10 +144,10 @@ def twin_robot(
     truth: bool,
     physics: bool = False,
 ) -> tuple[Twins, AssembledRobot]:
-    """Assemble twins for the ``chosen`` parts of a robot, stepped by ``timeline``, and return them with the robot.
+    """Assemble simulated devices for the ``chosen`` parts of a robot on ``timeline``; return them, and the robot.
 
     With ``truth``, faces come from the world instead of pictures. With ``physics`` the robot is a body with masses.
-    Raises BadRequest for a driver without a twin, and if physics is not available.
+    Raises BadRequest for a driver without a simulated device, and if physics is not available.
     """
     chosen = with_carriers(config, chosen)
     twins = Twins(timeline, build_world(world))

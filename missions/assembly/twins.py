@@ -27,10 +27,10 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class Twins:
-    """Twins of a robot's parts by kind, in their world; only the parts that the mission uses.
+    """Simulated devices of a robot by part, in their world; only for the parts that the mission uses.
 
-    ``place`` is the position of the camera on the base, ``lens`` its lens. ``scene`` is the robot's body with physics,
-    else None. The typed properties are None if the robot has no such twin.
+    ``place`` is the position of the camera on the base (m), ``lens`` its lens. ``scene`` is the robot's body with
+    physics, else None. The typed properties, such as ``base``, are None if the robot has no such part.
     """
 
     timeline: Timeline
@@ -92,7 +92,7 @@ class Twins:
         return self.parts.get("head")
 
     def pose(self) -> Pose2D:
-        """Return the true pose of the base in the world's frame; with physics, that of the trunk."""
+        """Return the true pose of the base in the world's frame; with physics, that of the robot's trunk."""
         if self.scene is not None:
             self.scene.advance(self.timeline.clock.now())
             return self.scene.pose()

@@ -21,9 +21,9 @@ from missions.library.vocabulary import load_leaves
 
 
 def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
-    """Print the catalogue entry of a behaviour or another word of the language.
+    """Print the catalogue entry of a leaf, or the help of a composite or modifier.
 
-    Raises click.UsageError if it is unknown.
+    ``files`` are Python files with the user's own leaves. Raises click.UsageError if ``name`` is unknown.
     """
     leaves = load_leaves(folder_behaviour_files(files), files)
     if name in leaves:
@@ -41,7 +41,7 @@ def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
 
 
 def list_behaviours(files: Sequence[Path], *, as_json: bool) -> None:
-    """Print one line for each word of the language; as JSON, print the behaviours with their arguments."""
+    """Print a line for each leaf, composite and modifier; with ``as_json``, print the leaves with their arguments."""
     leaves = load_leaves(folder_behaviour_files(files), files)
     if as_json:
         click.echo(json.dumps([_as_dict(leaf) for leaf in leaves.values()], indent=2))
@@ -55,7 +55,7 @@ def is_word(name: str, files: Sequence[Path]) -> bool:
 
 
 def word_help() -> Mapping[str, str]:
-    """Return the help of each word of the language that is not a leaf."""
+    """Return the help of each composite and modifier, by its word in missions."""
     modifier_texts = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
     return {word: kind.help for word, kind in BRANCHES.items()} | modifier_texts | modifiers

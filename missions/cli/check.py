@@ -58,9 +58,9 @@ def _check_file(
     leaves: Callable[[str], Mapping[str, type[Leaf]]],
     files: Sequence[Path],
 ) -> tuple[str, Sequence[Diagnostic], Sequence[Diagnostic]]:
-    """Check one mission, for the first of ``robots`` that can do it, or one file of a plug-in, such as tests.
+    """Check one file: a mission, for the first of ``robots`` that can do it, or a file of a plug-in, such as tests.
 
-    Return the line to print, the errors, and the hints.
+    ``leaves`` returns the leaves for a mission. Return the line to print, the errors, and the hints.
     """
     try:
         if (found := find_file_kind(Path(name).name)) is not None and found[1].check:

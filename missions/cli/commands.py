@@ -13,7 +13,8 @@ from missions.library.plugins import find_command, load, plugins
 from missions.plugin import COMMAND_GROUPS, LOOK, RUN, SET_UP, CommandEntry
 
 OWN_PROCESS = "alone"
-"""Object of the root context if the process runs only this command: the same text as in `missions.control.holders`."""
+"""Value of the root context's ``obj`` if the process runs only this command; the same as in `missions.control.holders`.
+"""
 
 
 def freeze_garbage_collector() -> None:
@@ -141,12 +142,12 @@ class LazyGroup(click.Group):
 
     @property
     def path(self) -> tuple[str, ...]:
-        """Words after ``mission`` that lead to this group."""
+        """Words after ``mission`` that lead to this group, such as ("robot", "models")."""
         return tuple(str(self.name).split())
 
     @property
     def lazy_commands(self) -> Mapping[str, CommandEntry]:
-        """Declarations of the subcommands that are imported on demand, by their last words."""
+        """Declarations of the group's subcommands, by the last word of their names; each is imported when used."""
         found = {tuple(name.split()): each for name, each in declared_commands()}
         return {words[-1]: each for words, each in found.items() if words[:-1] == self.path}
 
@@ -176,7 +177,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the subcommand; for an unknown one, fail with a suggestion."""
+        """Return the subcommand in ``args``; fail with a suggestion if there is no such subcommand."""
         word = args[0]
         if not word.startswith("-") and self.get_command(ctx, word) is None:
             suggestion = current_name([*self.path, *args]) or f"mission {self.suggestion(ctx, word)}"

@@ -35,7 +35,7 @@ class BashCompletion(BashComplete):
     )
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the one to complete, and that one; words that bash split at "=" are joined again."""
+        """Return the words before the incomplete word, and that word; parts that bash split at "=" are joined."""
         words = [""]
         for word in [*split_arg_string(os.environ["COMP_WORDS"]), ""][: int(os.environ["COMP_CWORD"]) + 1]:
             if word == "=" or words[-1].endswith("="):
@@ -45,7 +45,10 @@ class BashCompletion(BashComplete):
         return words[2:-1], words[-1]
 
     def format_completion(self, item: CompletionItem[Any]) -> str:
-        """Return an item for the script; of ``to=Anna`` only the part after "=", as bash expects."""
+        """Return a completion in the form that the bash script reads: its type and value.
+
+        Of ``to=Anna`` only the part after "=" is returned, as bash expects.
+        """
         value = str(item.value)
         value = value.partition("=")[2] or value
         return f"{item.type},{shlex.quote(value) if item.type == 'plain' else value}"

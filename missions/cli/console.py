@@ -45,7 +45,7 @@ class LiveLines:
         self._live.start()
 
     def stop(self) -> None:
-        """Remove the live line."""
+        """Remove the live line; the lines above it stay."""
         self._live.stop()
 
     def print(self, *parts: str | tuple[str, str]) -> None:

@@ -22,7 +22,10 @@ robot_option = click.option("--robot", type=ROBOT, help="Robot to check for (nam
 
 
 class NotForThisRobotError(InvalidFileError):
-    """A mission that is correct except for the default robot; the text names a robot that can do it."""
+    """A mission that is correct but cannot run on the default robot.
+
+    The message names a robot that can run it, if there is one.
+    """
 
     def __init__(self, faults: Sequence[Diagnostic], name: str, robot: str, able: str) -> None:
         super().__init__(faults)
@@ -45,10 +48,10 @@ def robots_for(robot: str | None) -> list[Path]:
 def load_mission_for(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
 ) -> tuple[Plan, Path]:
-    """Load a mission for the first of ``robots``; return the plan and the file of the robot that fits.
+    """Load a mission for the first of ``robots``; return the plan and the file of the robot for which it was checked.
 
-    A mission of MissionTree may fit another of the robots. Raises InvalidFileError, NotForThisRobotError or
-    UnknownNameError.
+    A mission of MissionTree that the first robot cannot do is checked for the others in turn. Raises InvalidFileError,
+    NotForThisRobotError or UnknownNameError.
     """
     try:
         return load_mission(name, params=params, robot=load_target(robots[0]), leaves=leaves), robots[0]
@@ -66,9 +69,9 @@ def load_mission_for(
 def _load_for_others(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
 ) -> tuple[Plan, Path | None] | None:
-    """Return the plan, and the robot among ``robots`` that can do it, or None if no robot can.
+    """Return the plan of a mission, and the first of ``robots`` that can do it, or None for the robot if none can.
 
-    Return None if the mission has other errors, or if there is no other robot.
+    Return None if ``robots`` is empty, or if the mission has errors that do not depend on the robot.
     """
     if not robots:
         return None
@@ -83,5 +86,5 @@ def _load_for_others(
 
 @cache
 def load_target(robot: Path) -> TargetRobot:
-    """Return the robot description that the checker uses. Raises InvalidFileError."""
+    """Return the description of a robot for the checker, from the robot file ``robot``. Raises InvalidFileError."""
     return target_of(load_robot(robot))

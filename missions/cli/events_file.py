@@ -15,10 +15,10 @@ from missions.library.private_files import EarlierFile, open_private
 
 
 class EventsFile:
-    """Writer of the events of a run to ``path``, readable by its owner only; ``lines`` is the listener.
+    """Writer of the events of a run to ``path``, readable by its owner only.
 
-    If the new file cannot be written completely, an earlier file keeps its name and ``path`` becomes the new name.
-    Raises click.BadParameter.
+    Add its attribute ``lines`` to the listeners of the run. If the new file cannot be written completely, an earlier
+    file keeps its name, and ``path`` is changed to the name of the incomplete one. Raises click.BadParameter.
     """
 
     def __init__(self, path: Path) -> None:

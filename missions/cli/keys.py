@@ -16,15 +16,15 @@ ESCAPE_TIMEOUT = 0.2
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _CURSOR = re.compile(r"(\d{1,5});(\d{1,5})R", re.ASCII)
-"""Cursor position report of a terminal, after its bracket."""
+"""Pattern of the cursor position that a terminal reports, row;columnR, after the escape sequence ``ESC [``."""
 
 _KEY_NAMES = {"\r": "enter", "\n": "enter", "\x1b": "escape", "\x04": "end", "": "end"}
 
 
 class KeyReader:
-    """Context manager that reads keys from the terminal behind ``descriptor``.
+    """Context manager that reads keys from the terminal with the file ``descriptor``.
 
-    Ctrl-Z is disabled meanwhile, since a suspended process would leave the terminal without echo.
+    Ctrl-Z is disabled inside the context, since a suspended process would leave the terminal without echo.
     ``on_cursor_position`` is called with row and column when the terminal reports its cursor.
     """
 
@@ -83,7 +83,7 @@ class KeyReader:
 def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt on SIGTERM and SIGHUP, as on Ctrl-C, so that open devices are closed.
 
-    Only the first signal raises; kernel and shell may both send one, and closing must not be interrupted.
+    Only the first signal raises: kernel and shell may both send one, and a second must not interrupt the closing.
     """
     before = {number: signal.signal(number, _interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
     try:

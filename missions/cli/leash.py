@@ -1,7 +1,8 @@
-"""Stops a run when its server is gone (the leash), or when the reader of its output is gone.
+"""Stops a run when the server that started it ends, or when the program that reads its output ends.
 
 A robot must not drive on without an observer: ``mission run ... | head -1`` closes the pipe, which poll reports at
-once, not only with the next line. The studio beside a run ends by a leash too.
+once, not only with the next line. A server passes each run the read end of a pipe as ``--leash``; the pipe is closed
+when the server ends. The studio beside a run uses the same method.
 """
 
 import json
@@ -24,7 +25,7 @@ OUTPUT_CLOSED = "its output was closed"
 
 @contextmanager
 def watch_outputs(files: Iterable[TextIO], on_closed: Callable[[str], object]) -> Iterator[None]:
-    """Call ``on_closed`` once, from a thread, when the reader of a pipe among ``files`` closes it."""
+    """Call ``on_closed`` with a reason, once, from a thread, when the reader of a pipe among ``files`` closes it."""
     numbers = set()
     for file in files:
         with suppress(OSError, ValueError):  # no file descriptor, or closed
@@ -58,7 +59,10 @@ def watch_outputs_each_tick(files: Iterable[TextIO], on_closed: Callable[[str], 
 
 @contextmanager
 def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
-    """Run ``watch`` in a thread while the context is entered; its descriptor becomes readable at the end."""
+    """Run ``watch`` in a thread while the context is entered.
+
+    ``watch`` gets the file descriptor of a pipe that becomes readable when it must return, at the end of the context.
+    """
     over, end = os.pipe()
     thread = Thread(target=watch, args=(over,), name=name, daemon=True)
     thread.start()
@@ -73,12 +77,15 @@ def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
 SERVER_GONE = "the server has gone"
 
 STOP_TIMEOUT = 5.0
-"""Seconds that a run has to stop after its server is gone; then SIGTERM follows, which the watchdog handles too."""
+"""Seconds that a run has to stop after its server has ended; then it gets SIGTERM, which the watchdog handles too."""
 
 
 @contextmanager
 def stop_with_server(leash: int | None, executive: Executive, stream: EventStream) -> Iterator[None]:
-    """Stop ``executive`` when the pipe ``leash`` is closed, and write notices as JSON lines; no effect if None."""
+    """Stop ``executive`` when the server closes the pipe with the descriptor ``leash``; do nothing if it is None.
+
+    Notices of the mission are written to stdout as JSON lines for the server.
+    """
     if leash is None:
         yield
         return
@@ -88,7 +95,7 @@ def stop_with_server(leash: int | None, executive: Executive, stream: EventStrea
 
 
 def write_notice(event: Event) -> None:
-    """Write a notice of the mission as a JSON line for the server."""
+    """Write a JSON line to stdout if ``event`` is a notice of the mission, for the server that started the run."""
     if isinstance(event, Notified):
         click.echo(json.dumps({"notice": event.text}))
 

@@ -103,7 +103,7 @@ def _arms() -> dict[str, JointRanges]:
 
 
 def _capable_arms(path: Path, arms: Mapping[str, JointRanges]) -> str:
-    """Return the arms that have the joints of a gesture, within their ranges, as text."""
+    """Return as text the names of the ``arms`` whose joint ranges allow the gesture in the file ``path``."""
     poses = [pose for _, pose in load_gesture(path).keyframes]
     return (
         ", ".join(arm for arm, reach in arms.items() if not reach.limit_violations(poses)) or "for none of these robots"

@@ -31,7 +31,7 @@ REFRESH_INTERVAL = 0.1
 """Seconds between two updates of the live line."""
 
 READY_NOTICE_DELAY = 2.0
-"""Seconds of preparation after which the line "ready" is printed."""
+"""Seconds from the start of the program after which a run that has begun is announced by the line "ready"."""
 
 STATUS_SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
@@ -41,11 +41,11 @@ REFLEX_TEXTS = {
     "battery_low": "its battery is low",
     "battery_critical": "its battery is critical",
 }
-"""Texts for reflexes that are shown at once; cliffs and wheel drops are shown as faults."""
+"""Texts for the conditions of the base that are shown at once; cliffs and wheel drops are shown as faults."""
 
 
 Part = str | tuple[str, str]
-"""A piece of a line: a text, or a text with its style."""
+"""A piece of an output line: a text, or a text with its style."""
 
 
 class PlainLines:
@@ -69,7 +69,7 @@ class PlainLines:
 
 
 def lines_on(out: TextIO) -> "PlainLines | LiveLines":
-    """Return the line writer for a terminal, or for another stream."""
+    """Return the writer of output lines for ``out``: with a live line if it is a terminal, else plain lines."""
     if not out.isatty():
         return PlainLines(out)
     from missions.cli.console import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
@@ -91,7 +91,7 @@ class RunDisplay:
         self._ready = False
 
     def show_tree(self, root: Node) -> None:
-        """Set the tree whose leaves are shown."""
+        """Set the tree of the run by its ``root``; its leaves are shown."""
         self._leaves = {node.key: node for node in root.iterate() if isinstance(node, Leaf)}
 
     def __enter__(self) -> Self:
@@ -136,7 +136,7 @@ class RunDisplay:
                 pass
 
     def _show_preparing(self) -> None:
-        """Show the connected parts of the robot until the first tick."""
+        """Show, until the first tick, that the robot is getting ready, with the parts that are connected."""
         if not self._ready:
             online = f": {', '.join(self._online_parts)}" if self._online_parts else ""
             self._lines.show(f"  getting ready{online}")

@@ -41,18 +41,18 @@ class NameType(click.ParamType[str]):
         return fitting or [CompletionItem(incomplete, type=FILE)]
 
     def _local_files(self) -> Iterator[str]:
-        """Yield the files of the current folder that are of these kinds."""
+        """Yield the names of the files in the current folder whose kind is one of the kinds of this type."""
         for path in sorted(Path().iterdir()):
             if path.suffix in (*SUFFIXES, ".mcap") and not {*kinds_of(path)}.isdisjoint(self._kinds):
                 yield path.name
 
 
 class ParamsType(click.ParamType[str]):
-    """A param of the mission on this command line with its value: ``to=Anna``."""
+    """Click type for a param of the mission with its value: ``to=Anna``; completion knows the params of the mission."""
 
     name = "param"
     VALUES: ClassVar[Mapping[str, str]] = {"person": "person", "gesture": "gestures", "mission": "missions"}
-    """Kinds of params whose values are names, each with the kind of those names."""
+    """Types of params whose values are names, each with the kind of names that completion lists."""
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the text unchecked; the option parses it."""
@@ -83,7 +83,7 @@ class ParamsType(click.ParamType[str]):
         return []
 
     def _values(self, kind: str, choices: Sequence[str], ctx: click.Context) -> Iterable[str]:
-        """Return the possible values of a param; empty if they cannot be listed."""
+        """Return the possible values of a param of type ``kind``; empty if they cannot be listed."""
         if kind == "flag":
             return ("true", "false")
         return choices or (names_of(self.VALUES[kind], ctx) if kind in self.VALUES else ())
@@ -114,7 +114,7 @@ def _user_names(kind: str) -> Iterable[str]:
 
 
 def _people(robot: str | None) -> Iterable[str]:
-    """Return the names of the people that a robot, or this user's data, know."""
+    """Return the names of the people that ``robot`` knows; for None, those in the user's data folder."""
     from missions.library.drivers import load_robot  # noqa: PLC0415
     from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
@@ -126,7 +126,7 @@ def _people(robot: str | None) -> Iterable[str]:
 
 
 def complete_runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the runs of this user by process number, to complete `mission stop`."""
+    """Return the process numbers of this user's runs that begin with ``incomplete``, to complete `mission stop`."""
     del ctx, param
     from missions.control.run_search import search_runs  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Click options made from the declarations in ``missions.options``."""
+"""Makes click options from the declarations in ``missions.options``."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,7 +16,7 @@ from missions.options import Option, options_of
 from missions.request import RunRequest
 
 OPTION_TYPES = {"mission": MISSION, "robot": ROBOT, "world": WORLD, "duration": SECONDS, "size": SIZE, "params": PARAMS}
-"""Click types of the kinds of options that have no bounds."""
+"""Click type for each option kind whose values are not bounded numbers."""
 
 EXAMPLES = {"params": 'patience="5 s"', "ports": "base=/dev/ttyUSB0"}
 """Examples of NAME=VALUE for error messages, by kind of option."""
@@ -76,7 +76,7 @@ def add_options(*declarations: type | Option) -> Callable[[Any], Any]:
 
 
 def run_options(*names: str) -> Iterator[Option]:
-    """Yield the named options of `mission run`, to use them in another command."""
+    """Yield the options of `mission run` with these ``names``, so that another command can have them too."""
     for each in options_of(RunRequest):
         if each.name in names:
             yield each
@@ -86,7 +86,7 @@ params_option = add_options(*run_options("params"))
 """Decorator that adds ``--param NAME=VALUE``; the command gets a dict as ``params``."""
 
 behaviours_option = add_options(*(replace(each, name="files") for each in run_options("behaviours")))
-"""Decorator that adds ``--behaviours FILE.py``; the command gets a tuple of paths as ``files``."""
+"""Decorator that adds ``--behaviours FILE.py``; the command gets the paths as a tuple ``files``."""
 
 
 class DeclaredCommand(FullHelpCommand, MissionCommand):
@@ -96,12 +96,14 @@ class DeclaredCommand(FullHelpCommand, MissionCommand):
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments."""
         following = [*args[1:], ""][: len(args)]
         return super().parse_args(ctx, [self._join_default(*words) for words in zip(args, following, strict=True)])
 
     def _join_default(self, word: str, follows: str) -> str:
-        """Return an option with its default value if no value follows it."""
+        """Return the option ``word`` with "=" and its default value, unless ``follows`` is a possible value.
+
+        ``follows`` is the next word of the command line.
+        """
         alone = next((each for each in self._declarations() if each.flag == word and each.alone), None)
         if alone is None or (follows in alone.among if alone.among else follows.startswith("/")):
             return word
@@ -111,7 +113,7 @@ class DeclaredCommand(FullHelpCommand, MissionCommand):
         return (each.declaration for each in self.params if isinstance(each, DeclaredOption))
 
     def unexpected_message(self, words: list[str], args: list[str]) -> str:
-        """Return the error for unexpected ``words``; an unknown level of an option is named."""
+        """Return the error for unexpected ``words``; if one of them follows an option with fixed values, list those."""
         for each in self._declarations():
             level = next((follows for word, follows in pairwise(args) if word == f"{each.flag}={each.alone}"), "")
             if each.among and level in words:

@@ -72,7 +72,7 @@ class MissionCommand(click.Command):
         return remaining
 
     def unexpected_message(self, words: list[str], args: list[str]) -> str:
-        """Return the error for ``words``, which are not arguments of the command."""
+        """Return the error for ``words`` that are not arguments of the command; suggest ``--param`` for NAME=VALUE."""
         del args
         params = [f"--param {quote(word)}" for word in words if "=" in word]
         return f"unexpected: {' '.join(words)}" + (f"\n  try: {' '.join(params)}" if params else "")
@@ -115,9 +115,9 @@ def mission_files_in(name: str, *, tests: bool = True) -> list[str]:
 def leaf_loader(required_files: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:
     """Return a function that loads the leaves for a mission by its name or path.
 
-    They come from MissionTree, from ``required_files``, and from the folder of the mission. Each set of files is run
-    once. Files of the mission's folder are printed on stderr, since reading the mission runs them. Raises
-    InvalidFileError; the returned function raises UnknownNameError too.
+    The leaves come from MissionTree, from ``required_files``, and from the behaviour files in the mission's folder. The
+    function caches the leaves for each set of files. It prints on stderr the files of the mission's folder that it
+    runs. Raises InvalidFileError; the returned function raises UnknownNameError too.
     """
     known = {tuple(required_files): load_leaves(required_files)}
 
@@ -132,7 +132,7 @@ def leaf_loader(required_files: Sequence[Path]) -> Callable[[str], Mapping[str, 
 
 
 def folder_behaviour_files(given_files: Sequence[Path]) -> list[Path]:
-    """Return the behaviour files for missions of the current folder: ``given_files``, and those in the folder."""
+    """Return ``given_files`` and the behaviour files in the current folder; print the latter on stderr."""
     files = [*given_files, *(path for path in behaviour_files_beside(Path("mission.yaml")) if path not in given_files)]
     print_found_files(files, given_files)
     return files

@@ -6,7 +6,7 @@ from pathlib import Path
 from config.library import DEFAULT_ROBOT, OWN_ROBOT, find_file
 
 _origin: ContextVar[tuple[str, str]] = ContextVar("origin", default=("", ""))
-"""The robot in use and where its name came from; empty if the user named the robot."""
+"""The default robot in use and a note on where its name is set; both empty if the user named the robot."""
 
 
 def forget_origin() -> None:
@@ -15,17 +15,23 @@ def forget_origin() -> None:
 
 
 OTHER_ROBOT = "--robot NAME selects another"
-"""Hint for a command that uses hardware without ``--robot``, or never."""
+"""Hint how to select another robot, for a command with ``--robot`` that does not simulate by default."""
 
 OTHER_SIMULATED_ROBOT = "--robot NAME --simulate selects another"
-"""Hint for a command that simulates only while the user names no robot: ``--robot`` alone would move hardware."""
+"""Hint how to select another robot, for a command that simulates unless the user names a robot.
+
+It includes ``--simulate``, since ``--robot`` alone would move hardware.
+"""
 
 OTHER_ROBOT_OF_TESTS = "`with: {robot: NAME}` in the test file selects another"
-"""Hint for `mission test`, which has no ``--robot``."""
+"""Hint how to select another robot, for `mission test`, which has no ``--robot``."""
 
 
 def take_default(robot: str, other: str = OTHER_ROBOT) -> None:
-    """Record that ``robot`` comes from the defaults file; ``other`` says how to select another robot."""
+    """Record for error messages that ``robot`` comes from the defaults file.
+
+    ``other`` is the hint how to select another robot.
+    """
     from config.defaults import DEFAULTS_FILE, config_folder  # noqa: PLC0415 - most commands name their robot
 
     ignore = f"{other}, `mission robot use --none` removes it"
@@ -61,7 +67,10 @@ def robot_file(name: str | None, default: str = DEFAULT_ROBOT, other: str = OTHE
 
 
 def origin_note(text: str) -> str:
-    """Return the origin of the robot if ``text`` is about a robot that the user did not name; empty otherwise."""
+    """Return a note that says where the default robot was set, if the error ``text`` is about that robot.
+
+    Empty if the user named the robot, or if the text is not about a robot.
+    """
     robot, note = _origin.get()
     is_printed = note in text or "mission robot use --none" in text
     return note if robot and (robot in text or "robot" in text) and not is_printed else ""

@@ -15,12 +15,15 @@ from config.yaml_edit import rewrite
 from missions.library.folders import state_folder
 
 MIN_FREE_BYTES = 65_536
-"""Free bytes required before a procedure that writes its result at the end."""
+"""Free bytes on the disk that are required before a long procedure starts whose result is written at its end."""
 
 
 @contextmanager
 def report_write_errors(path: Path, option: str) -> Iterator[None]:
-    """Convert an OSError while ``path`` is written into click.BadParameter with a hint; ``option`` names the path."""
+    """Convert an OSError inside the context into click.BadParameter with a hint.
+
+    ``path`` is the file being written; ``option`` is the command-line option that names it.
+    """
     try:
         yield
     except OSError as error:
@@ -28,7 +31,7 @@ def report_write_errors(path: Path, option: str) -> Iterator[None]:
 
 
 def written_message(*paths: Path | str, subject: str = "") -> str:
-    """Return the line "wrote ...", with the permissions of the paths; ``subject`` stands before the paths.
+    """Return the line "wrote PATHS", which says who can read the files; ``subject`` is put before the paths.
 
     Reports, films and records show people, so they are created for their owner only; a FAT stick has no permissions.
     """
@@ -42,7 +45,8 @@ def written_message(*paths: Path | str, subject: str = "") -> str:
 def check_folder(path: Path, option: str, command: str) -> None:
     """Raise click.BadParameter if ``path`` has the suffix of a file and is not an existing folder.
 
-    ``command`` is the hint: the command for the likely intention.
+    ``option`` is the command-line option that names the path. ``command`` is printed as a hint: the command that the
+    user probably meant.
     """
     if path.suffix[1:2].isalpha() and not path.is_dir():
         raise click.BadParameter(
@@ -72,9 +76,9 @@ def check_writable(path: Path, option: str) -> None:
 
 
 def save(path: Path, text: str) -> bool:
-    """Write a result atomically; if that fails, rescue it. Return whether it was written to ``path``.
+    """Write ``text`` to ``path`` atomically; return False if that fails and the text was saved elsewhere.
 
-    A rescued text goes to a file in the state folder, or else to stdout; stderr names the place and the reason.
+    In this case it is written to a file in the state folder or in /tmp, or else to stdout; stderr says where and why.
     """
     try:
         _write_file(path, text)
@@ -109,7 +113,7 @@ def _write_file(path: Path, text: str) -> None:
 
 
 def _write_error_message(path: Path, error: OSError) -> str:
-    """Return why a file cannot be written, with the command to type."""
+    """Return the message that ``path`` cannot be written, with a command for the user to type."""
     folder = shlex.quote(str(path.parent))
     in_the_way = next((each for each in path.parents if os.path.lexists(each)), path.parent)
     if error.errno in (EEXIST, ENOTDIR) and not os.path.isdir(in_the_way):  # noqa: PTH112 - Path raises without permission

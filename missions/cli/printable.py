@@ -20,7 +20,7 @@ import click
 def format_columns(
     headings: Sequence[str], rows: Sequence[Sequence[str]], *, left: frozenset[str] = frozenset()
 ) -> str:
-    """Return a table as text; columns are right-aligned, except those named in ``left``."""
+    """Return a table as text; columns are right-aligned, except those whose heading is in ``left``."""
     widths = [max(len(row[number]) for row in (headings, *rows)) for number in range(len(headings))]
     lines = []
     for row in (headings, *rows):
@@ -77,13 +77,16 @@ class PrintableStream:
 
 
 def unwrap_stream(stream: TextIO) -> TextIO:
-    """Return the raw stream of a PrintableStream, for callers that write control codes of their own."""
+    """Return the stream inside a PrintableStream, for callers that write control codes of their own.
+
+    Other streams are returned unchanged.
+    """
     return stream.raw if isinstance(stream, PrintableStream) else stream
 
 
 @contextmanager
 def use_printable_streams() -> Iterator[None]:
-    """Escape control codes in all output of this process: our own, that of libraries, and errors."""
+    """Escape control codes in everything that this process prints on stdout and stderr within the context."""
     before = sys.stdout, sys.stderr
     for stream in before:
         if isinstance(stream, io.TextIOWrapper):

@@ -1,6 +1,6 @@
 """Checks of a run request before any device or file is opened.
 
-A mission that looks for people by name is checked here: unknown names are reported before the robot moves.
+They also find names of people that the robot does not know, so that these are reported before it moves.
 """
 
 import shlex
@@ -19,8 +19,8 @@ from perception.api import UNKNOWN
 def check_people(request: RunRequest, plan: Plan) -> None:
     """Raise click.UsageError if the mission, or a param, names a person that the robot does not know.
 
-    Names in variables are unknown yet. A simulated robot knows the people of its world. If it knows no person, a
-    message is printed and no error raised, so that an empty house can be simulated.
+    A name that is only computed during the run is not checked. A simulated robot knows the people of its world. If that
+    world has no known person, a message is printed and no error raised, so that an empty house can be simulated.
     """
     names_in_mission = list(dict.fromkeys(_person_names(plan.tree)))
     if not names_in_mission:
@@ -40,7 +40,7 @@ def check_people(request: RunRequest, plan: Plan) -> None:
 
 
 def _person_names(tree: Step) -> Iterator[str]:
-    """Yield the person names that behaviours look for, as far as they are known before the run."""
+    """Yield the names of people that the mission's behaviours look for, except names computed during the run."""
     for step in tree.walk():
         if step.leaf is not None and issubclass(step.leaf, FacePerceptLeaf) and "name" in step.arguments:
             name = step.arguments["name"].constant

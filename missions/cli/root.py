@@ -30,7 +30,7 @@ MEMORY_ERROR_TEXTS = (
 
 
 class OutOfMemoryError(Exception):
-    """A command ran out of memory; the message names the failed call."""
+    """A command ran out of memory; the message is that of the original error."""
 
 
 def memory_error(error: BaseException) -> str:
@@ -49,7 +49,10 @@ def memory_error(error: BaseException) -> str:
 
 
 def _message_of(error: BaseException) -> str:
-    """Return the message of an error; empty if it cannot be read, or may mean a lack of processes."""
+    """Return the message of an error; empty if it cannot be read.
+
+    Also empty for a failed thread start without a memory limit, as the limit of processes may be the cause.
+    """
     try:
         words = str(error)
     except Exception:  # an error of another library
@@ -76,7 +79,10 @@ def warn_of_memory_limit() -> None:
 
 
 def memory_advice(limit: int | None) -> str:
-    """Return the command to type when memory is short, for a ``limit`` in bytes or none."""
+    """Return a command for the user to type when memory is short.
+
+    ``limit`` is the memory limit of this process in bytes, None if unlimited.
+    """
     if limit is not None:
         return f"ulimit -v unlimited; ulimit -d unlimited  (in this shell; now {limit // 1024} kB)"
     return "free -m  (shows free memory), and end other programs"
@@ -122,7 +128,7 @@ def main() -> None:
 
 
 def run_guarded(work: Callable[[], object]) -> int:
-    """Call ``work`` and return the exit code: the one that it returns, or the one of its exception."""
+    """Call ``work`` and return the exit code of the process; print an exception as a message."""
     from config.diagnostics import InvalidFileError, InvalidInputError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
     from config.units import quoted_value  # noqa: PLC0415

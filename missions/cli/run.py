@@ -33,7 +33,7 @@ DEFAULT_DURATION = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(RunOptions):
-    """Options for the output of a run to other programs."""
+    """Options of `mission run` for other programs that read the output of a run."""
 
     events: Path | None = option("Write every event to this file, as JSON lines.", "file", newcomer=True)
     as_json: bool = option(
@@ -47,7 +47,7 @@ class OutputOptions(RunOptions):
     )
 
     def check(self, request: RunRequest) -> None:
-        """Raise ValueError if ``leash`` is not an open file descriptor."""
+        """Raise ValueError if ``leash``, the pipe of the server that starts the run, is not an open file descriptor."""
         del request
         try:
             if self.leash is not None:
@@ -74,7 +74,10 @@ def _options_of_plugins() -> Iterator[tuple[Plugin, type[RunOptions]]]:
 
 
 def _flags_of(plugin: Plugin, options: Any) -> set[str]:
-    """Return the flags that a plug-in adds. Raises BrokenPluginError if its class declares none."""
+    """Return the command-line flags of the options class of a plug-in.
+
+    Raises BrokenPluginError if the class is not a RunOptions or declares no options.
+    """
     try:
         if issubclass(options, RunOptions) and (flags := {each.flag for each in options_of(options)}):
             return flags
@@ -147,7 +150,10 @@ def with_defaults(request: RunRequest) -> RunRequest:
 def _run_and_report(
     request: RunRequest, output: OutputOptions, contexts: Sequence[RunContext], *, reachable: bool
 ) -> Result:
-    """Run the request, and report the result: as text during the run, or as one JSON line at the end."""
+    """Run the request, and return its result. With ``--json`` the result is printed as one JSON line at the end.
+
+    ``output`` are the output options; ``contexts`` are those of plug-ins; ``reachable`` forces a control socket.
+    """
 
     def last_words(result: Result) -> None:
         if output.as_json:

@@ -46,11 +46,11 @@ def run(
     contexts: Sequence[RunContext] = (),
     reachable: bool = False,
 ) -> Result:
-    """Execute ``request``, show it on ``out``, and print the output files; return the result.
+    """Execute ``request``, show it on ``out``, print the names of the output files, and return the result.
 
-    ``report_result`` is called before the process ends because of a hanging run. ``leash`` is the descriptor of the
-    server's pipe. ``contexts`` are entered for the run: records, films, views. The run gets a control socket unless it
-    is a batch run, or if ``reachable`` is true.
+    ``report_result`` is called if the process must end because a leaf hangs. ``leash`` is the file descriptor of a
+    pipe: the run stops when the server that started it closes the pipe. ``contexts`` of plug-ins are entered for the
+    run: records, films, views. The run gets a control socket unless it is a batch run; with ``reachable``, always.
     """
     with ExitStack() as loading:
         reachable = reachable or leash is not None or not request.is_batch
@@ -73,7 +73,7 @@ def run(
 
 
 def _session(request: RunRequest, out: TextIO, report_result: Callable[[Result], None]) -> RunSession:
-    """Read and check all files; open no device."""
+    """Return the session of a request, after reading and checking all its files; no device is opened."""
 
     def give_up(result: Result) -> None:
         def say() -> None:
@@ -97,7 +97,10 @@ def _session(request: RunRequest, out: TextIO, report_result: Callable[[Result],
 def _run_session(
     session: RunSession, leash: int | None, contexts: Iterable[RunContext], loading: ExitStack, *, reachable: bool
 ) -> Result:
-    """Run a checked session. Until ``loading`` is closed, a stop ends the process for lack of a control socket."""
+    """Run a checked session and return the result. ``loading`` is closed once the control socket accepts stops.
+
+    Until then, `mission stop` ends the process by a signal.
+    """
     runner, until = session.runner, session.request.until
     if until is not None and runner.twins is not None:
         runner.twins.timeline.call_at(until, partial(_end_overdue, runner, until))
@@ -153,14 +156,17 @@ def _print_outputs(files: Sequence[Path], failed_listeners: Iterable[object]) ->
 
 
 def warn_unreachable(control: "ControlSocket") -> None:
-    """Warn that no stop can reach a run. Raises NoStop if it would move a robot and the user did not allow that."""
+    """Print a warning if `mission stop` cannot reach this run. Raises NoStop if the run would move a real robot.
+
+    With ``--without-stop``, the warning is printed for a real robot too.
+    """
     control.require_stop("mission run --without-stop")
     if control.trouble:
         click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run; stop it with Ctrl-C", err=True)
 
 
 def _end_overdue(runner: Runner, time: float) -> None:
-    """End a run at its time limit, and name the running leaves."""
+    """Stop a run at the ``time`` (s) of ``--until``; the reason names the leaves that are still running."""
     at = [
         f"{node.name} (line {node.line})"
         for node in runner.root.iterate()

@@ -38,7 +38,8 @@ class RunSession:
         self.request, self.runner, self.out, self.files = request, runner, out, files
         self.display = display
         self.outputs: list[Callable[[], Path | None]] = []
-        """Functions that return, after the run, a written file, or None if it could not be written."""
+        """Functions, called after the run, each of which returns the path of an output file, or None if writing failed.
+        """
         self.watched_outputs: list[TextIO] = []
         """Streams for other programs; the run ends when the reader of one closes it."""
 

@@ -40,7 +40,10 @@ TREE_FORMS: Mapping[str, Callable[[TreeDrawing], Dump]] = {
     "json": lambda drawing: json.dumps(to_json(drawing), indent=1, ensure_ascii=False) + "\n",
     **(service("picture_forms") or {}),
 }
-"""Output formats of a tree: text, and pictures by a plug-in. Text is UTF-8."""
+"""Output formats of a tree, each with a function that converts a drawing; the formats of pictures are from a plug-in.
+
+Text formats are written as UTF-8.
+"""
 
 FORM_OF_SUFFIX: Mapping[str, str] = {
     ".txt": "text",
@@ -64,10 +67,10 @@ OPTIONS_OF_KIND: Mapping[str, frozenset[str]] = {
     "world": frozenset({"output", "time", "camera", "robot"}),
     "gait": frozenset({"output", "robot"}),
 }
-"""Kinds that can be shown, each with the names of the parameters that apply to it."""
+"""Kinds of things that `mission show` can show, each with the command's parameters that apply to it."""
 
 KIND_OF_LIBRARY = {"worlds": "world", "gaits": "gait"}
-"""Libraries in which a name is looked up if no mission has it, each with its kind."""
+"""Libraries in which `mission show` looks up a name that no mission has, each with the kind of its files."""
 
 
 @click.command(epilog="Example: mission show greet -o greet.svg")
@@ -135,7 +138,7 @@ def command(
 
 
 def _require_service(name: str, plugin: str) -> Any:
-    """Return a function of a plug-in. Raises click.UsageError if the plug-in is not installed."""
+    """Return the function ``name`` of our plug-in ``plugin``. Raises click.UsageError if it is not installed."""
     found = service(name)
     if found is None:
         raise click.UsageError(f"this needs the plug-in '{plugin}', which is not installed")
@@ -143,7 +146,10 @@ def _require_service(name: str, plugin: str) -> Any:
 
 
 def _resolve_target(words: Sequence[str], files: Sequence[Path]) -> tuple[str, str]:
-    """Return the kind and the name of the thing to show. Raises click.UsageError."""
+    """Return the kind and the name of the thing to show, from the ``words`` of the command line.
+
+    Raises click.UsageError if there is no such thing.
+    """
     if len(words) > 1:
         if len(words) > 2 or words[0] not in OPTIONS_OF_KIND:
             raise click.UsageError(
@@ -176,7 +182,7 @@ def _resolve_target(words: Sequence[str], files: Sequence[Path]) -> tuple[str, s
 
 
 def _require_fitting(option: click.Option, kind: str, name: str) -> None:
-    """Raise click.UsageError if an option does not apply to the kind."""
+    """Raise click.UsageError if ``option`` does not apply to ``name``, which is a ``kind`` such as "world"."""
     if option.name in OPTIONS_OF_KIND[kind]:
         return
     if option.name == "time":
@@ -195,7 +201,7 @@ def _show_tree(
     params: dict[str, str],
     files: tuple[Path, ...],
 ) -> None:
-    """Draw the tree of a mission or a record, or two trees side by side."""
+    """Draw the tree of the mission or record ``name``; with ``other``, both trees side by side."""
     names = [name] if other is None else [name, other]
     drawings = [_drawing(each, params if each == name else {}, files, time) for each in names]
     if depth is not None:
@@ -223,7 +229,7 @@ def _is_record(name: str) -> bool:
 
 
 def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: float | None) -> TreeDrawing:
-    """Return the drawing of a mission, or of a record at ``time`` seconds."""
+    """Return the drawing of the tree of a mission, or of a record at ``time`` (seconds from its start)."""
     if (found := find_file_kind(name.lower())) is not None and found[1].drawing:
         plugin, kind = found
         drawing: TreeDrawing = load(plugin, kind.drawing)(Path(name), time)
@@ -232,7 +238,7 @@ def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: f
 
 
 def _pair(left: TreeDrawing, right: TreeDrawing, form: str, output: Path | None) -> Dump:
-    """Return two drawings side by side; on a terminal, as wide as it is."""
+    """Return two drawings side by side; text for a terminal is as wide as the terminal."""
     width = shutil.get_terminal_size((120, 24)).columns if output is None else None
     try:
         dump: Dump = _require_service("dump_pair", "pictures")(left, right, form, width)

@@ -1,8 +1,9 @@
 """Abstract sockets and memory files that name a run: the kernel keeps them until the process ends.
 
-A full, missing or emptied folder does not affect them. The name holds the user and the process of a run. Abstract
-sockets are listed in ``/proc/net/unix`` for one network namespace, also those of other users, so both ends check the
-peer. Memory files appear in ``/proc/PID/fd`` for each user who may end the process, also across containers.
+They work although a folder for socket files is full, missing or emptied. The name contains the user and the process of
+a run. ``/proc/net/unix`` lists abstract sockets, also those of other users, but only of one network namespace. Since
+any user can bind a name, run and client check the user of the other end. Memory files are found in ``/proc/PID/fd`` by
+a user who may end the process, also in another container.
 """
 
 import hashlib
@@ -23,12 +24,15 @@ LISTENING, STREAM, DATAGRAM = 1 << 16, 1, 2
 """Flag of a listening socket, and two socket types, as in ``/proc/net/unix``."""
 
 SIMULATED_SUFFIX = "-simulated"
-"""Suffix of the kind of a run or command that moves no real robot."""
+"""Text appended to the kind ("run" or "command") in the name of a process that moves no real robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class AbstractName:
-    """Name of the abstract socket of a run, or of a command that moves a robot, of the user ``uid``."""
+    """Parsed name of the abstract socket of a run, or of a command that moves a robot.
+
+    ``uid`` is its user, ``run`` the name of the run, ``kind`` "run" or "command", ``inode`` that of the socket.
+    """
 
     uid: int
     run: str
@@ -36,11 +40,11 @@ class AbstractName:
     kind: str
     inode: int = 0
     local_identity: ProcessIdentity | None = None
-    """Process as seen from this namespace, if its memory file was found."""
+    """The process by its number in our own pid namespace, None if its memory file was not found."""
 
     @property
     def is_run(self) -> bool:
-        """True if a run listens at the socket; a command can only be ended by a signal."""
+        """True for a run, which listens at the socket; False for a command, which can only be ended by a signal."""
         return self.kind.startswith("run")
 
     @property
@@ -55,7 +59,10 @@ class AbstractName:
         return f"{_prefix()}{'/'.join(map(str, about))}"
 
     def has_its_process(self) -> bool:
-        """Return whether the process has this socket open, since other users can bind any name. Raises OSError."""
+        """Return whether the process in the name has this socket open: another user can bind any name.
+
+        Raises OSError.
+        """
         return f"socket:[{self.inode}]" in _link_targets(Path(f"/proc/{self.identity.pid}/fd"))
 
 
@@ -65,7 +72,10 @@ def _prefix() -> str:
 
 
 def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
-    """Return the name for a run or a command of this process. Raises OSError if /proc is missing."""
+    """Return the abstract name for a run or a command of this process; ``kind`` is "run" or "command".
+
+    Raises OSError if /proc is missing.
+    """
     identity = identity_of(os.getpid())
     if identity is None:
         raise OSError("/proc does not show this process")
@@ -78,7 +88,10 @@ def listen(name: AbstractName) -> socket.socket:
 
 
 def bind_marker(name: AbstractName) -> socket.socket:
-    """Return a socket that only shows that a command is running. Raises OSError."""
+    """Return a socket bound to ``name`` that only shows that a command is running; it takes no connections.
+
+    Raises OSError.
+    """
     return _bind(name, socket.SOCK_DGRAM)
 
 
@@ -95,7 +108,10 @@ def _bind(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
 
 
 def hold_name(name: AbstractName) -> int:
-    """Return the descriptor of a memory file with this name, by which the process is found. Raises OSError."""
+    """Create a memory file with this name, by which `mission stop` finds the process; return its descriptor.
+
+    Raises OSError.
+    """
     return os.memfd_create(name.text)
 
 
@@ -124,7 +140,7 @@ def _link_targets(folder: Path) -> Iterator[str]:
 
 
 def listed_names() -> list[AbstractName]:
-    """Return the names of all users in ``/proc/net/unix``. Raises OSError if that cannot be read."""
+    """Return the names of MissionTree's sockets in ``/proc/net/unix``, of all users. Raises OSError."""
     prefix, found = f"@{_prefix()}", list[AbstractName]()
     here = identity_of(os.getpid())
     for line in SOCKET_LIST.read_text(encoding="utf-8", errors="replace").splitlines():
@@ -144,7 +160,7 @@ def listed_names() -> list[AbstractName]:
 
 
 def _parse_name(text: str, inode: int, boot: str) -> AbstractName | None:
-    """Return the parsed name; None if it does not have our form, since any process can choose a name."""
+    """Return the parsed name of a socket; None if the text is not in our format, as any process can choose its name."""
     fields = text.split("/")
     if len(fields) != 5 or not fields[4].startswith(("run", "command")):
         return None

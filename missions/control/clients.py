@@ -17,7 +17,7 @@ MAX_QUEUED_ANSWERS = 256
 """Answers queued for a client; a client that sends more and reads nothing is disconnected."""
 
 MAX_UNSEEN_PICTURES = 2
-"""Pictures sent to a client that it has not confirmed yet."""
+"""Maximum number of pictures that are sent to a client before it confirms that it has shown the first of them."""
 
 SEND_BUFFER_BYTES = 65536
 """Kernel send buffer of a client; data in it is old when the client reads it."""
@@ -31,9 +31,9 @@ Encode = Callable[[Mapping[str, object]], bytes]
 
 
 class ClientQueue:
-    """Outgoing messages of one client, with states merged, until ``next_line`` takes them. Not thread-safe.
+    """Outgoing messages of one client, until ``next_line`` takes them. Not thread-safe.
 
-    Backpressure: for a slow client, the oldest events are dropped, and states are merged.
+    Backpressure: for a slow client, the oldest events are dropped, and queued states are merged into one.
     """
 
     def __init__(self, run: str, encode: Encode) -> None:
@@ -52,13 +52,13 @@ class ClientQueue:
         """Send the queued lines as far as the client accepts them."""
 
     def send_first(self, line: bytes) -> None:
-        """Queue a line before states, events and pictures."""
+        """Queue a line that is sent before all queued states, events and pictures."""
         self._urgent_lines.append(line)
         self.is_disconnected = self.is_disconnected or len(self._urgent_lines) > MAX_QUEUED_ANSWERS
         self.flush()
 
     def start_watch(self, watch: WatchCommand, scene: bytes) -> None:
-        """Replace the subscription of the client, beginning with a ``scene``."""
+        """Replace the client's subscription by ``watch``; queue the ``scene``, the complete state of the run."""
         self._picture = None
         self._urgent_lines.extend(list(iter(self.next_line, None)))  # a studio passes it on to many viewers
         self.watch = watch
@@ -95,7 +95,7 @@ class ClientQueue:
             self.flush()
 
     def on_picture_shown(self, stamp: float) -> None:
-        """Remove the picture with this stamp, and earlier ones, from the unconfirmed ones."""
+        """Record that the client has shown the picture with this stamp and earlier ones, so more can be sent."""
         while self._unseen_pictures and self._unseen_pictures[0] <= stamp:
             self._unseen_pictures.popleft()
 
@@ -135,11 +135,11 @@ class ControlClient(ClientQueue):
 
     @property
     def has_unsent(self) -> bool:
-        """True if a line could not be sent completely yet."""
+        """True if the last line was sent only in part, and the rest must wait until the connection is writable."""
         return self._unsent is not None
 
     def read_lines(self) -> Iterator[bytes]:
-        """Yield the received lines; afterwards ``is_disconnected`` is True if the client has closed the connection."""
+        """Yield the lines received so far; ``is_disconnected`` is then True if the client closed the connection."""
         try:
             data = self.connection.recv(BLOCK_BYTES)
         except BlockingIOError:
@@ -190,9 +190,9 @@ Json = dict[str, object]
 
 
 class Broadcaster:
-    """Sends states, events and pictures to the ``clients``; ``due`` is the time of the next state. Not thread-safe.
+    """Sends states, events and pictures of a run to its ``clients``. Not thread-safe.
 
-    ``scene_extras`` are further members of the scene.
+    ``due`` is the time of the next state message (s). ``scene_extras`` are members that are added to each scene.
     """
 
     def __init__(
@@ -234,7 +234,7 @@ class Broadcaster:
         self.update_watches()
 
     def update_watches(self) -> None:
-        """Enable only the feeds that a client has subscribed to."""
+        """Collect states, events and pictures of the run only while a client has subscribed to them."""
         watches = [client.watch for client in self.clients]
         self._feed.is_watched = any(watch.state for watch in watches)
         self._feed.has_event_listeners = any(watch.events for watch in watches)
@@ -261,7 +261,7 @@ class Broadcaster:
             wake()  # detectors pause without queries
 
     def send_pictures(self, now: float) -> None:
-        """Send the newest picture to the clients that are due for one."""
+        """Send the newest picture to subscribed clients that have confirmed earlier ones; ``now`` is in seconds."""
         wanting = [client for client in self.clients if self._pictures.is_watched and client.is_picture_due(now)]
         picture = self._pictures.newest() if wanting else None
         if picture is None:
@@ -272,7 +272,7 @@ class Broadcaster:
             client.add_picture(self._encoded_picture[1], picture["t"], now)  # type: ignore[arg-type]
 
     def encode_state(self, state: Mapping[str, object]) -> bytes:
-        """Return a state as a line; it is encoded once for all clients."""
+        """Return a state as a JSON line, encoded once for all clients."""
         if self._encoded_state[0] is not state:
             self._encoded_state = state, encode_json(state) + b"\n"
         return self._encoded_state[1]

@@ -18,7 +18,7 @@ from missions.control.run_search import FoundProcess, SearchResult, error_text, 
 from missions.control.sockets import RunConnection
 
 StopOutcomes = dict[object, tuple[bool, str]]
-"""Outcome of the commands for each run: whether they succeeded, and the text for people."""
+"""Outcomes of the commands by run: whether all commands succeeded, and a text for people."""
 
 JsonCommand = Mapping[str, object]
 
@@ -40,11 +40,12 @@ def send_to_all(
     search_result: SearchResult | None = None,
     is_wanted: Callable[[Mapping[str, Any]], bool] = lambda _: True,
 ) -> StopOutcomes:
-    """Send commands in order to all runs, or to the named ones; return the outcomes, within about a second.
+    """Send ``commands`` in order to all runs, or to those with ``wanted_names``; return the outcomes.
 
-    A stop also ends commands without a latch; without commands, all processes are listed. ``search_result`` is a result
-    that is just known. ``is_wanted`` filters runs by their first message. Places that could not be searched are among
-    the outcomes.
+    This takes about a second. Without commands, it only lists the runs and commands that move a robot. A stop also ends
+    the commands that move a robot without being a run, such as teleop. ``by`` is the person who sends them.
+    ``search_result`` saves the first search. ``is_wanted`` filters runs by their first message. A place that could not
+    be searched is an outcome without success.
     """
     asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
     if asking.is_stop:
@@ -72,7 +73,8 @@ class CommandBroadcast:
     """Sends commands to many runs, each in its own thread, and collects the ``outcomes``.
 
     ``replied_runs`` are the runs that have replied, ``results`` their answers to a stop, ``matched_names`` the names of
-    ``wanted_names`` that exist. ``early_requests`` are the runs that were found by abstract name, with their threads.
+    ``wanted_names`` that exist. ``early_requests`` are the requests to runs in the kernel's socket list, with their
+    threads.
     """
 
     commands: Sequence[JsonCommand]
@@ -107,7 +109,10 @@ class CommandBroadcast:
         return work
 
     def request_listed(self, processes: Sequence[FoundProcess]) -> None:
-        """Start requests to runs in the kernel's socket list. ``start_requests`` repeats those without a reply."""
+        """Start requests to runs in the kernel's socket list, before slow folders are searched.
+
+        ``start_requests`` sends the commands again to each of these runs that has not replied.
+        """
 
         def work(each: FoundProcess) -> None:
             unanswered = suppress(OSError, ValueError, KeyError, TypeError, AttributeError)
@@ -141,7 +146,10 @@ class CommandBroadcast:
             self._add_warning(process, f"{process.description}: {type(error).__name__}: {error}")
 
     def _add_warning(self, process: FoundProcess, reason: str, peer: ProcessIdentity | None = None) -> None:
-        """Store that a run may not have stopped, or not executed the command. ``peer`` listens at its socket."""
+        """Store as outcome that a run may not have stopped, or not executed the command.
+
+        ``reason`` says why; ``peer`` is the process that listens at the run's socket, if known.
+        """
         hint = process.end_hint(peer) if self.is_stop else f"mission stop {process.run}  (which ends it)"
         self.outcomes[process] = False, f"{reason}{': perhaps not stopped' * self.is_stop}\n  try: {hint}"
 
@@ -162,7 +170,10 @@ class CommandBroadcast:
         self._handle_no_reply(process, failed, peer)
 
     def _request_over(self, process: FoundProcess, link: RunConnection) -> None:
-        """Send the commands over a connection, if the run is wanted. Raises OSError if it does not reply."""
+        """Send the commands over the connection ``link``, if the run is wanted; store the outcome.
+
+        Raises OSError if the run does not reply.
+        """
         run_info = link.run_info
         if not run_info and not self.is_stop:
             raise TimeoutError("it does not answer")
@@ -178,7 +189,7 @@ class CommandBroadcast:
         self.replied_runs.add(process.run)
 
     def _claim_run(self, process: FoundProcess, link: RunConnection) -> bool:
-        """Return whether the run is wanted, and no other thread handles it already."""
+        """Return True if the run at ``link`` is wanted, and no other thread sends it the commands already."""
         run_info = link.run_info
         names = {process.run, str(run_info.get("run")), str(link.process), str(run_info.get("mission"))}
         if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(run_info):
@@ -294,14 +305,14 @@ def stop_one(process: FoundProcess, by: str) -> Mapping[str, object]:
 
 
 def _is_still_found(process: FoundProcess, search: SearchResult) -> bool:
-    """Return whether the process is still found, or this is unknown."""
+    """Return True if a new search still finds the process, or has warnings, so that this is unknown."""
     return bool(search.warnings) or any(
         each.run == process.run and each.identity == process.identity for each in search.processes
     )
 
 
 def _run_key(link: RunConnection) -> object:
-    """Return a key that identifies a run by its own description."""
+    """Return a key that identifies a run: its process number, name and start, from its first message."""
     return link.process, *(link.run_info.get(each) for each in ("pid", "run", "began"))
 
 

@@ -43,15 +43,18 @@ from missions.library.tuning import LIMIT_ENDS, file_values
 from missions.runner import Runner
 
 MIN_SPEED_SHARE = 0.05
-"""Minimum share of its speed to which a part can be tuned."""
+"""Lower bound when a speed limit is tuned, as a share of the limit in the robot file."""
 
 LIMIT_FIELDS = {"max_speed": "speed", "max_turn": "turn"}
-"""Field of the base limits for each tunable limit in the robot file."""
+"""Names of the tunable limits in the robot file, each with the field of ``base.limits`` that holds it."""
 
 
 @dataclass(slots=True)
 class TunableValue:
-    """A value that can be changed in a run, with bounds in SI units and accessors; ``is_tuned`` after a change."""
+    """A value of the robot that can be changed in a run, such as a trim, with functions to read and write it.
+
+    The bounds ``low`` and ``high`` are in SI units; ``is_tuned`` is true after a change.
+    """
 
     dimension: str
     low: float
@@ -74,11 +77,14 @@ class TunableValues:
                 self._values[name] = knob
 
     def as_dict(self) -> Mapping[str, object]:
-        """Return the answer to `tuning`."""
+        """Return all values with their names and bounds as JSON data, the answer to the command `tuning`."""
         return {"file": self._file, "knobs": [_value_dict(name, knob) for name, knob in self._values.items()]}
 
     def tune(self, name: str, value: float) -> Mapping[str, object]:
-        """Set a value, and return it as in the answer. Raises BadMessage."""
+        """Set the value ``name``, and return it as JSON data.
+
+        Raises BadMessage if it is unknown or out of bounds, or if the device refuses.
+        """
         knob = self._values.get(name)
         if knob is None:
             raise BadMessage("bad_field", f"unknown value '{name}'", did_you_mean(name, self._values))
@@ -147,10 +153,10 @@ def _set_limit(device: Any, field: str, value: float) -> None:
 
 
 WORLD_INTERVAL = 0.02
-"""Seconds of simulated time between two runs of the queue of the simulation thread."""
+"""Seconds of simulated time between two calls of the functions that wait for the simulation thread."""
 
 HALT_TIMEOUT = 5.0
-"""Seconds that a run has to end after a request; then SIGTERM follows, which its watchdog handles too."""
+"""Seconds that a run has to end after the command `halt`; then SIGTERM follows, which its watchdog handles too."""
 
 UNKNOWN_USER = "an unknown user"
 
@@ -167,7 +173,7 @@ class CommandHandler:
         self._executive, self._latch, self._wheels, self._clock = runner.executive, runner.latch, wheels, clock
         self._stream = runner.stream
         self.kill_at = inf
-        """Time at which a run that should have ended is sent SIGTERM."""
+        """Time (s) at which the run is sent SIGTERM if it has not ended after the command `halt`; inf without one."""
 
     def execute(self, client: object, command: ClientCommand) -> Mapping[str, object] | None:
         """Execute the command of ``client``, any hashable key, and return the result for its answer."""
@@ -208,7 +214,7 @@ class CommandHandler:
             self._world_queue.get_nowait()()
 
     def _stop(self, command: StopCommand) -> Mapping[str, object]:
-        """Latch all parts; return the confirmed ones, and the missing ones, which may still move."""
+        """Latch all parts; return the parts that confirmed it, and the ``missing`` ones, which may still move."""
         parts = self._latch.stop(command.by or UNKNOWN_USER, command.press)
         self._wheels.stop()
         missing = [part for part in self._latch.parts if part not in parts]
@@ -270,7 +276,7 @@ class CommandHandler:
                 os.kill(os.getpid(), signal.SIGTERM)
 
     def status(self) -> Mapping[str, object]:
-        """Return the stop and drive status for the state message."""
+        """Return the members of a state message about the last stop, and about the client that drives."""
         stopped = {"stops": self._latch.stop_count, "stopped": self._latch.reason}
         driving = {"driver": self._wheels.driver, "asking": self._wheels.waiting_names}
         return {**stopped, **driving, "stamp": self._wheels.stamp(), "round_trip": round(self._wheels.round_trip, 3)}

@@ -46,7 +46,10 @@ SHARE_BOUND = Bound(-1.0, 1.0)
 
 
 class BadMessage(ValueError):
-    """A message that is not a valid command, or cannot be executed; ``error`` is its name in answers."""
+    """A message that is not a valid command, or cannot be executed.
+
+    ``error`` is the name of the error in answers to clients, one of ``missions.control.messages.ERRORS``.
+    """
 
     def __init__(self, error: str, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -242,7 +245,7 @@ RUN_COMMANDS: Mapping[str, type[ClientCommand]] = {
 """Commands that a run executes, by word."""
 
 MAX_REFUSED_BYTES = 2 * MAX_COMMAND_BYTES
-"""Maximum bytes received of one message; one over ``MAX_COMMAND_BYTES`` is refused with its id."""
+"""Maximum bytes of one message that are received; above ``MAX_COMMAND_BYTES`` it is refused, with its id."""
 
 MAX_ID_TOKENS = 4096
 """Maximum number of tokens searched for the id of a message that is not JSON."""

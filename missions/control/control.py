@@ -76,15 +76,16 @@ class ListeningSocket:
 
 
 class Endpoint:
-    """Listening sockets and notes of a run, checked and repaired by one thread with a ``selector``.
+    """Listening sockets and notes of a run, by which clients find it.
 
-    ``trouble`` is the reason if no stop can reach the run; empty otherwise.
+    One thread checks and repairs them; ``selector`` waits for connections. ``trouble`` is the reason why `mission stop`
+    cannot reach the run; empty if it can.
     """
 
     def __init__(self, selector: selectors.BaseSelector, run_info: RunMessage) -> None:
         self.trouble = ""
         self.due = 0.0
-        """Time of the next check, in seconds of the clock of ``run_due_checks``."""
+        """Time of the next check, in seconds on the same clock as the argument ``now`` of ``run_due_checks``."""
         self._selector, self._run_info = selector, run_info
         self._notes: RunNotes | None = None
         self._file: ListeningSocket | None = None
@@ -102,7 +103,7 @@ class Endpoint:
         return [each.socket for each in (self._file, self._abstract) if each is not None]
 
     def run_due_checks(self, now: float) -> None:
-        """Check sockets and notes if due, and accept connections again after a pause."""
+        """Check sockets and notes if it is time to; afterwards accept connections again, if that was paused."""
         if now < self.due:
             return
         if now >= self._check_at:
@@ -133,7 +134,7 @@ class Endpoint:
         self.trouble = "" if found and noted else "; ".join(self._errors)
 
     def is_probe(self, peer: object) -> bool:
-        """Return whether a connection from ``peer`` is this endpoint's own probe."""
+        """Return True if the connection from ``peer`` is a probe by which this object checks its sockets."""
         return peer in self._probes
 
     def close(self) -> None:
@@ -178,7 +179,7 @@ class Endpoint:
         return ListeningSocket(name.address, found)
 
     def _write_notes(self, listening: list[str]) -> bool:
-        """Write the notes with the addresses; return whether one exists."""
+        """Write the notes with the addresses of the sockets (``listening``); return False if that fails."""
         try:
             if self._notes is None:
                 about = self._run_info
@@ -190,7 +191,7 @@ class Endpoint:
         return True
 
     def _keep_reachable(self, listener: ListeningSocket | None) -> ListeningSocket | None:
-        """Return a listener that can be reached; otherwise close it and return None."""
+        """Return ``listener`` if clients can connect to it; otherwise close it and return None."""
         if listener is None or self._is_reachable(listener):
             return listener
         with suppress(OSError):  # it may be closed already
@@ -198,7 +199,10 @@ class Endpoint:
         return None
 
     def _is_reachable(self, listener: ListeningSocket) -> bool:
-        """Return whether a connection to the address reaches this listener, as far as this can be known now."""
+        """Return False if a connection to the listener's address fails or reaches another socket.
+
+        If a folder hangs, or no descriptor is free, the listener counts as reachable.
+        """
         try:
             if isinstance(listener.address, str):
                 self._probe(listener)
@@ -230,7 +234,7 @@ def _listen(place: RunFolder, path: Path) -> ListeningSocket:
 
 
 def _inode(path: Path) -> int:
-    """Return the inode of a path; 0 if it does not exist or its folder hangs."""
+    """Return the inode number of a file; 0 if it does not exist or its folder does not respond."""
     try:
         return call_with_timeout(path.parent, path.stat).st_ino
     except OSError:
@@ -241,11 +245,11 @@ FAREWELL_TIMEOUT = 0.5
 """Seconds for sending the last messages when the run ends."""
 
 MAX_CLIENTS = 64
-"""Connections at once; a further one replaces an idle one."""
+"""Maximum number of connections; one more replaces a client that neither watches nor drives."""
 
 
 class ControlSocket:
-    """Context manager that serves the control socket of a ``runner``, and listener to its events.
+    """Context manager that serves the control socket of a ``runner``; also a listener to the runner's events.
 
     ``trouble`` is the reason if the socket cannot be used; ``require_stop`` raises it for a run that moves a robot.
     """
@@ -316,9 +320,9 @@ class ControlSocket:
         return self._endpoint.trouble
 
     def require_stop(self, override: str) -> None:
-        """Raise NoStop if the run would move a robot, no stop can reach it, and the user did not allow that.
+        """Raise NoStop if the run would move a real robot and no stop can reach it, unless the user allowed that.
 
-        ``override`` is the option that allows it, for the message.
+        ``override`` is the option that allows it, for the error message.
         """
         order = self._runner.request
         if self.trouble and not order.without_stop:
@@ -385,7 +389,7 @@ class ControlSocket:
         self._update_registrations()
 
     def _update_registrations(self) -> None:
-        """Drop disconnected clients, and wait for writability of clients with unsent data."""
+        """Drop disconnected clients; have the selector report when a client with unsent data can receive again."""
         for client in list(self._clients):
             if client.is_disconnected:
                 self._drop(client)
@@ -395,7 +399,7 @@ class ControlSocket:
                     self._selector.modify(client.connection, events, client)
 
     def _drain_waker(self) -> None:
-        """Empty the wake pipe, and schedule a state."""
+        """Empty the pipe by which other threads wake this one, and schedule a state message."""
         with suppress(OSError):
             while self._waker.recv(4096):
                 pass

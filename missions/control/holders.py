@@ -1,4 +1,4 @@
-"""Commands that hold a robot without being a run; `mission stop` finds them and ends them by a signal."""
+"""Commands that move a robot but are not runs, such as teleop: `mission stop` finds them and ends them by a signal."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -16,21 +16,21 @@ WITHOUT_STOP = "MISSION_WITHOUT_STOP"
 
 
 OWN_PROCESS = "alone"
-"""Object of the root context of a command that has the process to itself."""
+"""Value of the root context's ``obj`` if the process runs only this command; the same as in `missions.cli.commands`."""
 
 
 class NoStop(DriverError):
-    """The robot would move without a way to stop it from elsewhere, and the user did not allow that."""
+    """A robot would move although `mission stop` cannot reach this process, and the user did not allow that."""
 
 
 class StoppedWhileLoading(DriverError):
-    """`mission stop` was typed while this command was still loading, so the stop could not find it."""
+    """A stop came while this command was still loading, so that `mission stop` could not find it yet."""
 
 
 def require_not_stopped() -> None:
-    """Raise StoppedWhileLoading if a stop came after this process started. Call it after writing the note.
+    """Raise StoppedWhileLoading if `mission stop` was used after this process started. Call it after writing the note.
 
-    Does nothing if the process is shared, since an earlier stop was then for other commands.
+    Does nothing if the process runs more than one command, since the stop was then for an earlier one.
     """
     context = click.get_current_context(silent=True)
     process = identity_of(os.getpid())
@@ -44,9 +44,9 @@ def require_not_stopped() -> None:
 
 @contextmanager
 def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[RunNotes]:
-    """Make a command visible to `mission stop`, by notes and an abstract socket. Raises OSError if both fail.
+    """Make the command ``name`` visible to `mission stop`, by notes and an abstract socket, within the context.
 
-    ``simulated`` is the kind of simulation, or empty for a real robot.
+    ``simulated`` is "wire", "fast", or empty for a real robot. Raises OSError if both ways fail.
     """
     run = str(os.getpid())
     notes = RunNotes(run, name, robot, simulated, is_run=False)
@@ -70,7 +70,7 @@ def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[Run
 
 @contextmanager
 def _hold_process_name(*, simulated: bool) -> Iterator[None]:
-    """Make a command visible by a memory file, if the kernel supports that."""
+    """Make this process visible to `mission stop` by a memory file, if the kernel supports that."""
     with ExitStack() as closing:
         with suppress(OSError):
             name = abstract_sockets.make_name(str(os.getpid()), "command", simulated=simulated)
@@ -80,10 +80,10 @@ def _hold_process_name(*, simulated: bool) -> Iterator[None]:
 
 @contextmanager
 def hold_robot(robot: str, *, simulated: bool) -> Iterator[None]:
-    """Let `mission stop` end the present command by SIGTERM while it holds a robot.
+    """Let `mission stop` end the present command by SIGTERM while it moves a robot.
 
-    Enter it where SIGTERM ends the command, and open the robot inside: the robot is closed before the stop is printed.
-    Raises NoStop if a real robot would move that no stop can reach.
+    Open the robot inside this context, and enter the context where SIGTERM raises an exception: so the robot is closed
+    before the message about the stop is printed. Raises NoStop if a real robot would move that no stop can reach.
     """
     name = _command_name()
     by: list[str] = []
@@ -106,9 +106,9 @@ def hold_robot(robot: str, *, simulated: bool) -> Iterator[None]:
 
 
 def require_stop(trouble: str, *, simulated: bool, override: str = f"{WITHOUT_STOP}=yes") -> None:
-    """Raise NoStop if a real robot would move that no stop can reach, unless the environment variable is `yes`.
+    """Raise NoStop for a real robot, unless the environment variable MISSION_WITHOUT_STOP is `yes`.
 
-    ``override`` is the hint that allows it.
+    ``trouble`` is the reason why no stop can reach the process. ``override`` is an option that allows it, for the hint.
     """
     value = os.environ.get(WITHOUT_STOP, "").strip()
     if not simulated and value.lower() not in ("", "no", "yes"):
@@ -120,7 +120,10 @@ def require_stop(trouble: str, *, simulated: bool, override: str = f"{WITHOUT_ST
 
 
 def _print_stop(name: str, robot: str, by: Sequence[str]) -> None:
-    """Print who stopped a command, after its robot is closed and its note removed."""
+    """Print that the command ``name`` was stopped, and by whom; nothing if ``by`` is empty.
+
+    Called when the robot is closed and the note removed.
+    """
     if by:
         click.echo(f"mission {name}: stopped by {by[0]}; {robot} was brought to rest", err=True)
 

@@ -46,7 +46,7 @@ ERRORS: Mapping[str, str] = {
     "no_fleet": "This computer is not in a fleet, or the fleet cannot be reached.",
     "fault": "Internal error of the studio.",
 }
-"""Errors that an answer can have."""
+"""Names of the errors in answers to clients, each with its meaning."""
 
 RunId = Annotated[str, "Name of the run."]
 RunSeconds = Annotated[float, "Seconds from the start of the run."]
@@ -233,7 +233,7 @@ def encode_message(message: Any) -> bytes:
 
 
 def encode_json(data: object) -> bytes:
-    """Return data as standard JSON: non-finite numbers become null, other types become texts."""
+    """Return data as standard JSON in UTF-8: infinity and NaN become null, objects of other types become texts."""
     try:
         text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=str)
     except ValueError:

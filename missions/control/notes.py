@@ -1,8 +1,8 @@
 """Notes: files that describe each run, and each command that moves a robot, in all folders that a stop searches.
 
-A note names the process without its help, so that a hanging process is found too. It has the process number and start
-time, which detect a reused number, and the addresses of the sockets. It is locked while its process lives; the kernel
-releases the lock, also if the process is in a container and cannot be seen.
+By its note a process is found even if it hangs. A note has the process number, the start time of the process (which
+shows whether the number was reused), and the addresses of its sockets. The process holds a lock on the note. The kernel
+releases the lock when the process ends, even if the process is in a container and cannot be seen from outside.
 """
 
 import fcntl
@@ -44,7 +44,7 @@ TICK_TOLERANCE = 2
 
 
 def write_stamp() -> None:
-    """Write the time of a stop into all folders of this user, and for root into those of other users.
+    """Write the time of a stop into all run folders of this user; root writes into those of all users.
 
     Raises OSError if it cannot be written to any folder.
     """
@@ -56,7 +56,7 @@ def write_stamp() -> None:
 
 
 def stamp_stop() -> str:
-    """Write the time of a stop for commands that are still loading; return a warning, empty on success."""
+    """Write the time of a stop, for commands that are still loading; return a warning, empty on success."""
     try:
         write_stamp()
     except PermissionError:
@@ -68,7 +68,10 @@ def stamp_stop() -> str:
 
 
 def was_stopped_since(process: ProcessIdentity) -> bool:
-    """Return whether a stop came after a process started. Damaged stamps, and stamps of other boots, are ignored."""
+    """Return True if a stop came after ``process`` started, by the stamps in the run folders.
+
+    Damaged stamps, and stamps of other boots, are ignored.
+    """
     stamps = call_all_with_timeout({place.folder: partial(_read_stamp, place) for place in run_folders()}).values()
     read = (stamp for stamp in stamps if not isinstance(stamp, OSError))
     return any(
@@ -101,7 +104,7 @@ def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
 
 
 def _uptime() -> int:
-    """Return the clock ticks since boot, the unit of process start times. Raises OSError."""
+    """Return the time since boot in clock ticks, the unit of process start times. Raises OSError."""
     seconds = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
     return int(seconds * os.sysconf("SC_CLK_TCK"))
 
@@ -120,9 +123,10 @@ POLL_INTERVAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class RobotHolder:
-    """A process that holds a robot: ``name`` is its mission or command, ``run`` the name of its run.
+    """A process that can move a robot, as its note describes it: a run, or a command such as teleop.
 
-    ``identity`` is None if unknown; ``sockets`` are its addresses, ``notes`` the files that describe it.
+    ``name`` is its mission or command, ``run`` the name of its run. ``identity`` is None if unknown; ``sockets`` are
+    the addresses of its control sockets, ``notes`` its note files.
     """
 
     process: int
@@ -150,13 +154,13 @@ class RobotHolder:
         return any(call_with_timeout(path.parent, partial(read_note, path)) is not None for path in self.notes)
 
     def terminate(self) -> None:
-        """Send SIGTERM if the process still exists. Raises OSError if the process cannot be identified."""
+        """Send SIGTERM if the process still exists. Raises OSError if it is unknown which process it is."""
         if self.identity is None:
             raise OSError("its note has no start time")
         self.identity.terminate(None if os.geteuid() else self.uid)
 
     def end(self, by: str) -> bool:
-        """End a command on behalf of ``by``; return whether it ended, at rest, within ``END_TIMEOUT``.
+        """End a command by SIGTERM on behalf of the person ``by``; return True if it ended within ``END_TIMEOUT``.
 
         Raises OSError if the process cannot be reached, or its end cannot be detected.
         """
@@ -191,9 +195,9 @@ class RunNotes:
         return [*self._files]
 
     def write(self, listening: Sequence[str] = (), seconds: float = FOLDER_TIMEOUT) -> None:
-        """Write missing notes, and all notes if the sockets changed. Raises OSError if no note exists afterwards.
+        """Write the notes that are missing, or all of them if the addresses ``listening`` have changed.
 
-        ``seconds`` is the timeout of each folder.
+        ``seconds`` is the timeout for each folder. Raises OSError if no note exists afterwards.
         """
         self._folder_timeout = seconds
         changed = [*listening] != self._content["sockets"]
@@ -249,7 +253,7 @@ class RunNotes:
         return (found.st_dev, found.st_ino) == (own_stat.st_dev, own_stat.st_ino)
 
     def stop_requesters(self) -> list[str]:
-        """Return the sources of stop requests: the lines that stops have appended."""
+        """Return the names of the people who stopped this command; `mission stop` appends them to the note."""
         found = list[str]()
         for path in self._files:
             with suppress(OSError):
@@ -274,7 +278,7 @@ def _append_line(path: Path, line: str) -> None:
 
 
 def read_note(path: Path) -> RobotHolder | None:
-    """Return the holder that a note describes; None if its process has ended, and then the note is removed.
+    """Return the process that a note describes; None if that process has ended, and then the note is removed.
 
     Raises OSError if the note cannot be read or parsed, or if it is unknown whether the process lives.
     """
@@ -339,7 +343,7 @@ def _is_locked(note: IO[str]) -> bool:
 
 
 def _remove(path: Path) -> None:
-    """Remove a stale note from a folder of this user."""
+    """Remove the note of an ended process, if the folder belongs to this user."""
     if path.parent.stat().st_uid == os.geteuid():
         with suppress(OSError):  # it stays, and is checked again at the next search
             path.unlink(missing_ok=True)

@@ -18,9 +18,9 @@ PERCEPT_KINDS = {"Face": "face", "Thing": "thing", "Marker": "marker"}
 
 
 class PictureFeed:
-    """Newest frame of a run with its percepts, received from the vision thread; ``newest`` encodes it.
+    """Newest camera frame of a run with its percepts, received from the vision thread; ``newest`` encodes it.
 
-    ``wake`` is called from that thread when a frame has arrived while a client watches.
+    ``wake`` is called from that thread when a frame arrives and a client watches pictures.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class PictureFeed:
         self._lock = Lock()
 
     def on_view(self, view: View) -> None:
-        """Store the percepts of the next frame."""
+        """Store the percepts of the frame that ``on_frame`` will receive next."""
         self._view = view
 
     def on_frame(self, frame: Frame, gaze: Gaze | None) -> None:
@@ -73,7 +73,7 @@ def _encode_picture(frame: Frame, view: View | None) -> Mapping[str, object]:
 
 
 def percepts_in(view: View, scale: float = 1.0) -> list[Mapping[str, object]]:
-    """Return the percepts of a view as in a `picture`, without remembered ones."""
+    """Return the percepts of a view's own frame as JSON data, without older ones; boxes are multiplied by ``scale``."""
     percepts = chain(view.faces, view.things, view.markers)
     return [_percept_dict(each, scale) for each in percepts if each.stamp == view.looked]
 

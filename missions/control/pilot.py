@@ -16,7 +16,10 @@ HEAD_STEP = radians(3)
 """Angle in radians by which an arrow key turns the head."""
 
 MAX_STATE_AGE = 0.5
-"""Maximum age in seconds of the state behind a remote drive command: round trip plus the time to the next command."""
+"""Maximum age in seconds of the state message on which a client's drive command is based.
+
+It includes the way to the client and back, and the time until the next command.
+"""
 
 RECONNECTED_HINT = "it was disconnected: release the input, then start again"
 LATCH_REASON = "stopped by hand: Enter enables"
@@ -60,7 +63,7 @@ class Pilot:
         self.ahead = self.turn = min(max(speed_share, MIN_SHARE), MAX_SHARE)
 
     def press(self, key: str) -> None:
-        """Execute a key other than the drive keys."""
+        """Execute a key: change the speed, turn the head, latch or enable the base. Drive keys are not handled."""
         if key in SPEED_KEYS:
             ahead, turn = SPEED_KEYS[key]
             self.ahead = min(max(self.ahead * ahead, MIN_SHARE), MAX_SHARE)
@@ -74,10 +77,10 @@ class Pilot:
             self._base.enable()
 
     def steer(self, drive_input: DriveInput | None) -> None:
-        """Drive until the next call, due within ``COMMAND_TIMEOUT``; None stops the base and ends control.
+        """Drive by ``drive_input`` until the next call, which is due within ``COMMAND_TIMEOUT``.
 
-        After None the base stands until the command has expired, then the mission controls it again. After a reconnect
-        of the base, an input that began before it is ignored until None.
+        None stops the base and ends manual control: the base stands until this command has expired, then the mission
+        controls it again. If the base reconnects while a key is held, the input is ignored until None is passed once.
         """
         before, self._reconnected_at = self._reconnected_at, self._base.health().reconnected_at
         self._is_stale = drive_input is not None and (self._is_stale or self._reconnected_at != before)
@@ -102,7 +105,7 @@ class Pilot:
             self._is_driving = False
 
     def status_line(self) -> str:
-        """Return speed, source, contacts and errors as one line."""
+        """Return a line of text about the base: speed, source of commands, contacts, battery and errors."""
         reading, steering = self._base.state(), self._base.steering()
         state = reading.value
         paces = dict.fromkeys(f"{100 * pace:.0f}" for pace in (self.ahead, self.turn))

@@ -17,7 +17,10 @@ POLL_INTERVAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ProcessIdentity:
-    """A process: its number in a pid ``namespace``, and its ``start`` in clock ticks since ``boot``."""
+    """A process, also after its number was reused: its number ``pid`` and the time when it started.
+
+    ``start`` is in clock ticks since boot, ``boot`` the id of that boot, ``namespace`` the pid namespace of the number.
+    """
 
     pid: int
     start: int

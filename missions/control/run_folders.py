@@ -25,7 +25,7 @@ FOLDER_TIMEOUT = 1.0
 """Seconds to wait for a folder while a person waits."""
 
 CHECK_TIMEOUT = 0.1
-"""Seconds to wait for a folder in the control thread, which also receives stops."""
+"""Seconds to wait for a folder in the thread of the control socket, which must be free to receive stops."""
 
 Result = TypeVar("Result")
 
@@ -38,7 +38,7 @@ class FolderTimeoutError(TimeoutError):
 
 
 class _FolderCall(Generic[Result]):
-    """A call on a folder in a thread of its own, since the folder may hang."""
+    """A function call that reads or writes a folder, in a thread of its own, since the folder may not respond."""
 
     def __init__(self, work: Callable[[], Result]) -> None:
         self.results: list[Result] = []
@@ -65,7 +65,10 @@ _lock = Lock()
 
 
 def call_with_timeout(folder: Path, work: Callable[[], Result], seconds: float = FOLDER_TIMEOUT) -> Result:
-    """Return the result of a call on a folder. Raises its exception, or FolderTimeoutError after ``seconds``."""
+    """Return the result of ``work``, a function that reads or writes ``folder``. Raises the exceptions of ``work``.
+
+    Raises FolderTimeoutError after ``seconds``.
+    """
     found = call_all_with_timeout({folder: work}, seconds)[folder]
     if isinstance(found, OSError):
         raise found
@@ -108,13 +111,13 @@ def call_all_with_timeout(
 
 
 SYSTEM_ROOT = "MISSION_SYSTEM_ROOT"
-"""Environment variable with the root folder of `/run/user` and of home folders; tests set it."""
+"""Environment variable with a folder in which `/run/user` and home folders are searched instead of "/"; for tests."""
 
 SESSION_SUBFOLDER = "missiontree/runs"
-"""Folder of runs below a session folder such as `/run/user/1000`."""
+"""Path of the folder of runs within a session folder such as `/run/user/1000`."""
 
 HOME_SUBFOLDER = ".local/state/missiontree/run/runs"
-"""Folder of runs below a home folder."""
+"""Path of the folder of runs within a home folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +160,9 @@ class RunFolder:
 
 
 def _nearest_owner(folder: Path) -> int | None:
-    """Return the owner of the nearest parent folder that can be read; None if unknown.
+    """Return the user id that owns the folder, or its nearest parent that can be read; None if unknown.
 
-    If that is another user, the folder cannot contain a run of this user.
+    If the owner is another user, the folder cannot contain a run of this user.
     """
     for parent in (folder, *folder.parents):
         try:
@@ -200,7 +203,7 @@ def _iter_own_folders(environment: Mapping[str, str], uid: int, seconds: float) 
 
 
 def _other_users_folders(environment: Mapping[str, str], seconds: float) -> Iterator[RunFolder]:
-    """Yield the folders of all users with a session, and of the user of `sudo`."""
+    """Yield the folders of runs of all users who are logged in, and of the user who typed `sudo`."""
     sessions = _system_root(environment) / "run/user"
     try:
         names = call_with_timeout(sessions, lambda: os.listdir(sessions), seconds)  # noqa: PTH208 - as above
@@ -234,7 +237,7 @@ def _home(environment: Mapping[str, str], uid: int, seconds: float) -> Path | No
 
 
 _home_cache: dict[int, Path] = {}
-"""Home folders by user id; without a free descriptor, the password file seems empty."""
+"""Home folders by user id. They are kept since a lookup fails when no file descriptor is free."""
 
 
 def _may_exist(folder: Path, seconds: float) -> bool:

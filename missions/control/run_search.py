@@ -26,7 +26,7 @@ MANUAL_STOP_HINT = "pgrep -af mission  (lists processes), then kill PID; or the 
 
 @dataclass(frozen=True, slots=True)
 class StopWarning:
-    """Reason why a robot may still move, with a hint."""
+    """Reason why a robot may still move after a stop, with a hint for the user."""
 
     reason: str
     hint: str = MANUAL_STOP_HINT
@@ -39,7 +39,11 @@ class StopWarning:
 
 @dataclass(frozen=True, slots=True)
 class FoundProcess:
-    """A run, or a command without a control socket: its ``addresses`` and the contents of its notes."""
+    """A process that can move a robot, found by a search: a run, or a command without a control socket.
+
+    ``addresses`` are its control sockets, ``holder`` the contents of its note, ``abstract_name`` its abstract name;
+    both are None if not found.
+    """
 
     run: str
     addresses: tuple[Address, ...] = ()
@@ -55,7 +59,7 @@ class FoundProcess:
 
     @property
     def key(self) -> object:
-        """Key that identifies the process, independent of its addresses."""
+        """Key that identifies the process; it does not depend on its addresses if the process number is known."""
         return self.run, self.identity or self.addresses
 
     @property
@@ -75,7 +79,7 @@ class FoundProcess:
         )
 
     def is_process(self, process: int) -> bool:
-        """Return whether the process with this number, at the other end of a connection, can be this one."""
+        """Return True if this can be the process with the number ``process``, the peer of a connection."""
         return (
             self.abstract_name is None
             or self.abstract_name.local_identity is None
@@ -83,7 +87,10 @@ class FoundProcess:
         )
 
     def end_hint(self, peer: ProcessIdentity | None = None) -> str:
-        """Return the command that ends the process by force. ``peer`` is the process at its socket, if known."""
+        """Return a command for the user that kills the process.
+
+        ``peer`` is the process that listens at its socket, if known.
+        """
         for known in (self.local_identity, peer):
             with suppress(OSError):  # the process has no number in this namespace
                 if known is not None and known.is_visible:
@@ -98,9 +105,9 @@ class FoundProcess:
         return os.geteuid() if self.holder is None or self.holder.uid is None else self.holder.uid
 
     def is_alive(self, peer: ProcessIdentity | None) -> bool:
-        """Return whether the process still exists. Raises OSError if this is unknown.
+        """Return True if the process still exists. Raises OSError if this is unknown.
 
-        ``peer`` is the process that listens at its socket, for a process without note and abstract name.
+        ``peer`` is the process that listens at its socket; it is used if there is neither a note nor an abstract name.
         """
         if self.abstract_name is not None and self.abstract_name.local_identity is not None:
             return self.abstract_name.local_identity.is_alive()
@@ -112,7 +119,10 @@ class FoundProcess:
         return identity.is_alive()
 
     def terminate(self, peer: ProcessIdentity | None) -> None:
-        """Send SIGTERM if the process still exists. Raises OSError if the process cannot be identified."""
+        """Send SIGTERM if the process still exists. Raises OSError if it is unknown which process it is.
+
+        ``peer`` is the process that listens at its socket; it is used if there is neither a note nor an abstract name.
+        """
         if self.abstract_name is not None and self.abstract_name.local_identity is not None:
             self.abstract_name.local_identity.terminate()
         elif self.holder is not None:
@@ -125,7 +135,10 @@ class FoundProcess:
             raise OSError("its process ID is unknown")
 
     def as_holder(self) -> RobotHolder:
-        """Return the holder of a command, also if it has no note. Raises OSError if the process is unknown."""
+        """Return the description of a command as in its note, made from its abstract name if it has no note.
+
+        Raises OSError if the process is unknown.
+        """
         if self.holder is not None:
             return self.holder
         name = self.abstract_name
@@ -145,7 +158,10 @@ class FoundProcess:
         return f"{self.run}: {'a command' if self.is_command else 'a run'}"
 
     def matches(self, wanted_names: Sequence[str]) -> bool | None:
-        """Return whether the process has one of ``wanted_names``; None if this is unknown until it replies."""
+        """Return True if a user can mean this process by one of ``wanted_names``; always if there are none.
+
+        None if its note is missing, so that its mission is unknown until it replies.
+        """
         if not wanted_names or not self.names.isdisjoint(wanted_names):
             return True
         return None if self.holder is None else False
@@ -186,12 +202,12 @@ def search_runs(*, thorough: bool = True) -> SearchResult:
 
 
 def listed_runs() -> list[FoundProcess]:
-    """Return the runs of this user in the kernel's socket list. No folder is read, so none can delay this."""
+    """Return the runs of this user in the kernel's socket list; a folder that does not respond cannot delay this."""
     return [each for each in _merge_processes([], [], _listed_names([], thorough=False)) if not each.is_command]
 
 
 class _FolderContents(NamedTuple):
-    """Contents of one folder of runs."""
+    """Processes, socket files and warnings found in one folder of runs."""
 
     holders: list[RobotHolder]
     files: list[Path]
@@ -214,7 +230,10 @@ def _read_folder(place: RunFolder) -> _FolderContents:
 
 
 def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[AbstractName]:
-    """Return the abstract names of this user's runs; for those of other users, only add a warning."""
+    """Return the abstract names of this user's runs; for each of another user, add an entry to ``warnings``.
+
+    If ``thorough``, memory files of all processes are searched too.
+    """
     names = list[AbstractName]()
     for look, what in (
         (abstract_sockets.listed_names, abstract_sockets.SOCKET_LIST),
@@ -238,7 +257,10 @@ def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[Abstra
 def _merge_processes(
     holders: Sequence[RobotHolder], files: Sequence[Path], names: Sequence[AbstractName]
 ) -> list[FoundProcess]:
-    """Return each process once, with all its data. A socket file without a note is a process of its own."""
+    """Return each process once, with the data from its notes (``holders``), socket ``files`` and abstract ``names``.
+
+    A socket file without a note is a process of its own.
+    """
     found: dict[tuple[str, ProcessIdentity | None], FoundProcess] = {}
     for holder in holders:
         key = holder.run, holder.identity
@@ -265,14 +287,17 @@ def _merge_processes(
 
 
 def _with_files(process: FoundProcess, files: Sequence[Path]) -> FoundProcess:
-    """Return a run without addresses with the socket files of its name, as its note may be missing or unreadable."""
+    """Return a run whose note is missing or unreadable with the addresses of the socket ``files`` of its name.
+
+    Other processes are returned unchanged.
+    """
     if process.addresses or process.abstract_name is None or not process.abstract_name.is_run:
         return process
     return replace(process, addresses=tuple(path for path in files if sockets.run_of_socket(path) == process.run))
 
 
 def warning_for(subject: str, error: OSError) -> StopWarning:
-    """Return the warning that ``subject``, a searched place or process, caused ``error``."""
+    """Return the warning that ``subject``, a place or process, could not be searched because of ``error``."""
     hints: Mapping[int | None, str] = {
         errno.EMFILE: "mission stop  (in another terminal: no file descriptor is left here; ulimit -n shows the limit)",
         errno.ENFILE: "mission stop  (again: no file descriptor is left on this computer)",

@@ -64,7 +64,7 @@ def new_run_name() -> str:
 
 
 def _is_taken(run: str) -> bool:
-    """Return whether a run of this name listens: one in a container with the same folders and numbers."""
+    """Return True if another run listens under this name: one in a container with the same folders and numbers."""
     for place in run_folders():
         path = place.folder / f"{run}{SOCKET_SUFFIX}"
         try:
@@ -98,7 +98,10 @@ def socket_path(run: str) -> Path:
 
 @contextmanager
 def bindable_address(where: Address) -> Iterator[str]:
-    """Yield the address to bind or connect to; a path that is too long is shortened through its folder's descriptor."""
+    """Yield the address to pass to ``bind`` or ``connect``, within the context.
+
+    A path that is too long for a socket is replaced by a short one through the descriptor of its folder.
+    """
     if isinstance(where, str) and where.startswith("@"):
         yield f"\0{where[1:]}"
         return
@@ -204,7 +207,10 @@ class RunConnection:
 
     @classmethod
     def open(cls, where: Address) -> Self:
-        """Connect to a run, and receive its first message; empty if the run hangs or has no room. Raises OSError."""
+        """Connect to the run at the address ``where``, and receive its first message. Raises OSError.
+
+        ``run_info`` is empty if the run hangs or accepts no more clients.
+        """
         for tries_left in reversed(range(CONNECT_TRIES)):
             connection = connect(where)
             link = cls(connection, *peer_credentials(connection), {})

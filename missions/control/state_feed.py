@@ -26,7 +26,10 @@ MAX_VALUES = 60
 
 
 class RunHistory:
-    """Listener that stores the path of the base and the values of variables for late clients. Thread-safe."""
+    """Listener that stores the path of the base and the values of variables, for clients that connect later.
+
+    Thread-safe.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -90,8 +93,8 @@ POSE_INTERVAL = 0.04
 class StateFeed:
     """Listener that collects the state of a run for its clients. Used from the event thread and the control thread.
 
-    ``take_changes`` returns the changes, ``state`` the complete state. ``wake`` is called from the event thread when
-    there are changes and a client watches.
+    ``take_changes`` returns the changes since its last call, ``state`` the complete state. ``wake`` is called from the
+    event thread when the state has changed and a client watches it.
     """
 
     def __init__(self, runner: Runner, *, wall: Clock | None = None) -> None:
@@ -148,7 +151,7 @@ class StateFeed:
             self._update_pose()
 
     def update(self) -> None:
-        """Read the state of the robot when time passes without ticks. For the tick thread, in simulated time."""
+        """Read the robot's state between ticks, while the mission is paused. For the tick thread, in simulated time."""
         self._feed.poll_parts()
         self._update_pose()
 
@@ -160,7 +163,7 @@ class StateFeed:
             self.wake()
 
     def take_changes(self, more: Mapping[str, object]) -> Json:
-        """Return the changes since the last call, together with ``more``, as members of a `state`."""
+        """Return the changes since the last call as members of a `state` message; ``more`` are added to them."""
         changes: Json = {**self._feed.take_changes(), **more}
         changes.pop("log", None)
         place = self._pose_state if self._in_tick else self._read_pose_state()
@@ -183,7 +186,7 @@ class StateFeed:
 
     @property
     def state(self) -> Json:
-        """Complete state as of the last ``take_changes``, without the log."""
+        """Complete state of the run when ``take_changes`` was last called, without the log."""
         return self._state
 
     def take_events(self) -> tuple[list[Mapping[str, object]], int]:
@@ -228,7 +231,7 @@ class StateFeed:
 
 
 def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
-    """Yield the joints of all arms; those of further arms with the arm's name: `right_arm.elbow`."""
+    """Yield each joint of each arm with its reading; of additional arms as ``right_arm.elbow``."""
     if robot.arm_part is not None:
         yield from robot.arm_part.states().items()
     for name, other in robot.extra_parts.items():

@@ -15,19 +15,19 @@ from missions.control.pilot import MAX_STATE_AGE, DriveInput, Pilot
 # Stamps of the states that a run sends: they give the age of the state behind a drive command.
 
 STAMP_BITS = 53
-"""Bits of the stamp of a state message; JavaScript has no larger exact integers."""
+"""Number of random bits in the stamp of a state message; JavaScript has no larger exact integers."""
 
 STAMP_LIFETIME = 10.0
-"""Seconds for which the age of a stamp is known."""
+"""Seconds for which the time of issue of a stamp is remembered."""
 
 MAX_KEPT_STAMPS = 1024
 
 
 class StateStamps:
-    """Random stamps of state messages, with their times of issue. Not thread-safe.
+    """Random stamps of state messages, and the times at which they were sent. Not thread-safe.
 
-    Stamps are random, not counted, so a client cannot guess one that it has not received. Only this clock is read;
-    clocks of clients do not matter.
+    A client returns the stamp of the newest state with each command, which shows how old that state is. Stamps are
+    random, not counted, so a client cannot guess one that it has not received. Clocks of clients are not used.
     """
 
     def __init__(self, clock: Clock, draw: Callable[[], int] = lambda: randbits(STAMP_BITS)) -> None:
@@ -46,7 +46,10 @@ class StateStamps:
         return stamp
 
     def issued_at(self, stamp: int) -> float | None:
-        """Return the time of issue of a stamp, by the clock of this run; None if unknown or expired."""
+        """Return the time (s, clock of this run) at which the state with ``stamp`` was sent.
+
+        None if the stamp is unknown or expired.
+        """
         return self._issued.get(stamp)
 
     @property
@@ -65,13 +68,16 @@ MAX_TURN_TIME = 0.1
 
 
 class WheelState(Enum):
-    """State of the wheels; STOPPED: the base stands, and its driver must release the input before it moves again."""
+    """State of the base under manual control.
+
+    STOPPED: the base was stopped, and its driver must send zero before it moves again.
+    """
 
     STILL, MOVING, STOPPED = range(3)
 
 
 class WheelEvent(Enum):
-    """Command of a driver (PUSH, or LET_GO for zero and for a new driver), or a STOP for any reason."""
+    """Event of manual control: PUSH is a command to move, LET_GO a zero command or a new driver, STOP any stop."""
 
     PUSH, LET_GO, STOP = range(3)
 
@@ -86,9 +92,9 @@ TRANSITIONS: Final = {
 
 
 class WheelArbiter:
-    """Gives control of the wheels to one client at a time, and forwards its commands. Not thread-safe.
+    """Gives control of base and head to one client at a time, and forwards its commands. Not thread-safe.
 
-    Clients are identified by any hashable key. Raises BadMessage with the name of the error for refused commands.
+    A ``client`` is any hashable key. Raises BadMessage with the name of the error for refused commands.
     """
 
     def __init__(self, base: Base | None, head: Head | None, clock: Clock) -> None:
@@ -103,11 +109,11 @@ class WheelArbiter:
         self._looked_at = -inf
         self._state = WheelState.STILL
         self.round_trip = 0.0
-        """Age in seconds of the state behind the driver's last command; 0 without one."""
+        """Age in seconds of the state message on which the driver's last command is based; 0 without a command."""
 
     @property
     def ends_at(self) -> float:
-        """Time at which the base must stop because the state of the last command becomes too old; inf if it stands."""
+        """Time (s) at which the base must stop unless a command with a newer state arrives; inf while it stands."""
         return self._state_at + MAX_STATE_AGE if self._state is WheelState.MOVING else inf
 
     def stamp(self) -> int:
@@ -130,7 +136,7 @@ class WheelArbiter:
         return [name for key, name in self._names.items() if key is not self._driver]
 
     def is_participant(self, client: object) -> bool:
-        """Return whether a client drives or requests the wheels."""
+        """Return True if a client has control of the wheels, or waits for it."""
         return client in self._names
 
     def take(self, client: object, name: str) -> bool:
@@ -183,7 +189,10 @@ class WheelArbiter:
         self._stop_base()
 
     def _require_control(self, client: object, command: DriveCommand | LookCommand) -> tuple[Pilot, Base, float]:
-        """Return pilot, base and time for a valid command; an outdated one stops the base. Raises BadMessage."""
+        """Return pilot, base and time if ``client`` may execute ``command``. Raises BadMessage if not.
+
+        A command that is out of order, or based on an old state, also stops the base.
+        """
         now = self._clock.now()
         if self._pilot is None or self._base is None:
             raise BadMessage("no_base", "this run has no base to drive")
@@ -199,7 +208,10 @@ class WheelArbiter:
         return self._pilot, self._base, now
 
     def _check_state(self, stamp: int, now: float) -> None:
-        """Raise BadMessage and stop the base if the state behind a command is too old, or older than the last one."""
+        """Raise BadMessage and stop the base if the state with ``stamp`` is too old.
+
+        Also if it is older than the state of the last command.
+        """
         issued = self._stamps.issued_at(stamp)
         if issued is not None:
             self.round_trip = now - issued

@@ -19,10 +19,13 @@ from missions.language.nodes import FOR_EACH, MISSION
 from missions.language.plan import Plan, Step
 
 RobotFor = Callable[[Node], Robot]
-"""Returns the robot for a leaf, whose commands carry the name of the leaf."""
+"""Function that returns the robot for a leaf; commands given through it are reported with the leaf's name."""
 
 Substitute = Callable[[Step, Leaf | None], Leaf | None]
-"""Returns a replacement for a step, given its leaf if it has one; None to build the step itself."""
+"""Function that may replace a step by a leaf of its own, such as a mock; it returns None to keep the step.
+
+Its arguments are the step, and the leaf of the step, or None for a composite.
+"""
 
 Scope = dict[str, object]
 
@@ -50,7 +53,7 @@ NODES: Mapping[str, type[Parent]] = {
     FOR_EACH: ForEach,
     MISSION: Submission,
 }
-"""Node class of each word of the mission language."""
+"""Classes of all nodes with children, by their word in the mission language."""
 
 
 class TreeBuilder:

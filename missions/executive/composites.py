@@ -15,11 +15,11 @@ from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 
 
 class _ReactiveComposite(Composite):
-    """Ticks its children from the first at every tick; a child that takes over halts the running one before.
+    """Ticks its children from the first at every tick; if an earlier child takes over, the running one is halted.
 
-    While a child is suspended, the composite waits: ``_running`` keeps its progress without being ticked. ``_stood`` is
-    true if earlier children may run only for that reason. ``_ended`` is a child that ended meanwhile by its own
-    deadline; it is not started again at its turn.
+    While a child is suspended, the composite waits: the child ``_running`` keeps its progress without being ticked.
+    ``_stood`` is true if earlier children may be running only because the composite waited. ``_ended`` is a child that
+    reached its deadline while the composite waited; it is not started again when its turn comes.
     """
 
     run_state = ("_running", "_retiring", "_stood", "_ended")
@@ -58,7 +58,10 @@ class _ReactiveComposite(Composite):
         return self.end(self.adopt_failure(child) if status is FAILURE else status)
 
     def _suspend_with(self, child: Node, behind: Node | None) -> Status:
-        """Wait for a suspended child; fail once it has waited too long, even if a later child could take over."""
+        """Wait for the suspended ``child``; return a failure once it has waited too long.
+
+        ``behind`` is the running child after it, which gets no tick, but whose deadlines continue.
+        """
         self.suspension = suspension = child.suspension
         if suspension is not None and suspension.timed_out:
             self.feedback_message = sensor_timeout_reason(suspension.reason, self.run.sensor_timeout)
@@ -79,7 +82,7 @@ class _ReactiveComposite(Composite):
         return self.end(status)
 
     def _halt_others(self, child: Node) -> None:
-        """Halt the children that were suspended, except ``child``."""
+        """Halt all running children except ``child``, after the composite has waited for a suspended child."""
         self._stood, self._ended = False, None
         for other in self.members:
             if other is not child and other is not self._retiring and other.status is RUNNING and not other.halt():
@@ -95,16 +98,16 @@ class _ReactiveComposite(Composite):
         return RUNNING
 
     def _is_retired(self) -> bool:
-        """Return True once the preempted child is at rest."""
+        """Halt the preempted child further; return True once it is at rest, or if there is none."""
         if self._retiring is not None and self._retiring.halt():
             self._retiring = None
         return self._retiring is None
 
     def _tick_before(self, child: Node, behind: Node) -> Status:
-        """Tick a child of higher priority than the running one; if it takes over, halt the running one first.
+        """Tick ``child``, which has priority over the running child ``behind``; if it takes over, halt ``behind``.
 
-        A leaf that is about to claim an actuator halts it before it starts (through ``Run.preempt``). Other nodes take
-        over by their status: the running child is halted before that status is published.
+        A leaf that is about to claim an actuator halts ``behind`` before it starts (through ``Run.preempt``). Other
+        nodes take over by their status: ``behind`` is halted before that status is published.
         """
         preemptible = self.run.preemptible
         preemptible.append(behind)
@@ -140,7 +143,7 @@ class ReactiveSelector(_ReactiveComposite, composites.Selector):
 class OrderedComposite(Composite):
     """Ticks one child after another, continuing with the running one.
 
-    ``passes`` is the status of a child that leads to the next; ``order`` is the order of the children in this run.
+    ``passes`` is the status of a child after which the next child runs; ``order`` is the order of the children.
     """
 
     run_state = ("_index", "order", "_lost")
@@ -175,7 +178,10 @@ class OrderedComposite(Composite):
         return self._blame_last(child) if status is FAILURE else status
 
     def _blame_last(self, child: Node) -> Status:
-        """Return a failure with the reason of ``child``; a sensor failure of any child makes it one."""
+        """Return a failure with the reason of ``child``, the last one.
+
+        If any child failed because a sensor did not report, the composite's failure counts as one of a sensor.
+        """
         self.adopt_failure(child)
         if self.suspension is None and self.passes is FAILURE:
             self.suspension = self._lost
@@ -208,7 +214,7 @@ class Selector(OrderedComposite, composites.Selector):
 
 
 class RandomOrderComposite(OrderedComposite):
-    """Ticks its children one after another, in an order drawn at each start from the seed of the run."""
+    """Ticks its children one after another, in an order that is drawn at each start with the seed of the run."""
 
     def begin(self) -> None:
         super().begin()

@@ -13,7 +13,7 @@ from missions.executive.stream import EventStream
 from perception.api import Face, Marker, Percept, Thing, View
 
 OVERRIDE_SOURCES = frozenset({Source.SAFETY, Source.TELEOP})
-"""Sources that take precedence over the mission, and are reported as the source of a command."""
+"""Sources of base commands that take precedence over the mission: the reflexes, and a person who drives."""
 
 
 class EventReporter:
@@ -31,7 +31,7 @@ class EventReporter:
         self._run.wake()
 
     def on_log(self, record: logging.LogRecord) -> None:
-        """Emit a log line."""
+        """Emit an event for a record of Python's logging, with its traceback if it has one."""
         text = record.getMessage()
         if record.exc_info is not None:
             text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
@@ -51,16 +51,19 @@ class EventReporter:
         self._run.wake()
 
     def on_command(self, to: str, source: str, values: Mapping[str, object]) -> None:
-        """Emit a command, unless it repeats the last one of the same source; always emit commands to the voice."""
+        """Emit a command to the part ``to``, unless ``source`` sent the same command last.
+
+        Commands to the voice are always emitted.
+        """
         if to != "voice" and self._commands.get(to) == (source, values):
             return
         self._commands[to] = source, values
         self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
 
     def on_steering(self, steering: Steering) -> None:
-        """Emit commands to the base from sources other than the mission; leaves report their own commands.
+        """Emit the velocity of the base if reflexes or a person decide it; leaves report their own commands.
 
-        A source that no longer commands has stopped the base. A latched base is reported with source `safety`.
+        When the source stops commanding, its stop is emitted. A latched base is reported with source `safety`.
         """
         before, self._last_source = self._last_source, steering.source
         source = steering.source or (Source.SAFETY if steering.reason else before)
@@ -78,7 +81,10 @@ class EventReporter:
 
 @contextmanager
 def capture_log(on_record: Callable[[logging.LogRecord], None]) -> Iterator[None]:
-    """Pass log records from level INFO up to ``on_record``: those of missions, and internal errors."""
+    """Pass the log records of missions and internal errors, from level INFO up, to ``on_record``.
+
+    Inside the context, they are not printed by Python's logging.
+    """
     handler, before = _LogHandler(on_record), (log.level, log.propagate)
     log.addHandler(handler)
     log.setLevel(logging.INFO)
@@ -102,7 +108,7 @@ class _LogHandler(logging.Handler):
 
 
 def percept_event(view: View, t: float) -> PerceptSeen:
-    """Return the event for the percepts of a view at ``t`` seconds."""
+    """Return the event at ``t`` seconds for the faces, things and markers in a view."""
     faces, things, markers = (
         tuple(_percept_dict(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
     )

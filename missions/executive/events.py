@@ -17,10 +17,10 @@ STATUS_WORDS = {
     Status.FAILURE: "failure",
     Status.INVALID: "idle",
 }
-"""Statuses as written in events, tests and pictures."""
+"""Words for the statuses of py_trees in events, tests and pictures."""
 
 SUSPENDED = "suspended"
-"""Status of a node that is running only because a sensor is silent."""
+"""Status of a node that runs but waits, because a sensor does not report."""
 
 SKIPPED = "skipped"
 """Status of a node that succeeded without starting its behaviour because its ``if`` was false."""
@@ -34,15 +34,16 @@ def status_word(node: Node) -> str:
 
 
 def plain_status(word: str) -> str:
-    """Return a status as parents see it: "skipped" is a success."""
+    """Return a status word with "skipped" replaced by "success": parents treat a skipped child as a success."""
     return STATUS_WORDS[Status.SUCCESS] if word == SKIPPED else word
 
 
 @dataclass(slots=True)
 class Event:
-    """Event ``t`` seconds after the start of the run; ``event`` is its type in files.
+    """Event ``t`` seconds after the start of the run; ``event`` is the word for its type in JSON.
 
-    Not frozen, which would double the cost of each; do not change it, since all listeners share it.
+    Do not change an event, since all listeners share it. It is not a frozen dataclass, as that would take twice as long
+    to create.
     """
 
     event: ClassVar[str] = ""
@@ -92,7 +93,10 @@ class NodeChanged(Event):
 
 @dataclass(slots=True)
 class PerceptSeen(Event):
-    """A frame of the time ``stamp`` (seconds since the start) was searched; it holds the percepts."""
+    """A camera frame was searched; the event holds the faces, things and markers found in it.
+
+    ``stamp`` is the time of the frame, in seconds since the start of the run.
+    """
 
     event: ClassVar[str] = "percept"
     stamp: float
@@ -135,8 +139,8 @@ class VariableSet(Event):
 class ReflexFired(Event):
     """A condition of the base begins, or ends if ``on`` is False: a contact, a hazard, a stop, a low battery.
 
-    ``condition`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: sides, the number of a button,
-    the reason of a stop, the battery percentage.
+    ``condition`` is one of ``missions.executive.guard.REFLEXES``. ``where`` has details: the sides of a bumper, the
+    number of a button, the reason of a stop, the battery percentage.
     """
 
     event: ClassVar[str] = "reflex"
@@ -177,7 +181,7 @@ class Logged(Event):
 
 @dataclass(slots=True)
 class Notified(Event):
-    """The mission sends a notice to an absent person."""
+    """The mission sends a notice to people: the behaviour `notify`."""
 
     event: ClassVar[str] = "notice"
     tick: int

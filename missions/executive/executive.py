@@ -32,14 +32,17 @@ from missions.language.kinds import STATE_KINDS
 Variables = dict[str, object]
 
 _MUTABLE_TYPES = frozenset({list, dict, set})
-"""Types whose values may change before they are reported."""
+"""Types of values that a behaviour may change in place; such values are copied for their event."""
 
 _COMPARABLE_TYPES = frozenset({bool, int, float, str, Quantity})
-"""Types whose equal values are the same; other values are unchanged only if they are identical."""
+"""Types of variables that count as unchanged if the new value is equal.
+
+A value of any other type is unchanged only if it is the same object.
+"""
 
 
 class VariableChanges:
-    """Reports changed variables of a mission and its sub-missions to the ``stream``.
+    """Reports changed variables of a mission and its sub-missions as events to the ``stream``.
 
     Call ``emit`` after variables may have changed. A list that a behaviour changes in place is not reported.
     """
@@ -64,7 +67,10 @@ class VariableChanges:
 
 
 def _take_changes(variables: Variables, reported: Variables) -> Iterator[tuple[str, object]]:
-    """Yield the changes of ``variables`` since ``reported``, and update that; a deleted variable is None."""
+    """Yield each changed variable with its value, None if it was deleted.
+
+    Compares ``variables`` with the values ``reported`` before, and updates the latter.
+    """
     for name, value in variables.items():
         if name not in STATE_KINDS and not (name in reported and _is_same_value(value, reported[name])):
             reported[name] = value
@@ -81,16 +87,16 @@ def _is_same_value(one: object, other: object) -> bool:
 
 
 SAMPLE_INTERVAL_TICKS = 10
-"""Ticks between two samples of those parts of the robot that the mission does not read."""
+"""Ticks between two samples, for records, of those parts of the robot that the mission does not read."""
 
 MOVING_SAMPLE_INTERVAL_TICKS = 3
-"""Ticks between two samples of moving joints; a leg makes a step in less than a second.
+"""Ticks between two samples of moving joints for records; a leg makes a step in less than a second.
 
 Not 2 or 4: a walking cycle of 0.8 s would always be sampled at the same phases, and its peaks missed.
 """
 
 JOINTS_QUERY = "states"
-"""Query by which joints are sampled."""
+"""Name of the method of an arm that returns the states of its joints."""
 
 TickObserver = Callable[[TickRecord], None]
 """Called with the record of each tick, on the tick thread, right after the tick; it must neither block nor raise."""
@@ -99,7 +105,7 @@ TickObserver = Callable[[TickRecord], None]
 class TickSnapshot:
     """Begins and ends the tick snapshots of a ``run``, in which time stands still and inputs are cached.
 
-    Passes the record of each to the observers.
+    At the end of each snapshot, its record is passed to the observers.
     """
 
     def __init__(self, run: RunState, cache: TickCache, changes: VariableChanges) -> None:
@@ -116,19 +122,22 @@ class TickSnapshot:
         self._cache.is_recording = True
 
     def emit_changes(self) -> None:
-        """Report changed variables."""
+        """Emit an event for each variable that has changed since the last call."""
         self._run.variables_changed = False
         self._changes.emit()
 
     def begin(self) -> None:
-        """Freeze the time, and open the cache."""
+        """Begin a snapshot: the time stands still, and each input is read once and cached."""
         if self._observers:
             self._began_at = self._run.wall.now()
         self._cache.is_open = True
         self._run.tick_time = self._run.clock.now()
 
     def end(self, kind: TickKind, late: float = 0.0) -> None:
-        """Unfreeze the time, close the cache, and pass the record to the observers."""
+        """End a snapshot: let time run again, clear the cache, and pass the tick's record to the observers.
+
+        ``late`` is the delay of the tick in seconds.
+        """
         run = self._run
         time, run.tick_time = run.tick_time or 0.0, None
         if kind == "tick":
@@ -151,7 +160,7 @@ class TickSnapshot:
 
 
 def is_moving(answers: Sequence[Answer]) -> bool:
-    """Return whether sampled joints are moving."""
+    """Return True if a joint moves, by the joint states among the ``answers`` of the robot's parts."""
     looks = [value for _, what, _, value in answers if what == JOINTS_QUERY]
     return any(
         isinstance(reading, Reading) and isinstance(reading.value, JointState) and reading.value.moving
@@ -162,13 +171,13 @@ def is_moving(answers: Sequence[Answer]) -> bool:
 
 
 class RunMode(Enum):
-    """Mode of a tick loop; HELD: paused, and no request resumes or steps it."""
+    """Mode of a tick loop. HELD: paused by a stop, so that requests to resume or step have no effect."""
 
     TICKING, PAUSED, HELD = range(3)
 
 
 class RunModeEvent(Enum):
-    """Request to a tick loop, or the ALARM of its guard."""
+    """Event that changes the mode of a tick loop: a request, or an ALARM by which the base guard ends the mission."""
 
     PAUSE, RESUME, HOLD, RELEASE, ALARM = range(5)
 
@@ -202,9 +211,9 @@ A stop wakes no thread: a signal handler must not take the lock of an Event, whi
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Result of a run: ``result`` is success, failure, interrupted or error.
+    """Result of a run: ``result`` is success, failure, interrupted or error, ``reason`` says why.
 
-    A success has a ``reason`` only if motions succeeded by dead reckoning.
+    The reason is empty for a success, unless motions were measured by dead reckoning only.
     """
 
     mission: str
@@ -218,13 +227,13 @@ class Executive:
     """Ticks a tree at up to ``rate`` ticks a second, at once when woken, until it ends or is stopped.
 
     Ticks keep to an absolute schedule; ``Run.wake`` brings the next one forward. ``tick`` may also be called without
-    the loop: for tests, simulated time and single steps. The ``guard`` is checked before each tick: with a reason from
-    the guard, the tree is halted and fails.
+    the loop: for tests, simulated time and single steps. The ``guard`` is checked before each tick: if it returns a
+    reason, the tree is halted and fails.
 
     Each tick, each check of the guard while paused, and each step of the final halt is a snapshot: the time stands
-    still, and the parts, which need proxies with ``cache``, return one value per query. From the records of these
-    snapshots, which ``observe`` passes on, ``replay_tick`` repeats the decisions. ``after_tick`` is called after each
-    tick, on its thread.
+    still, and each part of the robot returns one value per query. For that, the parts need proxies with ``cache``.
+    ``observe`` passes the records of snapshots to observers; ``replay_tick`` repeats the decisions from such a record.
+    ``after_tick`` is called after each tick, on its thread.
     """
 
     def __init__(
@@ -253,7 +262,8 @@ class Executive:
         self._period = 1.0 / rate
         self._woken = run.wake_event
         self.idle: Callable[[float], object] = run.wake_event.wait
-        """Waits while the mission is paused: real time, unless replaced by simulated time."""
+        """Function that waits (s) while the mission is paused; in real time, unless it is replaced for simulated time.
+        """
         self._stop_reason: str | None = None
         self._mode, self._mode_lock = RunMode.TICKING, Lock()
         self._steps: SimpleQueue[None] = SimpleQueue()  # one item for each step: thread-safe, and no step is lost
@@ -285,7 +295,10 @@ class Executive:
         return self._mode is not RunMode.TICKING
 
     def hold(self, *, held: bool) -> None:
-        """Pause without ticks or steps until released, and ignore resume requests; then the mission is paused."""
+        """Pause without ticks or steps, and ignore requests to resume, until called with ``held=False``.
+
+        Then the mission is still paused.
+        """
         self._change_mode(RunModeEvent.HOLD if held else RunModeEvent.RELEASE)
 
     def step(self) -> None:
@@ -342,10 +355,10 @@ class Executive:
         return self._make_result()
 
     def _wait(self, due: float) -> float:
-        """Wait for the next tick, a wake or a stop; return the time of the next scheduled tick.
+        """Wait until ``due`` (s), a wake or a stop; return the due time of the next tick.
 
-        The tick rate is kept by an absolute schedule: an early tick does not shift it, and ticks missed by an overrun
-        are counted, not made up for.
+        The tick rate is kept by an absolute schedule: an early tick does not shift it. Ticks missed by an overrun are
+        counted and left out.
         """
         now = self.run.now()
         if now >= due:
@@ -394,7 +407,7 @@ class Executive:
             self._alarm = self._alarm or self._guard.check()
 
     def _halt_for_alarm(self) -> Status:
-        """Halt the tree because of the alarm, over several ticks if needed; then it has failed."""
+        """Halt the tree because the base guard ends the mission; return RUNNING until it is at rest, then FAILURE."""
         if not self._halt_tree():
             return Status.RUNNING
         self.root.feedback_message, self._alarm = self._alarm, ""
@@ -421,9 +434,9 @@ class Executive:
         return True
 
     def replay_tick(self, record: TickRecord) -> None:
-        """Repeat a recorded snapshot; the clock of the run must return its time.
+        """Repeat the decisions of a recorded snapshot.
 
-        The caller must make the parts return the ``answers`` of the record.
+        The caller must make the clock of the run return the time of the record, and the parts its ``answers``.
         """
         self.run.tick = record.tick
         if record.overheld is not None:

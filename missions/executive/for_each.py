@@ -22,7 +22,7 @@ from missions.language.switches import case_key
 class Switch(Composite, composites.Selector):
     """Ticks the child whose case equals the value of an expression, evaluated at the start; otherwise the default.
 
-    ``cases`` belong to the members in order; one more member is the default.
+    ``on`` is the expression. ``cases`` belong to the children in order; one more child is the default.
     """
 
     run_state = ("_chosen",)
@@ -57,7 +57,7 @@ class Switch(Composite, composites.Selector):
         return self.adopt_failure(child) if status is FAILURE else status
 
     def select_child(self) -> Node | None:
-        """Return the child for the present value of the expression; None, with a reason, if there is none."""
+        """Return the child for the present value of the expression; None, with a reason, if no case has that value."""
         try:
             found = self.on.resolve(self.scope)
         except (ExpressionError, ValueError) as error:
@@ -95,7 +95,7 @@ SWITCHES: Mapping[str, type[Switch]] = {
 
 
 def _format_case(value: object) -> str:
-    """Return a value as a case is written."""
+    """Return a value as text in the notation of a case in a mission, such as ``true``."""
     return str(value).lower() if isinstance(value, bool) else format_value(value)
 
 
@@ -104,10 +104,10 @@ MAX_SHOWN_LENGTH = 40
 
 
 class ForEach(Parent, Decorator):
-    """Runs its child once for each member of a list, evaluated at the start; one member after another.
+    """Runs its child once for each member of a list, one after another. The list is evaluated at the start.
 
-    ``names`` are the variables for the member and, optionally, for its number. It fails at the first failure, with the
-    member in the reason, and succeeds at once if the list is empty.
+    ``among`` is the list. ``names`` are the variables for the member and, optionally, for its number. The node fails if
+    the child fails, with the member in the reason, and succeeds at once if the list is empty.
     """
 
     run_state = ("setting", "_place")
@@ -149,7 +149,7 @@ class ForEach(Parent, Decorator):
         return self._on_child_status(status)
 
     def _on_child_status(self, status: Status) -> Status:
-        """Return the status of this node for a status of the child."""
+        """Return the status of this node for a status of the child: after a success, the next member follows."""
         self.suspension = self.child.suspension
         if status is FAILURE:
             self.feedback_message = f"{self.kind} {self._describe_member()}: {self.child.feedback_message}"

@@ -16,7 +16,7 @@ HYSTERESIS_PERCENT = 3.0
 
 
 class BatteryWatch:
-    """Battery thresholds with confirmation and hysteresis; ``low`` and ``critical`` are the present states.
+    """Compares the battery charge with two thresholds; ``low`` and ``critical`` say whether each is reached.
 
     Thresholds are in percent, 0 for never. A threshold is reached if all readings over ``CONFIRM_TIME`` were below it.
     It is released when the battery charges, or is ``HYSTERESIS_PERCENT`` above it.
@@ -70,17 +70,18 @@ CONTACTS = ("bumper", "cliff", "wheel_drop")
 """Contact sensors of a base with a left, middle and right side; the names in events and states."""
 
 REFLEXES = (*CONTACTS, "hazard", "button", "docked", "charging", "latched", "battery_low", "battery_critical")
-"""All conditions that the guard reports."""
+"""Conditions of the base that the guard reports as ReflexFired events."""
 
 _Feedback = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool, bool]
 _NO_FEEDBACK: _Feedback = (Sides(), Sides(), Sides(), frozenset(), frozenset(), False, False)
 
 
 class BaseGuard:
-    """Watches a ``base`` before each tick; the reflexes themselves are in its driver, see ``drivers.api.Reflexes``.
+    """Checks a ``base`` before each tick, and reports its contacts, hazards, stops and battery as events.
 
+    It reacts only to a critical battery; the reflexes are in the base's driver, see ``drivers.api.Reflexes``.
     ``battery`` is the battery state by the thresholds of ``reflexes``. ``on_enable`` is called when a person enables
-    the base, or presses its button for that; it enables all other parts.
+    the base, or presses its button for that; it must enable all other parts.
     """
 
     def __init__(
@@ -97,7 +98,10 @@ class BaseGuard:
         self._battery_state = False, False  # whether the battery was low, and critical
 
     def check(self) -> str:
-        """Report changes; return the reason if the mission must end. Missing readings change nothing."""
+        """Report changes of the base; return the reason if the mission must end, else an empty text.
+
+        If the base does not report, nothing changes.
+        """
         latched = self._base.latched
         if latched != self._latched:
             self._emit("latched", latched or self._latched, on=bool(latched))
@@ -115,7 +119,7 @@ class BaseGuard:
         return self._check_battery(state)
 
     def has_changed(self) -> bool:
-        """Return whether the base reports a change since the last check, so that a check is due at once."""
+        """Return True if the base has changed since the last call of ``check``."""
         reading = self._base.state()
         state = reading.value
         if self._base.latched != self._latched:
@@ -123,7 +127,7 @@ class BaseGuard:
         return state is not None and reading.good and _feedback_of(state) != self._feedback
 
     def _emit_feedback(self, before: _Feedback, after: _Feedback) -> None:
-        """Report the changes between two readings."""
+        """Emit an event for each contact, hazard, button or charging state that differs between two readings."""
         *contacts_before, hazards_before, buttons_before, docked_before, charging_before = before
         *contacts, hazards, buttons, docked, charging = after
         for what, was, now in zip(CONTACTS, contacts_before, contacts, strict=True):

@@ -1,9 +1,9 @@
 """Process that kills a run which does not react to a signal and shows no sign of life.
 
-A separate process, since no Python code of the run executes while a C call holds the GIL. ``lifeline_worker.py PROCESS
-SIGNALS HEART SECONDS NUMBERS``: the process to kill; the socket with its signals, which is peeked at and never read;
-the pipe of its heartbeats; the timeout after a signal; the numbers of the signals that count. Imports nothing of
-MissionTree.
+It is a separate process, since no Python code of the run executes while a C call holds the GIL. Usage:
+``lifeline_worker.py PROCESS SIGNALS HEART SECONDS NUMBERS``. PROCESS is the process to kill; SIGNALS the socket with
+the signals that it got, which is peeked at and never read; HEART the pipe of its heartbeats; SECONDS the timeout after
+a signal; NUMBERS the numbers of the signals that end a run. Imports nothing of MissionTree.
 """
 
 import os

@@ -13,14 +13,15 @@ from missions.language.expressions import Expression
 # Modifiers with times.
 
 MAX_RETICK_INTERVAL = 1.5
-"""Maximum seconds between ticks in which a timeout counts as ticked again; the slowest rate is one tick a second."""
+"""Maximum seconds between two ticks of a ``timeout`` that count as successive; the slowest rate is 1 Hz."""
 
 
 class TimeoutModifier(Modifier):
-    """Fails, and halts the node, if it still runs after the setting; at the deadline the node is not ticked again.
+    """Fails, and halts the node, if it still runs after the time of the modifier; then it is not ticked again.
 
-    After a timeout around a suspended node, it fails at once while the node stays suspended: ``gave_up`` is the time of
-    the last one. Otherwise a reactive composite, which ticks it again, would wait for the whole time again.
+    If the time has passed while the node was suspended, a reactive composite ticks the timeout again at once. It then
+    fails at once as long as the node stays suspended, instead of waiting for the whole time again. ``gave_up`` is the
+    time (s) of its last such failure.
     """
 
     run_state = ("setting", "since", "_waits")
@@ -61,9 +62,9 @@ class TimeoutModifier(Modifier):
 
 
 class HoldModifier(Modifier):
-    """Succeeds once the node has succeeded at every tick for the setting; runs until then.
+    """Succeeds once the node has succeeded at every tick for the time of the modifier; runs until then.
 
-    A tick in which the node is suspended does not count. It fails if a sensor stays silent.
+    A tick in which the node is suspended does not count. It fails if a sensor does not report for too long.
     """
 
     run_state = ("setting", "_succeeding_since")
@@ -98,7 +99,7 @@ class DelayModifier(Modifier):
 
 
 class CooldownModifier(Modifier):
-    """Fails without starting the node within the setting after its last success."""
+    """Fails without starting the node if its last success was less than the time of the modifier ago."""
 
     run_state = ("setting",)
     lasting_state = ("_succeeded_at",)
@@ -122,7 +123,10 @@ class CooldownModifier(Modifier):
 
 
 def _running_tip(node: Node) -> Node:
-    """Return the node that explains best why ``node`` runs: itself if suspended, or else a running leaf."""
+    """Return the node below ``node`` whose reason explains best why ``node`` runs.
+
+    This is a suspended node, or a running leaf with a reason; ``node`` itself if there is none.
+    """
     if node.suspension is not None:
         return node
     for child in node.children:
@@ -134,7 +138,7 @@ def _running_tip(node: Node) -> Node:
 
 
 class ConditionModifier(Modifier):
-    """Modifier whose ``value`` is a condition; it fails if the condition rests on values that are not measured."""
+    """Modifier whose ``value`` is a condition; it fails if the condition uses values computed by dead reckoning."""
 
     def on_start(self) -> str:
         why = unmeasured_reason(self.value, self.scope)
@@ -153,7 +157,7 @@ class ConditionModifier(Modifier):
 
 
 class IfModifier(ConditionModifier):
-    """Evaluated once, at the start; if false, the node is skipped and succeeds."""
+    """Runs the node if a condition is true at the start; otherwise the node is skipped and succeeds."""
 
     run_state = ("setting",)
 
@@ -169,7 +173,7 @@ class IfModifier(ConditionModifier):
 
 
 class WhileModifier(ConditionModifier):
-    """Evaluated at every tick; once false, the node is halted and fails."""
+    """Runs the node while a condition is true, checked at every tick; once it is false, halts the node and fails."""
 
     def on_running(self) -> Status:
         if self.is_true():
@@ -179,7 +183,7 @@ class WhileModifier(ConditionModifier):
 
 
 class UntilModifier(ConditionModifier):
-    """Evaluated at every tick; once true, the node is halted and succeeds."""
+    """Runs the node until a condition is true, checked at every tick; then the node is halted and succeeds."""
 
     def on_running(self) -> Status:
         return self.end(SUCCESS) if self.is_true() else self.tick_child()
@@ -262,7 +266,10 @@ class OnSuccessModifier(Modifier):
 
 
 class OnRunningModifier(Modifier):
-    """Turns a running node into a success or failure, and halts it; waits for a suspended node."""
+    """Ends the node in a success or failure (its value) as soon as the node runs, and halts it.
+
+    While the node is suspended, it waits.
+    """
 
     run_state = ("setting",)
 
@@ -277,9 +284,9 @@ class OnRunningModifier(Modifier):
 
 
 class OnceModifier(Modifier):
-    """Returns the first result of the node again, while the value of the expression stays the same.
+    """Runs the node once, then returns its first result while the value of the expression stays the same.
 
-    A failure because of a silent sensor is not stored.
+    A failure because a sensor does not report is not stored.
     """
 
     run_state = ("setting",)

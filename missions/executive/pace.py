@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 MAX_LAG = 0.5
-"""Maximum seconds by which simulated time catches up with real time; after a longer delay it does not race."""
+"""Maximum seconds that simulated time makes up for after a delay; after a longer one it continues at normal speed."""
 
 MAX_STILL_SPEED = 0.005
 """Speed in m/s and rad/s below which a base is at rest."""
@@ -29,7 +29,7 @@ MAX_STILL_TURN = 1e-4
 class SimulationPacer:
     """Replacement for ``Run.wait`` that advances the simulated world in the same thread.
 
-    ``speed`` is the maximum factor relative to the run's ``wall`` clock; ``wait`` waits on that clock.
+    ``speed`` is the maximum ratio of simulated to real time; ``wait`` is a function that waits in real time (s).
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class PausedPacer:
         self._pacer = SimulationPacer(run, timeline, speed=min(speed, 1.0), wait=wait)
         self._woken, self._robot = run.wake_event, robot
         self.is_driven: Callable[[], bool] = lambda: False
-        """Returns whether a person drives by hand."""
+        """Function that returns True while a person drives the robot by hand."""
         self.on_wait: Callable[[], None] = lambda: None
         """Called after each wait, in the same thread: the robot may have moved since the last tick."""
         self._pan_tilt: tuple[float, float] | None = None
@@ -90,7 +90,7 @@ class PausedPacer:
         self.on_wait()
 
     def _is_moving(self) -> bool:
-        """Return whether base, head or an arm moves."""
+        """Return True if base, head or an arm of the simulated robot moves."""
         robot = self._robot
         turned, self._pan_tilt = self._pan_tilt, None
         head = None if robot.head_part is None else robot.head_part.pose().value

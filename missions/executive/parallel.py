@@ -68,7 +68,7 @@ class Parallel(Composite, composites.Parallel):
         return RUNNING
 
     def _result(self, succeeded: int, failed: int) -> Status:
-        """Return the status for these numbers of successes and failures."""
+        """Return the status of the parallel after ``succeeded`` successes and ``failed`` failures of its children."""
         if succeeded + failed == len(self.members) or not self._decision.waits_for_all:
             if failed >= self._decision.failures:
                 return self._fail_with_all_reasons(failed)
@@ -117,6 +117,9 @@ class Race(Composite, composites.Parallel):
 
 
 def shared_suspension(members: Sequence[Node]) -> Suspension | None:
-    """Return the suspension of a node whose running ``members`` are all suspended; a lost one takes precedence."""
+    """Return a suspension of one of the running ``members``, or None if none of them is suspended.
+
+    One whose sensor timeout has passed takes precedence.
+    """
     found = [member.suspension for member in members if member.status is RUNNING and member.suspension is not None]
     return max(found, key=lambda suspension: suspension.timed_out, default=None)

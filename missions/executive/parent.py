@@ -19,10 +19,10 @@ class Parent(Node):
     """A node with ``members``, its children in the order of ticking.
 
     ``ending`` is the result to publish once all running members are halted; IDLE if this node itself is halted.
-    ``unstarted`` is true while its start waits for a part of the robot.
+    ``unstarted`` is true while the node waits for a part of the robot before it can start.
 
-    A parent is suspended if its own expression reads a silent sensor, or if its status is that of a suspended member.
-    In the first case it waits, and fails after the sensor timeout.
+    A parent is suspended if its own expression reads a part that does not report, or if its status is that of a
+    suspended member. In the first case it waits, and fails after the sensor timeout.
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted", "_ending_for", "_silent_since")
@@ -34,12 +34,15 @@ class Parent(Node):
     @classmethod
     @abstractmethod
     def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
-        """Make the node of a step around its children; ``inner`` holds the variables of the mission inside."""
+        """Make the node of a ``step`` of the plan around its children.
+
+        ``inner`` holds the variables of the sub-mission, if the step is one.
+        """
 
     def on_tick(self) -> Status:
-        """Start if needed, then tick the members.
+        """Start if needed, then tick the members; return the status.
 
-        A tick before an earlier halt is complete first completes it, then restarts.
+        If an earlier halt is not complete, complete it first, then restart.
         """
         self.visited_tick = self.run.tick
         afresh = self.unstarted or self.status is not RUNNING
@@ -75,7 +78,7 @@ class Parent(Node):
         return self.on_running()
 
     def _suspend(self, reason: str) -> Status:
-        """Wait for a silent sensor; fail once that lasts too long."""
+        """Wait because a sensor does not report (``reason``); return a failure once that lasts too long."""
         self.suspension = self.suspension_for(reason)
         if self.suspension.timed_out:
             self.feedback_message = sensor_timeout_reason(reason, self.run.sensor_timeout)
@@ -86,7 +89,10 @@ class Parent(Node):
         return self.members_stand_still()
 
     def on_time_passed(self) -> Status:
-        """Complete an ending, or let time pass for the running members."""
+        """Let time pass without a tick, while this node is suspended; return the status.
+
+        A halt that has begun is continued, and deadlines of running members are checked.
+        """
         if self.ending is not None:
             self.suspension = self._ending_for
             status = self.end(self.ending)
@@ -101,7 +107,7 @@ class Parent(Node):
             return RUNNING
 
     def members_stand_still(self) -> Status:
-        """Let time pass for the running members; return the status of this node."""
+        """Let time pass without a tick for the running members; return the status of this node."""
         for member in self.members:
             if member.status is RUNNING:
                 status = member.pass_time()
@@ -110,12 +116,12 @@ class Parent(Node):
         return RUNNING
 
     def member_ended(self, member: Node, status: Status) -> Status:
-        """Return the status after a member ended while this node was waiting. Must not start anything."""
+        """Return the status of this node after ``member`` ended without a tick. Must not start anything."""
         self.feedback_message, self.suspension = member.feedback_message, member.suspension
         return status
 
     def on_start(self) -> str:
-        """Reset an earlier run; return the reason if it cannot start, empty otherwise."""
+        """Prepare a new run of the node; return the reason if it cannot start, empty otherwise."""
         return ""
 
     @abstractmethod
@@ -148,14 +154,14 @@ class Parent(Node):
         return True
 
     def clear_results(self, cleared: list[Node]) -> None:
-        """Clear the result, and before it the results of the members."""
+        """Set this node and its members to idle, members first, and append them to ``cleared``."""
         if self.status is not IDLE:
             for member in self.members:
                 member.clear_results(cleared)
             super().clear_results(cleared)
 
     def abandon_halt(self) -> None:
-        """Abandon an ending."""
+        """Stop waiting for the members that are being halted."""
         self.ending = None
 
 
@@ -179,7 +185,7 @@ class Composite(Parent):
 
 
 def set_children(parent: Composite, children: Sequence[Node]) -> None:
-    """Set the children of ``parent``, in py_trees' list and in the tuple that is ticked."""
+    """Set the children of ``parent``: the list that py_trees uses, and the tuple that our nodes tick."""
     for child in children:
         child.parent = parent
     parent.children = list(children)
@@ -190,7 +196,10 @@ def set_children(parent: Composite, children: Sequence[Node]) -> None:
 
 
 class Modifier(Parent, Decorator):
-    """A node around another: ``value`` as in the mission, ``setting`` as evaluated at the start."""
+    """A node around one child.
+
+    ``value`` is the modifier's value as in the mission, ``setting`` as evaluated when the node starts.
+    """
 
     child: Node
     setting: Any = None
@@ -234,5 +243,5 @@ class Modifier(Parent, Decorator):
         return self.conclude(super().member_ended(member, status))
 
     def conclude(self, status: Status) -> Status:
-        """Return the status of this node for the child's status; reason and suspension are the child's."""
+        """Return the status of this node for the child's status; by default the same."""
         return status

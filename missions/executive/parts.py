@@ -13,7 +13,10 @@ from drivers.api.kinds import KINDS
 from missions.executive.events import Event, ReflexFired
 
 Level = Literal["OK", "WARN", "ERROR", "STALE"]
-"""Health level of a part: fine; needs attention; disconnected or refusing commands; silent for too long."""
+"""Health level of a part.
+
+OK: it works; WARN: it needs attention; ERROR: disconnected or refusing commands; STALE: no new readings.
+"""
 
 MISSES_WINDOW = 2.0
 """Seconds over which missed replies are counted."""
@@ -22,10 +25,10 @@ PICTURE_TIMEOUT = 2.0
 """Maximum age in seconds of the last processed picture."""
 
 MISSES_PREFIX = "misses"
-"""Prefix of driver counters for missed replies."""
+"""Prefix of the names of a driver's counters that count missed replies."""
 
 BATTERY_TEXTS = {"battery_critical": "its battery is critical", "battery_low": "its battery is low"}
-"""Texts for battery reflexes, the worse first."""
+"""Texts for the battery conditions of the base, the worse one first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +75,7 @@ class PartsMonitor:
         self._misses: deque[tuple[float, Mapping[str, int]]] = deque()  # time, and total of missed readings by part
 
     def on_event(self, event: Event) -> None:
-        """Update the battery state from an event."""
+        """Update the battery state if ``event`` says that the battery is low or critical, or no longer so."""
         if isinstance(event, ReflexFired) and event.condition in BATTERY_TEXTS:
             what = frozenset({event.condition})
             self._battery = self._battery | what if event.on else self._battery - what
@@ -124,7 +127,7 @@ class PartsMonitor:
         return f"{after - before} replies missed within {MISSES_WINDOW:g} s" if after > before else ""
 
     def _measurement(self, part: str, now: float) -> Measurement | None:
-        """Return the newest reading of a part; None if it measures nothing."""
+        """Return the newest reading of a part; None if it measures nothing, or has no reading yet."""
         robot, kind = self._robot, part
         if (other := self._robot.extra_parts.get(part)) is not None:
             robot, kind = robot.with_named_parts({other.kind: part}), other.kind

@@ -34,7 +34,7 @@ from missions.executive.tick_cache import PartCache, TickCache
 
 
 class _NumberedUtterances:
-    """Active utterances of a ``voice`` by number, from 1; records hold the numbers."""
+    """Utterances of a ``voice`` that have not ended, by number from 1; records refer to them by these numbers."""
 
     def __init__(self, voice: Voice) -> None:
         self.voice = voice
@@ -59,7 +59,7 @@ class _NumberedUtterances:
 
 
 class VoiceProxy(Proxy):
-    """Proxy of a voice; it reports each utterance, with its manner if that is not the default."""
+    """Proxy of a voice; it reports each utterance, with its style and priority if they are not the defaults."""
 
     __slots__ = ("close", "health", "name", "open")
     open: Callable[[], None]
@@ -136,7 +136,7 @@ class _UtteranceProxy:
 
 
 def non_default_manner(manner: SpeechStyle, priority: Priority) -> tuple[SpeechStyle | None, Priority | None]:
-    """Return manner and priority, None for defaults, so that a record contains only explicit values."""
+    """Return style and priority of speech, each None if it is the default, so that a record omits defaults."""
     return None if manner == DEFAULT_STYLE else manner, None if priority is Priority.NORMAL else priority
 
 
@@ -149,10 +149,10 @@ def _priority_dict(priority: Priority) -> dict[str, str]:
 
 
 class StaleCommandGuard:
-    """Permit that refuses the commands of leaves which started before their device reconnected.
+    """Refuses commands of leaves which started before their device reconnected.
 
-    Such a leaf planned for a situation that may have changed in the meantime, so it fails. The leaf that the mission
-    starts next (another branch, or a retry) may move the device.
+    Such a leaf planned for a situation that may have changed, so it fails. The leaf that the mission starts next
+    (another branch, or a retry) may move the device. ``permit`` is called first, and may refuse a command too.
     """
 
     def __init__(self, run: RunState, permit: Callable[[], None]) -> None:
@@ -160,7 +160,6 @@ class StaleCommandGuard:
         self._permit = permit
 
     def __call__(self, device: Device) -> None:
-        """Raise DeviceFault if the running leaf may not move ``device``."""
         self._permit()
         leaf, returned = self._run.active_leaf, device.health().reconnected_at
         if leaf is not None and returned is not None and leaf.started_at < returned:
@@ -171,12 +170,15 @@ class StaleCommandGuard:
 
 
 PART_FIELDS = tuple(kind.field for kind in KINDS.values())
-"""Names of the parts in records, one for each kind."""
+"""Names by which records refer to the parts of a robot, such as ``base``, one for each kind of part."""
 
 
 @cache
 def resolve_protocol(kind: str) -> type:
-    """Return the protocol by which leaves see a kind of part, given the kind's name or its name in records."""
+    """Return the protocol class of a kind of part, such as ``Joints``, as leaves see it.
+
+    ``kind`` is the name of the kind, or its name in records.
+    """
     found = next(each for each in KINDS.values() if kind in (each.field, each.name))
     protocol: type = resolve_name(found.leaf_protocol or found.protocol)
     return protocol
@@ -205,14 +207,17 @@ def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) ->
 
 
 def robot_for(node: Node, robot: Robot, report: CommandReport) -> Robot:
-    """Return the view of ``node``: its commands are passed to ``report`` with its name; ``robot`` has proxies."""
+    """Return ``robot`` for the leaf ``node``: its commands are passed to ``report`` with the leaf's name.
+
+    The parts of ``robot`` must have proxies.
+    """
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
     proxies = {part: for_leaf(proxy, source, report) for part, kind, proxy in _iter_parts(robot) if command_names(kind)}
     return _replace_parts(robot, proxies).with_named_parts(getattr(node, "named_parts", {}))
 
 
 def _iter_parts(robot: Robot) -> Iterator[tuple[str, str, Any]]:
-    """Yield the name of each part in records, that of its kind there, and its device or proxy."""
+    """Yield for each part of the robot its name, its kind (both as in records), and its device or proxy."""
     for part in PART_FIELDS:
         device = getattr(robot, f"{part}_part")
         if device is not None:

@@ -22,11 +22,11 @@ CommandValues = Mapping[str, object]
 """Values of a command in an event."""
 
 CommandReport = Callable[[str, str, CommandValues], None]
-"""Called with each command: part, source, values."""
+"""Function that is called with each command of a leaf: name of the part, name of the leaf, values of the command."""
 
 
 def _drive(arguments: tuple[Any, ...], given: Any) -> CommandValues:
-    """Return the velocity in force, and the requested one if it differs."""
+    """Return the velocity that the base applies, and the requested one if limits changed it, as event values."""
     velocity = arguments[0]
     values = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
     if given != velocity:
@@ -69,10 +69,10 @@ REPORTED_VALUES: Mapping[Callable[..., object], Callable[[tuple[Any, ...], Any],
         Joints.recover: _recover,
     }
 )
-"""Functions that return the reported values of a command, from its arguments and result, by method.
+"""Functions that return the values of a command for its event, by method, from the command's arguments and result.
 
-The result is None if the command is reported before the device gets it. Other methods are reported by name, with their
-arguments.
+The result is None if the command is reported before the device gets it. Methods without such a function are reported by
+name, with their arguments.
 """
 
 
@@ -90,7 +90,7 @@ def permit_all(device: Device) -> None:
 class Proxy:
     """Base of all proxies: the ``device``, the ``memo`` with its cached values, and the report of commands.
 
-    ``_tell`` is None if commands are not reported, as they do not come from a leaf.
+    ``_tell`` is the function that reports commands; None in a proxy that is not used by a leaf.
     """
 
     CAPABILITIES: tuple[str, ...] = ()
@@ -103,7 +103,10 @@ class Proxy:
         self._tell: CommandReport | None = None
 
     def for_leaf(self, source: str, tell: CommandReport) -> Any:
-        """Return a proxy of the same device and cache whose commands are reported with ``source``."""
+        """Return a copy of this proxy for one leaf, with the same device and cache.
+
+        ``tell`` is called with each command and ``source``, the leaf's name.
+        """
         leafs = object.__new__(type(self))
         for name in (*Proxy.__slots__, *self.__slots__):
             setattr(leafs, name, getattr(self, name))
@@ -135,7 +138,7 @@ def make_proxy(part: str, protocol: type, device: T, cache: TickCache, permit: P
 
 
 def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
-    """Return the function that reads a reading or a property from a device."""
+    """Return a function that reads the value of ``member``, a property or a method without arguments, from a device."""
     if member.kind == "property":
         return partial(getattr, device, member.name)
     reading: Callable[[], object] = getattr(device, member.name)
@@ -143,7 +146,7 @@ def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
 
 
 def for_leaf(part: T, source: str, tell: CommandReport) -> T:
-    """Return the proxy of a part for a leaf, whose commands are reported with ``source``."""
+    """Return the proxy of a part for one leaf; ``tell`` is called with its commands and ``source``, the leaf's name."""
     if not isinstance(part, Proxy):
         raise TypeError(f"{part!r} is not a proxy: call `with_proxies` first")
     leafs: T = part.for_leaf(source, tell)
@@ -163,7 +166,7 @@ def proxy_class(protocol: type) -> type[Any]:
 
 
 class _ProxySourceWriter:
-    """Generates the source of a proxy class; ``names`` are the values that the source uses."""
+    """Generates the Python source of a proxy class for a protocol; ``names`` are the globals of that source."""
 
     def __init__(self, protocol: type) -> None:
         self._protocol = protocol
@@ -274,7 +277,7 @@ class _ProxySourceWriter:
         yield f"    tell(self.name, self._source, {values})"
 
     def _bind_name(self, name: str, value: object) -> str:
-        """Make a value available to the source; return its name there."""
+        """Add a value to the globals of the generated source; return its name there."""
         self.names[f"_{name}"] = value
         return f"_{name}"
 
@@ -284,7 +287,7 @@ def _parameter_names(member: ProtocolMember) -> str:
 
 
 def _call_arguments(member: ProtocolMember) -> str:
-    """Return the arguments as the device is called."""
+    """Return the source text of the arguments in a call of the device's method."""
     keyword_only = Parameter.KEYWORD_ONLY
     return ", ".join(
         f"{each.name}={each.name}" if each.kind is keyword_only else each.name for each in member.parameters
@@ -292,7 +295,10 @@ def _call_arguments(member: ProtocolMember) -> str:
 
 
 def _reported_argument(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
-    """Return an argument as reported by default, as a JSON type; True for None."""
+    """Return the source text that converts an argument to a JSON type for its event; None is reported as True.
+
+    ``kept`` are the arguments that are converted to another type first, such as a tuple.
+    """
     name, kind = parameter.name, parameter.annotation
     if kept.get(name) is tuple:
         text = f"list({name})"

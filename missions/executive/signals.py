@@ -30,9 +30,10 @@ STOP_SIGNALS = {
 class SignalHandler:
     """Context manager: a signal calls ``stop`` with its name, and ``first_signal`` returns that name in any thread.
 
-    Python's handlers run on the main thread between two instructions, so not while it is stuck in C. The signal number
-    is also written to a socket at once; ``first_signal`` peeks there, and the lifeline process does so too. Off the
-    main thread, no signals are handled. Without ``with_socket``, a signal is known only after its handler has run.
+    Python runs signal handlers on the main thread between two instructions, so not while the main thread is stuck in C.
+    The signal number is also written to a socket at once; ``first_signal`` and the lifeline process look there. In
+    another than the main thread, no signals are handled. Without ``with_socket``, a signal is known only after its
+    handler has run.
     """
 
     def __init__(self, stop: Callable[[str], None], *, with_socket: bool = True) -> None:
@@ -85,7 +86,7 @@ class SignalHandler:
             return self._word
 
     def reinstall(self) -> list[str]:
-        """Reinstall handlers that a behaviour has replaced; return the names of the signals. For the main thread."""
+        """Reinstall handlers that a behaviour has replaced; return the names of their signals. For the main thread."""
         if not self._is_entered:
             return []
         # signal.getsignal takes 40 times as long, since it converts each value to an Enum.
@@ -123,7 +124,7 @@ class Lifeline:
         self._worker: Popen[bytes] | None = None
 
     def beat(self) -> None:
-        """Send a heartbeat. Thread-safe."""
+        """Send a heartbeat, which shows the lifeline process that the run is alive. Thread-safe."""
         with suppress(OSError):
             if self._heartbeat_pipe is not None:
                 os.write(self._heartbeat_pipe, b".")

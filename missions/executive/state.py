@@ -27,11 +27,11 @@ AHEAD_SECTOR = radians(60)
 
 
 ValueReader = Callable[[], object]
-"""Returns the present value of one part of the robot's state."""
+"""Function that returns the present value of the robot's state for one name, such as ``base.bumper``."""
 
 
 class PartValues:
-    """Values of one part for expressions, as attributes that are computed on access."""
+    """Values of one part for expressions: each attribute, such as ``percent`` of ``battery``, is read on access."""
 
     def __init__(self, values: Mapping[str, ValueReader]) -> None:
         self._values = values
@@ -78,7 +78,10 @@ RANGE: Mapping[str, Callable[[RangeScan], object]] = {
 def _make_readers(
     sample: Callable[[], T | None], getters: Mapping[str, Callable[[T], object]]
 ) -> dict[str, ValueReader]:
-    """Return readers of the values of a sample; they return None if the part does not exist."""
+    """Return a reader for each name in ``getters``: it samples the part and gets the value from the sample.
+
+    It returns None if ``sample`` does, because there is nothing to see.
+    """
 
     def reader(way: Callable[[T], object]) -> ValueReader:
         return lambda: None if (found := sample()) is None else way(found)
@@ -87,7 +90,7 @@ def _make_readers(
 
 
 def require_fresh(reading: Reading[T], part: str) -> T:
-    """Return the value of a recent reading. Raises SensorSilent if there is none."""
+    """Return the value of a reading of ``part``. Raises SensorSilent if the reading is missing or not recent."""
     if reading.value is None or not reading.good:
         raise SensorSilent(f"the {part} does not report")
     return reading.value
@@ -141,7 +144,7 @@ def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict
 
 
 def unmeasured_reason(condition: Value, scope: Mapping[str, object]) -> str:
-    """Return the reason if a condition rests on dead reckoning; empty otherwise. Raises SensorSilent."""
+    """Return the reason if a condition uses a position from dead reckoning; empty otherwise. Raises SensorSilent."""
     reads = () if condition.template is None else condition.template.reads
     values = ((read.dotted, state_value(read.name, read.member)) for read in reads)
     place = next((name for name, value in values if value is not None and value.is_dead_reckoned), "")

@@ -13,14 +13,15 @@ REPLY_TIMEOUT = 0.2
 """Seconds to wait for the confirmation of all parts; a hanging leaf may hold the lock of a driver."""
 
 MAX_KEPT_PRESSES = 64
-"""Stored ids of button presses; the same press counts once, even if it arrives over several connections."""
+"""Number of ids of button presses that are kept, so that a press received over two connections counts once."""
 
 
 class StopLatch:
     """Stops and latches the ``parts`` among ``devices``, from any thread, independent of the tick.
 
-    The ``base`` has its own latch in its driver. The other parts stop safely and refuse commands of behaviours:
-    ``permit`` is called before each command, and calls ``permit_first``. ``hold`` pauses the mission.
+    The ``base`` has its own latch in its driver. The other parts are brought to rest by ``safe_stop``, and refuse
+    commands of behaviours: ``permit`` is called before each command, and calls ``permit_first``. ``hold`` pauses the
+    mission.
     """
 
     def __init__(
@@ -42,14 +43,14 @@ class StopLatch:
 
     @property
     def parts(self) -> list[str]:
-        """Parts that a stop affects."""
+        """Names of the parts that a stop brings to rest."""
         return [*self._parts]
 
     def stop(self, by: str, press: str = "") -> list[str]:
-        """Stop on behalf of ``by``; return the parts that confirmed within ``REPLY_TIMEOUT``.
+        """Stop all parts on behalf of ``by``; return those that confirmed it within ``REPLY_TIMEOUT``.
 
-        The others stop when they can. A repeated stop is sent to all parts again, and counts as a new one unless its
-        ``press`` is known.
+        The others stop as soon as they can. ``press`` is the id of a button press, or empty. A repeated stop is sent to
+        all parts again, and counts as a new one unless it has the ``press`` of an earlier stop.
         """
         if press not in self._presses:
             self.stop_count += 1
@@ -68,7 +69,7 @@ class StopLatch:
         return [part for part in self._parts if part in stopped]
 
     def release(self, number: int) -> bool:
-        """Release the stop of this number if it is the last; return whether it was. The mission stays paused."""
+        """Release the latch if ``number`` is that of the last stop, else return False. The mission stays paused."""
         if not self.reason or number != self.stop_count:
             return False
         if self._base is not None:
@@ -80,19 +81,19 @@ class StopLatch:
         return True
 
     def enable(self) -> None:
-        """Enable the parts that are latched after a disconnect, except the base."""
+        """Enable all parts that latched themselves after a disconnect, except the base."""
         for part, device in self._devices.items():
             if part != "base" and isinstance(device, Latchable):
                 device.enable()
 
     def permit(self) -> None:
-        """Raise DeviceFault if behaviours must not move actuators now."""
+        """Raise DeviceFault while a stop is latched, or if ``permit_first`` refuses commands of behaviours."""
         self._permit_first()
         if self.reason:
             raise DeviceFault(self.reason, hint="mission stop --release --resume")
 
     def _stop_remaining(self, remaining: deque[str], stopped: list[str]) -> None:
-        """Stop the parts that no other thread has taken."""
+        """Stop one of the ``remaining`` parts after another until none is left; add each to ``stopped``."""
         with suppress(IndexError):
             while True:
                 part = remaining.popleft()

@@ -14,7 +14,7 @@ from missions.executive.events import Event, NodeChanged, Ticked, status_word
 Listener = Callable[[Event], None]
 
 Change = tuple[float, int, Node, str, str]
-"""A new status of a node: time, tick, node, status, reason."""
+"""A new status of a node: time (s), number of the tick, node, status word, reason."""
 
 Reset = tuple[float, int, Sequence[Node]]
 """Nodes whose results were cleared: time, tick, nodes in order."""
@@ -26,7 +26,7 @@ BATCH_INTERVAL = 0.03
 """Seconds between two deliveries; events in between wake no thread."""
 
 IDLE_TICK_DELAY = 0.2
-"""Seconds by which tick events are delayed if nothing else happened."""
+"""Seconds by which tick events are delayed if no other event happens, to wake no thread for them alone."""
 
 MAX_QUEUED_EVENTS = 200_000
 """Events queued for slow listeners; further ones are dropped and counted."""
@@ -39,9 +39,9 @@ class EventStream:
     delays a tick or a driver. Otherwise they are called at once. A listener that raises is removed and named in
     ``failed_listeners``.
 
-    As the ``NodeObserver`` of a run, it makes a NodeChanged of every new status. These are the most frequent events, so
-    the tick only stores the values; the thread makes the events, and delivers them with the next one, at the latest at
-    the end of the tick.
+    The stream is also the ``NodeObserver`` of a run: each new status of a node becomes a NodeChanged event. These are
+    the most frequent events, so the tick only stores the values. The thread makes the events from them, and delivers
+    them with the next event, at the latest at the end of the tick.
     """
 
     def __init__(self, listeners: Iterable[Listener] = ()) -> None:
@@ -102,7 +102,7 @@ class EventStream:
         self._has_node_changes = True
 
     def _queue_event(self, told: Event | Change | Reset) -> bool:
-        """Queue an item, or deliver it at once without a thread; return True if it was queued."""
+        """Queue an item, or deliver it at once if the stream is not open; return True if it was queued."""
         if self._thread is None:
             self._deliver(told)
             return False

@@ -17,8 +17,9 @@ class Submission(Parent, Decorator):
     """Runs the tree of another mission.
 
     ``params`` are evaluated with the caller's variables at each start; ``inner`` holds the variables of the
-    sub-mission, cleared at each start. ``returns`` are evaluated with these at the end, and stored under their own
-    names, or together as ``output_variable``: all of them after a success, after a failure the ones without errors.
+    sub-mission, cleared at each start. ``returns`` are expressions, evaluated with ``inner`` at the end. Their values
+    are stored as variables of the caller: under their own names, or together under ``keep_as``. After a failure, those
+    that raise an error are left out.
     """
 
     def __init__(
@@ -75,7 +76,10 @@ class Submission(Parent, Decorator):
         return SUCCESS
 
     def _store_results(self, *, waits: bool) -> str:
-        """Store the results that can be evaluated; return the reason if one cannot, empty otherwise."""
+        """Store the results of the sub-mission; return the reason if one cannot be evaluated, empty otherwise.
+
+        With ``waits``, raises NotConnected if a part that a result needs does not report.
+        """
         results, problem = {}, ""
         for name, value in self.returns.items():
             try:

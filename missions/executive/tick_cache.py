@@ -12,7 +12,7 @@ T = TypeVar("T")
 A = TypeVarTuple("A")
 
 Query = str | tuple[Any, ...]
-"""Query to a known part: its name, or its name with arguments."""
+"""Key of a cached value of a part: the name of a property, or a name with arguments."""
 
 
 class TickCache:
@@ -42,9 +42,9 @@ class TickCache:
         sampled: Mapping[str, Callable[[], object]] | None = None,
         fixed: Iterable[str] = (),
     ) -> "PartCache":
-        """Return the cache of a ``part`` with functions for its ``queries``.
+        """Return a cache for ``part``; ``queries`` are functions that read its properties, by name.
 
-        ``sample`` calls the ``sampled`` queries each time, and the ``fixed`` ones only the first time.
+        For records, ``sample`` also calls the functions in ``sampled`` each time, and the ``fixed`` queries only once.
         """
         memo = PartCache(part, queries, self)
         self._part_caches.append(memo)
@@ -70,7 +70,10 @@ class TickCache:
         self.errors = {key: error for key, error in self.errors.items() if key[0] != part}
 
     def sample(self, only: str = "") -> None:
-        """Sample all unread properties of this tick for the record, or only the query ``only`` of each part."""
+        """Read the properties that this tick has not read, so that a record has them too.
+
+        ``only`` restricts this to the query of that name in each part.
+        """
         fixed: list[Callable[[], object]] = []
         if not only:
             fixed, self._fixed = self._fixed, []
@@ -84,10 +87,10 @@ class TickCache:
 
 
 class PartCache(dict[Query, Any]):
-    """Cached results of one part by query; ``cache["pose"]`` reads the property if it is missing.
+    """Cached results of one part by query; ``cache["pose"]`` reads the property from the part if it is not cached.
 
-    A dict, since most reads in a tick are repeated ones, and a dict lookup needs no call of ours. Generated proxies
-    contain the body of ``command``; the method is for proxies written by hand.
+    It is a dict, since most reads in a tick are repeated, and a dict lookup is faster than a method. Generated proxies
+    contain the code of ``command``; the method is for proxies written by hand.
     """
 
     __slots__ = ("_queries", "part", "tick_cache")
@@ -99,7 +102,7 @@ class PartCache(dict[Query, Any]):
         self.tick_cache = cache
 
     def __missing__(self, question: str) -> Any:
-        """Read a property from the part. Raises the errors of the part. In the hot path of every tick."""
+        """Read the property ``question`` from the part. Raises the errors of the part. Called often in every tick."""
         answers = self.tick_cache
         if answers.errors and (self.part, question) in answers.errors:
             raise answers.errors[self.part, question]
@@ -115,7 +118,7 @@ class PartCache(dict[Query, Any]):
         return answer
 
     def sample(self, query: str, read: Callable[[], object]) -> None:
-        """Call ``read`` for a query that is not cached. Raises its errors."""
+        """Call ``read``, cache and record its result, unless ``query`` is cached already. Raises its errors."""
         if query not in self:
             questions, self._queries = self._queries, {query: read}
             try:
@@ -142,7 +145,7 @@ class PartCache(dict[Query, Any]):
         return answer
 
     def command(self, name: str, act: Callable[[*A], T], *arguments: *A) -> T:
-        """Execute a command of the part, and record its result. Raises the errors of the part."""
+        """Execute the command ``act`` of the part, record its result and return it. Raises the errors of the part."""
         answers = self.tick_cache
         self.clear()
         if answers.errors:

@@ -11,14 +11,17 @@ Answer = tuple[str, str, tuple[object, ...], object]
 """A query or command with its result: the value, or the raised :class:`~drivers.errors.DriverError`."""
 
 TickKind = Literal["tick", "look", "halt"]
-"""A tick of the tree; a check of the guard while paused; a step of the final halt."""
+"""Kind of a snapshot.
+
+"tick": a tick of the tree; "look": a check of the base guard while paused; "halt": a step of the final halt.
+"""
 
 
 @dataclass(slots=True)
 class TickRecord:
     """Record of one tick snapshot, made by the executive; do not change it.
 
-    Records store it as ``missiontree.Moment``.
+    A record file stores it as a message ``missiontree.Moment``.
     """
 
     kind: TickKind
@@ -29,8 +32,8 @@ class TickRecord:
     late: float
     """Seconds after the due time; 0 for an early tick, and for snapshots without a due time."""
     spent: float
-    """Real duration in seconds."""
+    """Real duration of the snapshot in seconds."""
     answers: list[Answer]
-    """All results of queries and commands, in order."""
+    """Results of all queries and commands to the robot's parts in this tick, in order."""
     overheld: tuple[str, float] | None = None
-    """Key of the leaf that failed because it blocked this tick for too long, and the seconds."""
+    """The leaf that failed because it blocked this tick for too long: its key in the tree, and for how many seconds."""

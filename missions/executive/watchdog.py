@@ -22,16 +22,16 @@ STOP_REPEAT_DELAY = 0.2
 """Seconds until actuators are stopped a second time, since a command may have been in progress."""
 
 SUSPEND_THRESHOLD = 1.0
-"""Seconds without a check that mean a suspended process: neither watchdog nor loop were running."""
+"""Seconds between two checks from which on the whole process, watchdog and loop, counts as suspended in between."""
 
 
 @dataclass(frozen=True, slots=True)
 class WatchdogLimits:
     """Time limits in seconds.
 
-    A leaf that blocks a tick for ``slow`` is reported. After ``stall`` without a sign of life of the loop, the robot is
-    stopped. A leaf that blocks a tick for ``fail`` fails, even if it returns a success. After ``lost``, or ``react``
-    after a signal without reaction, the run is abandoned and the process ends.
+    A leaf that blocks a tick for ``slow`` is reported. After ``stall`` without a heartbeat of the loop, the robot is
+    stopped. A leaf that blocks a tick for ``fail`` fails, even if it returns a success. After ``lost`` without a
+    heartbeat, or ``react`` after a signal without reaction, the run is abandoned and the process ends.
     """
 
     slow: float = 0.25
@@ -42,13 +42,17 @@ class WatchdogLimits:
 
 
 class LoopState(Enum):
-    """State of a tick loop; STALLED: the robot was stopped, STOPPED_TWICE: and again, for a command in progress."""
+    """State of a tick loop, as the watchdog sees it.
+
+    STALLED: no heartbeat, so the robot was stopped. STOPPED_TWICE: it was stopped again, in case a command was in
+    progress.
+    """
 
     ALIVE, STALLED, STOPPED_TWICE = range(3)
 
 
 class LoopEvent(Enum):
-    """Observation of a tick loop; REPEAT: the second stop is due."""
+    """Observation of a tick loop: LIFE is a heartbeat, STALL its absence; REPEAT says that the second stop is due."""
 
     LIFE, STALL, REPEAT = range(3)
 
@@ -58,11 +62,14 @@ TRANSITIONS: Final = {
     (LoopState.ALIVE, LoopEvent.STALL): LoopState.STALLED,
     (LoopState.STALLED, LoopEvent.REPEAT): LoopState.STOPPED_TWICE,
 }
-"""All other pairs lead to STALLED, in which no leaf may move an actuator."""
+"""Next state of the tick loop by state and event; pairs that are missing lead to STALLED.
+
+In all states except ALIVE, no leaf may move an actuator.
+"""
 
 
 StopActions = Mapping[str, Callable[[], None]]
-"""Functions that stop the actuators, by part."""
+"""Functions that stop the actuators, by name of the part."""
 
 AbandonRun = Callable[[str, str], None]
 """Ends the process with a result ("failure" or "interrupted") and a reason, since the loop cannot."""
@@ -71,9 +78,9 @@ AbandonRun = Callable[[str, str], None]
 class Watchdog:
     """Checks a run every ``CHECK_INTERVAL`` from its own thread; it never waits for the loop or for a device.
 
-    ``is_armed`` means that the loop should be running; a paused loop shows signs of life too. ``first_signal`` returns
-    the name of a received signal; ``abandon`` ends a run that cannot be saved. A hanging leaf may hold the lock of a
-    driver, so each actuator is stopped in a thread of its own.
+    ``is_armed`` means that the loop should be running; a paused loop sends heartbeats too. ``first_signal`` is a
+    function that returns the name of a received signal; ``abandon`` ends a run whose main thread hangs. A hanging leaf
+    may hold the lock of a driver, so each actuator is stopped in a thread of its own.
     """
 
     def __init__(
@@ -134,7 +141,8 @@ class Watchdog:
     def permit(self) -> None:
         """Raise DeviceFault if the running leaf must not move an actuator.
 
-        This is so for a leaf that was stopped, and in a process that a leaf has forked: its parent drives the robot.
+        This is so for a leaf that blocks the tick, after the robot was stopped for it, and in a process that a leaf has
+        forked.
         """
         if self._process not in (None, os.getpid()):
             raise DeviceFault("kept still: a forked process cannot drive the robot")
@@ -142,7 +150,7 @@ class Watchdog:
             raise DeviceFault(f"kept still: {self._culprit(self._stalled[0])} holds the tick")
 
     def check(self) -> None:
-        """Check once, and take due actions."""
+        """Check the run once: report a slow leaf, stop the robot, or abandon the run, as needed."""
         now = self._run.wall.now()
         if now - self._checked_at > SUSPEND_THRESHOLD:
             self._awake_since = now
