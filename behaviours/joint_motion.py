@@ -77,7 +77,7 @@ MIN_SPEED = 0.1
 
 
 def has_range(limits: JointLimits) -> bool:
-    """Return True if the limits of a joint span a range."""
+    """Return True if a joint can move: its upper limit is above its lower limit."""
     return limits.upper > limits.lower
 
 

@@ -107,7 +107,7 @@ class Node(Behaviour):
         return self.on_tick()
 
     def pass_time(self) -> Status:
-        """Let time pass instead of a tick, and return the new status; only for a running node."""
+        """Process time in which the node was not ticked, and return the new status; only for a running node."""
         before = self.suspension
         status = self.on_time_passed()
         if status is not self.status or (self.suspension is None) is not (before is None):

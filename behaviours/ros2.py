@@ -122,7 +122,10 @@ class NavigateThrough(Navigate):
 
 
 def find_place(places: Any, name: str) -> tuple[float, float, float, str]:
-    """Return x, y, heading and frame of a place. Raises BadRequest that lists the known places."""
+    """Return x, y, heading and frame of the place ``name`` in ``places``, the named places of the map.
+
+    Raises BadRequest that lists the known places.
+    """
     if name not in places:
         there = ", ".join(sorted(places)) or "none"
         raise BadRequest(f"unknown place '{name}'; places: {there}", hint=f"mission ros2 place add {name}")

@@ -31,7 +31,7 @@ class SwingPath:
         return (math.pi if self._sine else 2.0) * self._way / self._period
 
     def at(self, time: float) -> Mapping[str, float]:
-        """Return the positions (radians) at ``time`` seconds."""
+        """Return the positions (radians) at ``time`` seconds after the start."""
         if self.run_in is not None:
             if time < self.run_in.duration:
                 return self.run_in.at(time)

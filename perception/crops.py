@@ -99,7 +99,10 @@ class _Surroundings:
 
 
 def _cut_surroundings(image: Image | GreyImage, face: Box, largest: float) -> _Surroundings:
-    """Return the surroundings of a face, shrunk to ``largest`` pixels, so that a rotation does not alias."""
+    """Return the surroundings of a face, shrunk so that the face is at most ``largest`` pixels wide.
+
+    Shrinking first keeps a later rotation from aliasing.
+    """
     rows, columns = window_slices(image.shape, face, 2.0)
     region = image[rows, columns]
     if face.width <= 0 or region.size == 0:

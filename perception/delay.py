@@ -70,7 +70,7 @@ MIN_CHECKED_PAIRS = 20
 """Pairs of pictures that must confirm the delay before it is only rechecked now and then."""
 
 ONSET_OFFSETS: Floats = np.array([-0.06, 0.0, 0.1])
-"""Seconds before an exposure of three poses that show whether a turn has just begun; shape (3,), float64."""
+"""Times of three poses, in seconds before an exposure, that show whether a turn has just begun; shape (3,), float64."""
 
 MAX_WATCHED_PICTURES = 2
 """Number of pictures that are compared at the start of a camera turn although learning rests.

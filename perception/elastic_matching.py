@@ -54,7 +54,7 @@ STRANGER_MEAN, STRANGER_DEVIATION = 0.522, 0.0085
 """Prior mean score of looks at strangers, and their standard deviation."""
 
 PRIOR_LOOKS = 20
-"""Weight of the prior on strangers, as a number of comparisons: as many comparisons in the gallery count the same."""
+"""Weight of the prior on strangers: it counts as much as this number of comparisons in the gallery."""
 
 THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """Standard deviations of the threshold above the mean of strangers, and extra ones divided by the number of people.

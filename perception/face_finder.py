@@ -100,7 +100,10 @@ def _follow_points(old: GreyImage, new: GreyImage, start: Points) -> tuple[Point
 
 
 def _move_box(box: Box, start: Points, there: Points, scale: float, shape: tuple[int, ...]) -> Box | None:
-    """Return the box moved and scaled as the points; None if it has left the picture."""
+    """Return ``box`` moved and scaled as the points moved from ``start`` to ``there``; None if it has left the picture.
+
+    The points are in a picture scaled by ``scale``; ``shape`` is that of the original picture.
+    """
     middle, middle_there = _median(start), _median(there)
     spread = float(_median(np.hypot(*(start - middle).T)))
     spread_there = float(_median(np.hypot(*(there - middle_there).T)))
@@ -130,7 +133,7 @@ MAX_RESTED_FRAMES = 2
 """Largest number of consecutive frames in which a face of many is extrapolated instead of tracked."""
 
 RETRY_INTERVAL = 5
-"""Frames from a search that missed a face to the next."""
+"""Frames from a failed search for a known face to the next search."""
 
 MAX_TRUST = 3
 """Largest trust of a face: one for each confirmed search, minus one for each failure."""
@@ -201,7 +204,10 @@ class FollowedFace:
         self.is_resting = False
 
     def on_found(self, detection: Detection, max_interval: int) -> None:
-        """Record that the detector has found the face again."""
+        """Record that the detector has found the face again.
+
+        If it agrees with the tracked box, the interval to the next search doubles, up to ``max_interval`` frames.
+        """
         agrees = self.detection.box.overlap(detection.box) > AGREEMENT_OVERLAP
         self.search_interval = min(2 * self.search_interval, max_interval) if agrees else 1
         self.detection, self.found = detection, True

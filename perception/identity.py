@@ -23,7 +23,7 @@ MIN_CLEAR_LOOKS, MIN_LOOKS = 3, 5
 """Looks that decide on a name if they are clear, and otherwise."""
 
 MIN_CLEAR_MARGIN = 0.4
-"""Smallest absolute mean margin at which the looks at a face are clear."""
+"""Smallest absolute mean margin of the looks at a face that decides on a name after few looks."""
 
 MAX_CONTRARY_LOOKS = 5
 """Contradicting looks in a row after which the name of a face is dropped."""

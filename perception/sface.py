@@ -64,7 +64,7 @@ class SFaceRecogniser:
 
     @cached_property
     def _people(self) -> Mapping[str, npt.NDArray[np.float32]]:
-        """Features of each person, one row per portrait in which YuNet finds a face."""
+        """Features of each person: one row per portrait in which YuNet finds a face."""
         found = {}
         for name, portraits in self._portraits.items():
             features = [self._feature(each, portrait_face_box(each)) for each in portraits]

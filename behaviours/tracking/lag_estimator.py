@@ -101,7 +101,7 @@ class LagEstimator:
         return next((rate for when, rate in reversed(self._commands) if when <= time), default)
 
     def learn(self, state: TurnState) -> None:
-        """Update the estimate with a reported state; other states are ignored."""
+        """Update the estimate with a state that the base has reported; predicted states are ignored."""
         before = self._last_state
         if not state.reported or (before is not None and state.stamp <= before.stamp):
             return

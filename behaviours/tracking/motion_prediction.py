@@ -26,13 +26,13 @@ MEAN_TIME = 2.0
 """Seconds over which the slow mean is formed, and for which samples are kept."""
 
 LINE_DURATIONS = (0.7, 0.5, 0.35, 0.25)
-"""Seconds of past samples that a straight line is fitted to: the longest that fits."""
+"""Durations in seconds of the past samples to which a line is fitted; the longest that fits is used."""
 
 MIN_LINE_PICTURES = 4
 """Minimum number of pictures for a line; with fewer, the filter's rate is better."""
 
 LINE_TOLERANCE = radians(0.5)
-"""Maximum residual of a line in radians, for the newest picture and nine of ten."""
+"""Maximum distance of samples from a fitted line in radians: of the newest one, and of nine of ten samples."""
 
 START_THRESHOLDS = radians(0.4), radians(8)
 """Thresholds that show that a target at rest sets off; older samples are then dropped.
@@ -74,7 +74,7 @@ INITIAL_MODEL_ERRORS = (1.0, 3.0, 3.0)
 MIN_SWING_RATIO = 1.5
 """Ratio of path to range of a target's motion above which it counts as back and forth.
 
-From 1 more on, only the share that head or base can follow is followed.
+Above it, the share of the motion that is followed falls to the share that head or base can follow.
 """
 
 ACCELERATION_SHARE = 0.7

@@ -39,7 +39,10 @@ class ImageOrientation:
         return (height, width) if self.swaps_sides else (width, height)
 
     def field_of_view(self, angle: float, width: int, height: int) -> float:
-        """Return the horizontal angle of view (rad) of a rotated picture of this size, from that of the camera."""
+        """Return the horizontal angle of view (rad) of the rotated picture.
+
+        ``angle`` is that of the original picture; ``width`` and ``height`` are the size of the rotated picture.
+        """
         return 2 * atan(tan(angle / 2) * width / height) if self.swaps_sides else angle
 
 

@@ -15,14 +15,14 @@ class PartKind:
 
     ``name`` is used in files, missions and events; ``field`` is the field of ``behaviours.robot.Robot`` without
     ``_part``, and the name in records. ``keys`` is the base class of the sections. ``protocol`` is the dotted name of
-    the device protocol, ``leaf_protocol`` that of the object for leaves, if it differs. ``hold_still`` stops the part,
-    None if it does nothing by itself; ``has_actuators`` is False for parts that only make sounds. ``default_driver`` is
-    used if a section names none; if it is empty, the section must name one. Parts with ``has_port`` have a port, and
-    twins of their own driver. ``made_after`` are the kinds that are made before this one, if the robot has them.
-    ``reading_method`` returns the latest ``Reading``, whose value has ``figures``, or one for each joint; empty for a
-    part that measures nothing. ``step_order`` is the order in which the twins of one instant are stepped; None for a
-    part without steps. With ``allows_several``, a robot may have more parts of the kind, under names of their own, in
-    sections with ``kind``.
+    the device protocol, ``leaf_protocol`` that of the object for leaves, if it differs. ``hold_still`` stops the part;
+    it is None for parts that need no stop, such as sensors. ``has_actuators`` is False for parts that only make sounds.
+    ``default_driver`` is used if a section names no driver; if it is empty, the section must name one. Parts with
+    ``has_port`` have a port, and twins of their own driver. ``made_after`` are the kinds that are made before this one,
+    if the robot has them. ``reading_method`` is the method that returns the latest ``Reading``, whose value has
+    ``figures``, or a reading for each joint; empty for a part that measures nothing. ``step_order`` is the order in
+    which twins are stepped that are due at the same time; None for a part without steps. With ``allows_several``, a
+    robot may have more parts of the kind, under names of their own, in sections with ``kind``.
     """
 
     name: str

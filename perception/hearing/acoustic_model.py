@@ -289,7 +289,7 @@ def _read_table(path: Path) -> Floats:
 # sound on its best path; that of two words differs by the same whatever the sound was recorded with.
 
 FILLERS = {SILENCE: 0.005, "+NSN+": 1e-8, "+SPN+": 1e-8}
-"""Sounds beside a word (silence, noise, and voices) and their probabilities."""
+"""Sounds before and after a word (silence, noise, and voices) and their probabilities."""
 
 _LOG_ZERO = np.float32(-np.inf)
 

@@ -123,7 +123,10 @@ def iter_dictionary() -> Iterator[tuple[str, str]]:
 
 
 def make_contest(words: dict[str, list[str]]) -> WordContest:
-    """Return a contest of words and their decoys. Raises OSError, ValueError, KeyError for another model."""
+    """Return the comparison of single words with each other and with decoys.
+
+    Raises OSError, ValueError or KeyError if the acoustic model's files cannot be used.
+    """
     model = AcousticModel(Path(pocketsphinx.get_model_path("en-us/en-us")))
     everybody = {**find_decoys(words), **words}
     return WordContest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
