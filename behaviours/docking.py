@@ -236,10 +236,10 @@ def _enter_stage(homing: Homing, event: HomingEvent, state: BaseState, now: floa
 
 
 def _sector_side(beams: DockBeam) -> float:
-    """Return on which side of the middle sector the base is: 1 for the dock's left, 0 for the middle, -1 for the right.
+    """Return on which side of the dock's middle sector the base is: 1, 0 for the middle, or -1.
 
-    The dock's left is the right as seen from a base that faces the dock, so from there the base must cross to its own
-    left.
+    1 is the left side of the dock, which is to the right of a base that faces the dock. So from there the base must
+    cross to its own left.
     """
     left, right = bool(beams & LEFT_BEAMS), bool(beams & RIGHT_BEAMS)
     return 0.0 if left == right else 1.0 if left else -1.0

@@ -231,7 +231,7 @@ def unmeasured_note(head: Head) -> str:
 
 
 def pose_difference(one: HeadPose, other: HeadPose) -> float:
-    """Return the larger of the differences in pan and tilt, in radians."""
+    """Return the larger of the two differences in pan and in tilt between two poses, in radians."""
     return max(abs(one.pan - other.pan), abs(one.tilt - other.tilt))
 
 

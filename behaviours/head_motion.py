@@ -53,7 +53,7 @@ class _HeadSwing(Leaf):
         return min(max(middle, low + amplitude), high - amplitude), amplitude
 
     def turn(self, home: HeadPose, axis: str, angle: float) -> HeadPose:
-        """Send a goal with one axis at ``angle`` and the other as in ``home``."""
+        """Send a goal to the head: ``axis`` at ``angle`` (radians), and the other axis as in ``home``."""
         return self.robot.head.look(replace(home, pan=angle) if axis == "pan" else replace(home, tilt=angle))
 
     def on_pause(self) -> None:
@@ -66,7 +66,7 @@ class _HeadSwing(Leaf):
 
 
 class _HeadGesture(_HeadSwing):
-    """Base of gestures: to one side and to the other, ``times`` times, then back to the start pose."""
+    """Base of gestures: the head swings to one side and back to the other, ``times`` times, then to its start pose."""
 
     axis: ClassVar[str] = ""
     times: int

@@ -82,7 +82,10 @@ def has_range(limits: JointLimits) -> bool:
 
 
 def range_coupling(leader: str, leader_limits: JointLimits, follower: str, follower_limits: JointLimits) -> Coupling:
-    """Return the coupling that maps the leader's range (see ``has_range``) onto the follower's range."""
+    """Return the coupling by which the whole range of the joint ``leader`` maps onto the range of ``follower``.
+
+    The leader's limits must span a range (see ``has_range``).
+    """
     scale = (follower_limits.upper - follower_limits.lower) / (leader_limits.upper - leader_limits.lower)
     return Coupling(leader, follower, scale, follower_limits.lower - scale * leader_limits.lower)
 

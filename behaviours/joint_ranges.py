@@ -88,7 +88,7 @@ class JointRanges:
     name: str = "arm"
 
     def of_arm(self, arm: str | None) -> "JointRanges":
-        """Return the ranges of the named arm, or these ranges if ``arm`` is None."""
+        """Return the ranges of the arm with the name ``arm``; the ranges of this arm if it is None."""
         return self if arm is None else replace(self.arms[arm], name=arm)
 
     def unknown_names(self, names: Iterable[str]) -> list[str]:
@@ -105,7 +105,7 @@ class JointRanges:
         return self._no_joints(name for name in dict.fromkeys(joints) if name not in self.joints)
 
     def resolve(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Return the joints of ``names`` with groups expanded, each once; all joints if there are no names.
+        """Return the joints of ``names`` with groups expanded, each once; all joints if ``names`` is empty.
 
         Raises BadRequest that lists every unknown name.
         """

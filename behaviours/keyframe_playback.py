@@ -281,7 +281,7 @@ class MoveRecording(Protocol):
         ...
 
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
-        """Add the newest readings. Raises drivers.errors.NoReply if they are missing for too long."""
+        """Add the newest readings of the joints. Raises drivers.errors.NoReply if readings are missing for too long."""
         ...
 
     def write(self) -> None:
@@ -298,7 +298,7 @@ class MoveDestination(Protocol):
         ...
 
     def begin(self, joints: Sequence[str]) -> MoveRecording:
-        """Return an empty recording of these joints."""
+        """Return an empty recording of the motion of ``joints``."""
         ...
 
 

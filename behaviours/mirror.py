@@ -127,7 +127,10 @@ class _LeaderFollowerLeaf(Leaf):
         leader_states: Mapping[str, JointState],
         follower_states: Mapping[str, JointState],
     ) -> list[str]:
-        """Return the joints that do not report; leaders of another arm are prefixed with the name of the arm."""
+        """Return the joints of ``couplings`` that are not in the given states, because they do not report.
+
+        Leaders of another arm are prefixed with the name of the arm.
+        """
         of = "" if self.other_leader_arm is None else f"{self.other_leader_arm}."
         silent = []
         for each in couplings:

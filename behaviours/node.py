@@ -37,7 +37,7 @@ class Suspension:
 
 
 def sensor_timeout_reason(reason: str, seconds: float) -> str:
-    """Return the reason of a failure after a suspension of so many seconds."""
+    """Return the reason of a failure after a suspension for ``reason`` that has lasted ``seconds``."""
     limit = f"{seconds:g} s"
     if reason.endswith(NO_REPORT_SUFFIX):
         return f"{reason.removesuffix(NO_REPORT_SUFFIX)} has not reported for {limit}"
@@ -172,7 +172,7 @@ class Node(Behaviour):
 
     @abstractmethod
     def abandon_halt(self) -> None:
-        """Forget a halt in progress that takes too long; the caller has stopped the actuators."""
+        """Forget a halt in progress that takes too long; the caller has already stopped the actuators."""
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick as py_trees does: execute one tick, then yield every node that has a status, this node last."""

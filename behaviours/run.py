@@ -30,10 +30,10 @@ class NodeObserver(Protocol):
     """
 
     def on_status(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
-        """Handle a new status of a node, with its reason."""
+        """Called when ``node`` has a new status, with the reason of the status."""
 
     def on_reset(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
-        """Handle the reset of nodes, in this order: all are idle now."""
+        """Called when ``nodes`` were reset, in this order; all of them are idle now."""
 
 
 class NodeCallback:
@@ -110,7 +110,7 @@ class RunState:
         self.heartbeat_at = self.wall.now()
 
     def wake(self) -> None:
-        """Tick at once, because of an event that a behaviour may wait for. Thread-safe."""
+        """Let the next tick start at once, because an event has happened that a behaviour may wait for. Thread-safe."""
         self.wake_event.set()
 
     def _wait(self, seconds: float) -> bool:
@@ -125,7 +125,7 @@ class RunState:
 
 
 def _log_notice(text: str) -> None:
-    """Log the notice: no one is there to receive it."""
+    """Log the text of a notice: the default for runs that cannot deliver notices to a person."""
     log.info("notice: %s", text)
 
 

@@ -99,7 +99,10 @@ class BoardViews:
         return True
 
     def _corner_distance(self, some: Corners, others: Corners) -> float:
-        """Return the mean corner distance in pixels, the smaller one if the board looks the same upside down."""
+        """Return the mean distance in pixels between the corners of two views of the board.
+
+        If the board looks the same upside down, it is the smaller one of the two possible distances.
+        """
         return min(float(np.linalg.norm(some - turned, axis=2).mean()) for turned in (others, others[::-1]))
 
 

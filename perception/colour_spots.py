@@ -21,7 +21,7 @@ Contour = npt.NDArray[np.int32]
 """Outline of a spot of one colour: shape (points, 1, 2), dtype int32, x and y in pixels."""
 
 MIN_SOLIDITY = 0.88
-"""Smallest share of its convex hull that a spot of a ball or box fills: these have no concave parts."""
+"""Smallest share of its convex hull that the spot of a ball or box fills; spots with a dent fill less."""
 
 MIN_ROUNDNESS = 0.81
 """Smallest share of the enclosing circle that a ball fills.
@@ -217,7 +217,10 @@ class SpotFinder:
         return sorted(found, key=lambda spot: -spot.box.width * spot.box.height)
 
     def _is_distinct(self, picture: Image, contour: Contour, number: int) -> bool:
-        """Return whether a spot has colour ``number`` as a whole, and its surroundings mostly have not."""
+        """Return whether a spot has colour ``number`` as a whole, and its surroundings mostly do not.
+
+        ``contour`` is the outline of the spot.
+        """
         inside, around = _inside_and_around(picture, contour)
         mean = inside.mean(axis=0)
         if np.linalg.norm(mean - self._palette.places[number]) > MAX_MEAN_DISTANCE:

@@ -33,7 +33,7 @@ PORTRAIT_MARGIN = 1.6
 """Side of a portrait, in widths of the face."""
 
 MAX_FACE_PIXELS = 200
-"""Pixels of the face's width in a portrait: as many as any recogniser needs."""
+"""Largest width of the face in a portrait, in pixels; no recogniser needs more."""
 
 
 def crop_face(image: Image | GreyImage, face: Box, *, roll: float = 0.0) -> GreyImage:

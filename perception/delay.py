@@ -33,7 +33,7 @@ PROBE_INDICES = [0, len(GRID) // 2, len(GRID) - 1]
 """Indices of three delays in ``GRID``: the first, middle and last. If their poses differ, the camera turns."""
 
 MAX_PAIR_INTERVAL = 0.3
-"""Largest time in seconds between the two pictures of a pair; beyond it, too little of them overlaps."""
+"""Largest time in seconds between the two pictures of a pair; after a longer time they show too little in common."""
 
 GRID_MARGIN = 0.02
 """Margin in seconds at the start of ``GRID``: an estimated delay within it may really lie outside, and is not used."""
@@ -252,7 +252,10 @@ class ExposureEstimator:
         return None if found is None else replace(found, doubt=doubt)
 
     def _learn_from(self, frame: Frame, camera: Pinhole) -> None:
-        """Compare a picture with the one before, if one of them was taken in a turn and there is something to learn."""
+        """Compare a picture with the one before, and learn the delay from both.
+
+        It does nothing if neither picture was taken in a turn, or if the delay needs no learning.
+        """
         before, self._previous = self._previous, None
         if before is not None and not 0 < frame.stamp - before.stamp <= MAX_PAIR_INTERVAL:
             before = None
@@ -307,7 +310,10 @@ class ExposureEstimator:
         return find_unrecorded(picture.yaws, newest.yaw, picture.stamp - GRID, self._now())
 
     def _is_turning(self, stamp: float) -> bool:
-        """Return whether the camera turned around ``stamp``, judged by a few poses: all of them would take longer."""
+        """Return whether the camera turned around ``stamp``, judged by a few recorded poses.
+
+        To compare all poses would take longer.
+        """
         yaws = self._yaws(stamp, GRID[PROBE_INDICES])
         return yaws is not None and float(np.ptp(yaws)) >= MIN_TURN
 

@@ -48,7 +48,10 @@ RIVAL_SHARE = 0.3
 """Share of the likeness to the second most similar person that is subtracted from a face's score."""
 
 MIN_RIVAL_LIKENESS = 0.715
-"""Smallest likeness assumed for the second most similar person, or if there is none: typical of strangers."""
+"""Smallest likeness assumed for the second most similar person, also if the gallery has only one person.
+
+It is a likeness that is typical of strangers.
+"""
 
 STRANGER_MEAN, STRANGER_DEVIATION = 0.522, 0.0085
 """Prior mean score of looks at strangers, and their standard deviation."""

@@ -89,7 +89,10 @@ def _find_corners(picture: GreyImage, box: Box) -> Points | None:
 
 
 def _follow_points(old: GreyImage, new: GreyImage, start: Points) -> tuple[Points, Points] | None:
-    """Return the points that were tracked forwards and backwards, before and after, each of shape (n, 2)."""
+    """Return the points of ``start`` that could be tracked from ``old`` to ``new`` and back: before, and after.
+
+    Each array has the shape (n, 2). None if too few points could be tracked.
+    """
     there, seen, _ = cv2.calcOpticalFlowPyrLK(old, new, start, start.copy(), winSize=FLOW_WINDOW, maxLevel=3)
     back, seen_back, _ = cv2.calcOpticalFlowPyrLK(new, old, there, there.copy(), winSize=FLOW_WINDOW, maxLevel=3)
     missed_by = np.hypot(*(back - start).reshape(-1, 2).T)
@@ -292,10 +295,11 @@ class ThoroughDetector(Protocol):
     """Frames between two searches of the whole picture while a face is known."""
 
     search_plan: Sequence[FaceSearch]
-    """Searches of a whole picture, the most frequent first; the others alternate in between."""
+    """Searches of a whole picture. The first is the most frequent; each of the others runs now and then in its place.
+    """
 
     quick_search: FaceSearch
-    """Search of a whole picture when there is little time."""
+    """Search of a whole picture for frames in which there is little time."""
 
     def is_expensive(self, image: Image | GreyImage) -> bool:
         """Return whether a search of ``image`` takes far longer than usual, for example because it is dark."""
@@ -310,7 +314,7 @@ class ThoroughDetector(Protocol):
         ...
 
     def is_turned_aside(self, image: Image | GreyImage, box: Box) -> bool:
-        """Return whether a face at ``box`` is still there, but in profile."""
+        """Return whether a face that was found at ``box`` is still there, but in profile."""
         ...
 
 
@@ -452,7 +456,7 @@ class FaceFinder:
         return others[turn // 2 % len(others)] if turn % 2 and others else main
 
     def _search_for_face(self, face: Detection, image: Image | GreyImage) -> FaceSearch:
-        """Return the first search of the plan that would find such a face."""
+        """Return the first search of the plan that would find a face of the size and lean of ``face``."""
         return next((each for each in self._search_plan if each.fits(face, max(image.shape))), self._search_plan[0])
 
     def _on_found(self, known: FollowedFace, detection: Detection, image: Image | GreyImage) -> None:

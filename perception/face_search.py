@@ -41,7 +41,10 @@ MAX_CHANGED_CELLS = 4
 """Number of cells that may differ in an unchanged picture: the smallest detectable face covers a dozen."""
 
 MAX_SKIPPED_SEARCHES = 4
-"""Searches in a row that may be skipped; then a change too small to be noticed is searched after all."""
+"""Largest number of consecutive searches that are skipped because the picture seems unchanged.
+
+The next search then runs in any case, so that small changes are found, too.
+"""
 
 
 class StillPictureDetector:

@@ -204,7 +204,10 @@ class HaarFaceDetector:
                 yield found
 
     def is_turned_aside(self, image: Image | GreyImage, box: Box) -> bool:
-        """Return whether a face at ``box`` is still there, but in profile; raises as ``detect_near``."""
+        """Return whether a face that was found at ``box`` is still there, but in profile.
+
+        Raises as ``detect_near``.
+        """
         check_image(image)
         pixels = 44
         cut = prepare_region(image, box, REGION_WIDTHS, pixels)
@@ -233,7 +236,10 @@ class HaarFaceDetector:
     def _is_confirmed_by(
         self, image: Image | GreyImage, box: Box, roll: float, name: str, pixels: int, neighbours: int, mirrored: bool
     ) -> bool:
-        """Return whether one other cascade sees a face at ``box``."""
+        """Return whether the cascade in the file ``name`` sees a face at ``box``.
+
+        ``roll`` is the lean of the face in radians; the other arguments are as in ``CONFIRMING_CASCADES``.
+        """
         cut = prepare_region(image, box, REGION_WIDTHS, pixels, roll)
         if cut is None:
             return False
@@ -262,7 +268,12 @@ class HaarFaceDetector:
         cascade: cv2.CascadeClassifier | None = None,
         mirrored: bool = False,
     ) -> list[Detection]:
-        """Run a cascade, by default the main one, on a crop; return the faces of these ``sizes`` in pixels."""
+        """Run a cascade, by default the main one, on a crop, and return the faces that it finds.
+
+        ``step`` is the ratio of successive scales, ``neighbours`` the number of overlapping detections that make a
+        face, ``sizes`` the smallest and largest width of a face in pixels. With ``mirrored``, the crop is searched
+        mirrored.
+        """
         boxes, _, weights = (cascade or self._cascade).detectMultiScale3(
             np.ascontiguousarray(cut.image[:, ::-1]) if mirrored else cut.image,
             scaleFactor=step,

@@ -11,7 +11,7 @@ from perception.geometry import Pinhole
 from perception.senses import FrameSkipper, Sense
 
 LOOK_INTERVAL = 0.15
-"""Seconds between two looks at a face: consecutive pictures are too similar."""
+"""Seconds between two looks at a face (comparisons with known people), since consecutive pictures are too similar."""
 
 MAX_FACES = 3
 """Number of faces per picture that are looked at: the largest."""
@@ -31,10 +31,11 @@ MAX_CONTRARY_LOOKS = 5
 
 @dataclass(frozen=True, slots=True)
 class FaceMatch:
-    """Result of one look at a face: the ``name`` of the nearest person, empty if there is none.
+    """Result of one look at a face, which is its comparison with the known people in one picture.
 
-    ``margin`` is the distance from the threshold in standard deviations of looks at strangers: above zero it is that
-    person, below zero a stranger.
+    ``name`` is that of the most similar person, empty if there is none. ``margin`` is the distance of the score from
+    that person's threshold, in standard deviations of scores of strangers: above zero it is that person, below zero a
+    stranger.
     """
 
     name: str
@@ -116,7 +117,7 @@ class NameVotes:
         return True
 
     def vote(self, id: int, match: FaceMatch) -> None:  # noqa: A002
-        """Count a look at a face."""
+        """Count the result of a look at the face ``id``."""
         self._ballots.setdefault(id, _Ballot()).vote(match)
 
     def name(self, id: int) -> str:  # noqa: A002
@@ -125,7 +126,7 @@ class NameVotes:
         return "" if ballot is None else ballot.name
 
     def keep_only(self, ids: Iterable[int]) -> None:
-        """Forget all faces but these."""
+        """Forget the looks and names of all faces except those with ``ids``."""
         kept = set(ids)
         self._ballots = {id_: ballot for id_, ballot in self._ballots.items() if id_ in kept}
 

@@ -16,7 +16,8 @@ from perception.scene_motion import shrink
 def level_columns(image: Image, camera: Pinhole) -> GreyImage:
     """Return a small grey picture in which each column spans the same angle.
 
-    In it a turn of the camera shifts everything alike. A lens shows more pixels per degree at the sides of a picture.
+    In such a picture, a turn of the camera shifts everything by the same number of columns. In an ordinary picture, the
+    sides have more pixels per degree than the middle.
     """
     picture = shrink(image)
     return cast(GreyImage, cv2.remap(picture, *_columns(camera, *picture.shape), cv2.INTER_LINEAR))

@@ -92,9 +92,10 @@ def _pose(corners: Corners, camera: Pinhole, size: float) -> tuple[list[float], 
 
 
 def _heading(place: list[float], normal: list[float], pitch: float) -> float:
-    """Return the heading of a marker about the vertical, 0 towards the camera, positive to its own left.
+    """Return the heading of a marker in radians about the vertical: 0 towards the camera, positive to its own left.
 
-    ``pitch`` is that of the camera; with it, the camera axes are levelled.
+    ``place`` and ``normal`` are the marker's position and outward normal in camera axes. ``pitch`` is that of the
+    camera; with it, the camera axes are levelled.
     """
 
     def level(vector: list[float]) -> tuple[float, float]:

@@ -12,7 +12,10 @@ MAX_MODEL_BYTES = 200_000_000
 
 
 def check_model_size(model: Path, hint: str) -> None:
-    """Raise ModelFileError if a model file is too large; ``hint`` is the command to try next. Raises OSError."""
+    """Raise ModelFileError if a model file is too large, OSError if it cannot be read.
+
+    ``hint`` is the command to try next, for the message.
+    """
     if (size := model.stat().st_size) > MAX_MODEL_BYTES:
         raise ModelFileError(
             f"faces: {model} is not a network: {size:,} bytes, above the limit of {MAX_MODEL_BYTES:,}\n  try: {hint}"

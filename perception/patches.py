@@ -72,7 +72,7 @@ def _raw_patches(crop: GreyImage) -> Patches:
 
 
 def likeness(one: Patches, other: Patches) -> float:
-    """Return the similarity of two faces, patch by patch at the same places: 1 if they are equal."""
+    """Return the similarity of two faces, from patches at the same place in both: 1 if the faces are equal."""
     return float(np.mean(1 - np.sqrt(np.maximum(1 - (one * other).sum(axis=2), 0))))
 
 

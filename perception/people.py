@@ -26,9 +26,10 @@ MAX_TEMPLATES = 240
 """Pictures and variants of all people that are compared: 271 kB each, and the time of a look is proportional."""
 
 MAX_VARIANTS = 4
-"""Variants of a portrait that are compared: by its box, upright by its eyes, and both mirrored.
+"""Largest number of variants of a portrait that are compared.
 
-A mirrored picture shows a head turned the other way, and lit from the other side.
+They are the face by its box, the face upright by its eyes, and both mirrored. A mirrored picture shows a head turned
+the other way, and lit from the other side.
 """
 
 

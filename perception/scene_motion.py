@@ -18,7 +18,7 @@ COMPARE_WIDTH = 160
 """Pixels of width at which pictures are compared: little noise is left, and a hand is still visible."""
 
 MAX_SHIFT = 0.25
-"""Largest shift between two pictures, as a share of the picture; beyond it, too little overlaps."""
+"""Largest shift between two pictures, as a share of the picture; with a larger shift, too little of them overlaps."""
 
 MIN_CORRELATION_PEAK = 0.2
 """Smallest peak (0..1) of the correlation for a valid shift; a cut to another scene has about 0.05."""
@@ -61,7 +61,7 @@ def changed_share(before: GreyImage, after: GreyImage) -> float:
 
 
 def find_shift(before: GreyImage, after: GreyImage) -> tuple[float, float] | None:
-    """Return the shift of the picture to the right and down, in pixels; None if it is unclear."""
+    """Return the shift of ``after`` against ``before`` to the right and down, in pixels; None if it is unclear."""
     height, width = after.shape
     window = cv2.createHanningWindow((width, height), cv2.CV_32F)
     (right, down), peak = cv2.phaseCorrelate(before.astype(np.float32), after.astype(np.float32), window)

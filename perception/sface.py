@@ -1,6 +1,6 @@
 """Face recognition with SFace, a network of the OpenCV Zoo, whose file the user provides.
 
-A face is aligned by five points (eyes, nose, corners of the mouth) from YuNet, whose file is needed, too.
+The detector YuNet, whose file is also needed, finds five points (eyes, nose, corners of the mouth) to align a face.
 """
 
 from collections.abc import Mapping, Sequence
@@ -54,7 +54,7 @@ class SFaceRecogniser:
         self._portraits = portraits
 
     def match(self, image: Image, face: Box) -> FaceMatch | None:
-        """Return the nearest person and the margin; None if YuNet finds no face there."""
+        """Return the most similar person and the margin as in ``FaceMatch``; None if YuNet finds no face."""
         people, feature = self._people, self._feature(image, face)
         if feature is None:
             return None

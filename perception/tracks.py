@@ -206,7 +206,7 @@ class _Track(Generic[P]):
         self._pitch = AngleFilter(measured.pitch)
 
     def deviation(self, measured: _Measurement[P], stamp: float) -> float:
-        """Return the distance of a measurement from the prediction, in radians."""
+        """Return the distance of a measurement from the track's prediction for ``stamp``, in radians."""
         ahead = min(max(stamp - self.stamp, 0.0), COAST_TIME)
         return hypot(
             wrap_angle(measured.yaw - self._yaw.angle - self._yaw.rate * ahead),
@@ -282,9 +282,9 @@ class Tracker(Generic[P]):
         return self._percepts()
 
     def _match(self, measured: list[_Measurement[P]], stamp: float) -> list[_Measurement[P]]:
-        """Associate each track with its nearest measurement; return the unassigned ones.
+        """Associate each track with its nearest measurement; return the measurements that belong to no track.
 
-        Greedy, not the Hungarian method: the pairs are taken in the order of their deviation.
+        Greedy, not the Hungarian method: pairs of track and measurement are taken in the order of their deviation.
         """
         pairs = sorted(
             (
@@ -342,12 +342,12 @@ MARKER_FAMILIES = (
     "apriltag_25h9",
     "apriltag_36h11",
 )
-"""Marker families as in robot files; those of OpenCV's dictionaries."""
+"""Marker families as named in robot files; each stands for a dictionary of OpenCV."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaceSighting:
-    """A face in one frame: ``found`` by the detector, or carried there by optical flow.
+    """A face in one frame: ``found`` by the detector, or else tracked to this frame by optical flow.
 
     If not ``is_believed``, it is a candidate that no independent search has confirmed. ``person`` is the true name,
     known only to simulated eyes.

@@ -59,7 +59,8 @@ class _Network(Protocol):
 class YuNetFaceDetector:
     """A ``perception.face_finder.FaceDetector`` with the network in the file ``model``. For one thread.
 
-    Its boxes are converted to those of the Haar cascade, so that distances agree; the score is 0..1.
+    Its boxes are converted to the size of those of the Haar cascade, from which distances are computed. The score of a
+    detection is 0..1.
     """
 
     newcomer_interval = 10
@@ -108,7 +109,10 @@ class YuNetFaceDetector:
         return False
 
     def is_confirmed(self, image: Image | GreyImage, box: Box, *, roll: float = 0.0) -> bool:
-        """Return whether the network sees the face in the mirrored, larger picture, too; raises as ``detect``."""
+        """Return whether the network also sees the face in a mirrored and enlarged copy of the picture around ``box``.
+
+        Raises as ``detect``.
+        """
         del roll
         check_image(image)
         rows, columns = window_slices(image.shape, box, REGION_WIDTHS)
@@ -120,10 +124,10 @@ class YuNetFaceDetector:
         return any(detection.box.overlap(there) > SAME_FACE_OVERLAP for detection in found)
 
     def find_landmarks(self, image: Image | GreyImage, box: Box) -> npt.NDArray[np.float32] | None:
-        """Return the row of the face near ``box`` for ``cv2.FaceRecognizerSF``; raises as ``detect``.
+        """Return YuNet's result for the face near ``box``, as ``cv2.FaceRecognizerSF`` takes it.
 
-        That is x, y, width, height, (x, y) of right eye, left eye, nose and corners of the mouth, and the score, in
-        pixels of the picture. None if there is no face.
+        It is an array of x, y, width, height, (x, y) of right eye, left eye, nose and corners of the mouth, and the
+        score, in pixels of the picture. None if there is no face. Raises as ``detect``.
         """
         check_image(image)
         rows, columns = window_slices(image.shape, box, REGION_WIDTHS)
@@ -166,7 +170,7 @@ class YuNetFaceDetector:
         return sorted(found, key=lambda detection: -detection.box.width)
 
     def _network_for(self, width: int, height: int) -> _Network:
-        """Return the network for pictures of a size, from the cache or the file."""
+        """Return a network for pictures of ``width`` by ``height`` pixels, from the cache or loaded from the file."""
         found = self._networks.pop((width, height), None) or self._read_network(width, height)
         self._networks[width, height] = found
         if len(self._networks) > MAX_NETWORKS:

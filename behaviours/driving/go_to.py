@@ -101,7 +101,7 @@ class DelegatedMotion(BaseMotion):
         self.robot.base.stop()
 
     def _is_stuck(self, state: BaseState | None) -> bool:
-        """Return True if the base has made no progress for too long."""
+        """Return True if the base has made no progress for ``NO_PROGRESS_TIMEOUT`` seconds."""
         if state is None:
             self._clock.stop()
             return False

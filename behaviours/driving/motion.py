@@ -48,12 +48,12 @@ def seconds_for(distance: float, speed: float, limit: float, acceleration: float
 
 
 def seconds_to_drive(distance: float, speed: float, limits: BaseLimits) -> float:
-    """Return the duration in seconds of driving a distance in metres."""
+    """Return an estimate of the seconds to drive ``distance`` metres at ``speed`` m/s, within the base's limits."""
     return seconds_for(distance, speed, limits.speed, limits.acceleration)
 
 
 def seconds_to_turn(angle: float, speed: float, limits: BaseLimits) -> float:
-    """Return the duration in seconds of turning by an angle in radians."""
+    """Return an estimate of the seconds to turn by ``angle`` radians at ``speed`` rad/s, within the base's limits."""
     return seconds_for(angle, speed, limits.turn, limits.turn_acceleration)
 
 
@@ -212,7 +212,7 @@ class BaseMotion(Leaf):
         return None
 
     def _may_settle(self) -> bool:
-        """Return True while there is time left to wait for the gyro's drift estimate."""
+        """Return True while there is time left to wait for the estimate of the gyro's drift."""
         now = self.run.now()
         if self._settling_since is None:
             self._settling_since = now

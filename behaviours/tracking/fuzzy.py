@@ -41,7 +41,10 @@ class LookupTable:
         return self._height(values, 0, 0)
 
     def _plane(self, down: float, across: float) -> float:
-        """Return the height over two axes, written out for speed; values beyond the grid fall into the outer cells."""
+        """Return the interpolated value at (``down``, ``across``) of a table with two axes, written out for speed.
+
+        Values beyond the grid are clamped to it.
+        """
         rows, columns = self.axes
         heights, width = self.heights, len(columns)
         row = bisect_right(rows, down, 1, len(rows) - 1) - 1

@@ -157,7 +157,7 @@ class MotionPredictor:
             self._judge(then, angle - then.angle, stamp - then.stamp, fade)
 
     def _has_set_off(self, stamp: float, angle: float, rate: float, camera: tuple[float, float]) -> bool:
-        """Return True if a target that stood, seen by a camera that stands, has just left its line."""
+        """Return True if a target that stood still has just left its line, seen by a camera that stands still."""
         before = self._past[-1]
         off = angle - before.level - before.slope * (stamp - before.stamp)
         if (
@@ -172,7 +172,10 @@ class MotionPredictor:
         return bool(max(angles) - min(angles) < 2 * LINE_TOLERANCE and max(looked) - min(looked) < MAX_CAMERA_MOTION)
 
     def _line(self, stamp: float, angle: float, rate: float) -> tuple[float, float]:
-        """Return value and slope of the straight line through the last samples that fit one."""
+        """Return value and slope, at ``stamp``, of the straight line through the last samples that lie on one.
+
+        If too few samples lie on a line, they are ``angle`` and ``rate``.
+        """
         for window in LINE_DURATIONS:
             recent = [(past.stamp - stamp, past.angle) for past in self._past if stamp - past.stamp < window]
             recent.append((0.0, angle))

@@ -257,7 +257,11 @@ def _bends(term: Membership, cut: float) -> tuple[float, float, float, float]:
 def _union(
     shapes: list[tuple[Membership, float]], low: float, high: float
 ) -> Iterator[tuple[float, float, float, float]]:
-    """Yield (left, right, height at left, height at right) of the union's straight pieces between two bends."""
+    """Yield the straight pieces of the outline of a union of fuzzy sets between two bends, ``low`` and ``high``.
+
+    ``shapes`` are pairs of a set and the grade at which it is cut off. A piece is (left, right, height at left, height
+    at right).
+    """
     # Between two bends each shape is a straight line. It is taken from two places inside, since a shape may jump at a
     # bend, where its edge is upright.
     quarter = (high - low) / 4

@@ -190,7 +190,7 @@ class TrackFace(TrackLeaf):
 # The leaf that goes after a person: the face stays in the picture, and the person at a distance.
 
 SPEED_GAIN = 0.8
-"""Speed in m/s per metre of distance error: with a Kobuki's dead time of 0.25 s there is no overshoot."""
+"""Speed in m/s per metre of distance error; with this gain, a Kobuki with 0.25 s of dead time does not overshoot."""
 
 DISTANCE_TOLERANCE = 0.1
 """Distance error in metres that is ignored, since the distance is estimated from the size of the face and is noisy."""

@@ -33,7 +33,7 @@ class Reading(Generic[T]):
 
     @property
     def good(self) -> bool:
-        """True if there is a fresh value."""
+        """True if the reading has a value that is fresh."""
         return self.quality is Quality.GOOD
 
 
@@ -122,7 +122,7 @@ class Device(Protocol):
 
     @command("before")
     def rest(self) -> None:
-        """Bring every actuator to the rest that the robot file sets. Safe from any state, more than once."""
+        """Bring every actuator to the state of rest that the robot file sets. Safe from any state, more than once."""
         ...
 
     @direct

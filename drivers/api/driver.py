@@ -123,12 +123,18 @@ class Finding:
 
 
 def warning(about: str, message: str, fix: str) -> Finding:
-    """Return a finding of a check-up: a problem that may do harm."""
+    """Return a line of a check-up: a problem that may do harm.
+
+    ``about`` is its subject, ``message`` the result, and ``fix`` the remedy.
+    """
     return Finding(about, message, "warning", fix)
 
 
 def failure(about: str, message: str, fix: str) -> Finding:
-    """Return a finding of a check-up: a problem that keeps the robot from working."""
+    """Return a line of a check-up: a problem that keeps the robot from working.
+
+    ``about`` is its subject, ``message`` the result, and ``fix`` the remedy.
+    """
     return Finding(about, message, "wrong", fix)
 
 

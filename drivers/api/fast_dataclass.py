@@ -131,9 +131,10 @@ def _value_source(field: dataclasses.Field[Any]) -> str:
 
 @cache
 def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) -> CodeType:
-    """Return the code of an ``__init__`` for fields of these kinds, with names ``f0``, ``f1``... to be replaced.
+    """Return the code of an ``__init__`` for fields of this ``shape``, with names ``f0``, ``f1``... to be replaced.
 
-    Compiling takes ten times as long as replacing names, and many classes have the same shape.
+    ``shape`` has the source of the value, and whether it is keyword-only, of each field. Compiling takes ten times as
+    long as replacing names, and many classes have the same shape.
     """
     positional: list[str] = []
     keyword_only: list[str] = []

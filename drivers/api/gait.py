@@ -50,7 +50,10 @@ class GaitKeys:
     points: tuple[PointKeys, ...] = key(default=(), each="a point", help="Positions of the soles, in order of time.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield errors: neither or both of ``walk`` and ``points``, no period, too few or unordered points."""
+        """Yield an error for each contradiction in the file.
+
+        Errors are neither or both of ``walk`` and ``points``, no period, and too few or unordered points.
+        """
         if (self.walk is None) == (not self.points):
             hint = "such as walk: {step: 50 mm}"
             yield KeyDiagnostic(

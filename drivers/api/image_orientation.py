@@ -24,18 +24,21 @@ class ImageOrientation:
         return self.quarter_turns % 2 == 1
 
     def vector(self, x: float, y: float) -> Pair:
-        """Return a vector of the original picture (right, down) in the rotated one."""
+        """Return the vector of the rotated picture that corresponds to (right, down) of the original picture."""
         for _ in range(self.quarter_turns):
             x, y = -y, x
         return (-x if self.flip_horizontal else x), (-y if self.flip_vertical else y)
 
     def point(self, x: float, y: float) -> Pair:
-        """Return a point of the original picture, as shares of its sides, in the rotated one."""
+        """Return the point of the rotated picture that corresponds to a point of the original picture.
+
+        Both are shares of the picture's width and height.
+        """
         right, below = self.vector(x - 0.5, y - 0.5)
         return right + 0.5, below + 0.5
 
     def size(self, width: int, height: int) -> tuple[int, int]:
-        """Return the size of the rotated picture; the inverse is the same."""
+        """Return the size of the rotated picture, from that of the original picture, or the other way round."""
         return (height, width) if self.swaps_sides else (width, height)
 
     def field_of_view(self, angle: float, width: int, height: int) -> float:

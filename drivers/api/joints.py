@@ -1,4 +1,4 @@
-"""Protocol of named joints, gestures, and joints that follow others."""
+"""Protocol of named joints, gestures, and couplings of joints that follow other joints."""
 
 from collections.abc import Collection, Mapping, Sequence
 from math import inf, radians
@@ -147,7 +147,10 @@ class Gesture:
 
 
 def qualified_joint_name(arm: str, joint: str) -> str:
-    """Return the name of a joint among those of all arms; joints of a further arm are prefixed: `right_arm.elbow`."""
+    """Return the name of a joint that is unique among all arms of a robot.
+
+    Joints of an additional arm are prefixed with its name: `right_arm.elbow`.
+    """
     return joint if arm == "arm" else f"{arm}.{joint}"
 
 

@@ -239,7 +239,10 @@ def _read_keys(cls: Any) -> tuple[Key, ...]:
 
 
 def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) -> Key:
-    """Return the key for a field with the type ``hint``. Raises TypeError for an unsupported type."""
+    """Return the key ``word`` for the field ``name`` of a class of keys, whose type is ``hint``.
+
+    Raises TypeError for an unsupported type.
+    """
     if get_origin(hint) is Annotated:
         hint, constraints = get_args(hint)[:2]
     parts = [each for each in get_args(hint) if each is not NoneType] if get_origin(hint) in (Union, UnionType) else []
@@ -262,7 +265,10 @@ def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) ->
 
 
 def _make_either_key(key: Key, parts: list[Any], constraints: ValueConstraints) -> Key:
-    """Return a key for a union: a quantity or some words, or values of different forms."""
+    """Return a copy of ``key`` for a field whose type is a union of ``parts``.
+
+    The union is a quantity or some words, or values of different forms.
+    """
     words = next((get_args(each) for each in parts if get_origin(each) is Literal), ())
     if words and float in parts:
         return replace(key, form="quantity", among=words)
@@ -271,7 +277,10 @@ def _make_either_key(key: Key, parts: list[Any], constraints: ValueConstraints) 
 
 
 def _make_collection_key(key: Key, hint: Any, constraints: ValueConstraints) -> Key:
-    """Return a key for a list, or for values under names. Raises TypeError for another type."""
+    """Return a copy of ``key`` for a field whose type ``hint`` is a list, or a mapping of values by name.
+
+    Raises TypeError for another type.
+    """
     origin, inner = get_origin(hint), get_args(hint)
     if origin is tuple and inner[1:] == (...,):
         return replace(key, form="list", inner=_make_key(key.field, key.word, inner[0], constraints))

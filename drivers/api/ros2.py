@@ -53,11 +53,11 @@ class Ros2(Device, Protocol):
     """
 
     def offers(self, name: str) -> bool:
-        """Return whether there is an action, a service or a topic of this name now."""
+        """Return whether an action, a service or a topic with this name is available now."""
         ...
 
     def does(self, action: str) -> bool:
-        """Return whether there is an action of this name now."""
+        """Return whether an action with this name is available now."""
         ...
 
     def navigates(self) -> bool:
@@ -77,7 +77,10 @@ class Ros2(Device, Protocol):
 
     @command("after", moves=True)
     def publish(self, topic: str, kind: str, values: str) -> None:
-        """Publish a message. Raises BadRequest for values that do not fit its type, NotConnected."""
+        """Publish a message with the JSON ``values`` on a topic; ``kind`` is the type of the message.
+
+        Raises BadRequest for values that do not fit the type, and NotConnected.
+        """
         ...
 
     @command("after", moves=True)
@@ -98,7 +101,10 @@ class Ros2(Device, Protocol):
 
     @command("after", moves=True, converters={"places": tuple})
     def navigate(self, places: tuple[MapPose, ...], frame: str) -> int:
-        """Let Nav2 drive to the last of ``places`` through the others. Raises NotConnected without Nav2."""
+        """Start a drive with Nav2 through ``places`` in their order, and return the number of the request.
+
+        ``frame`` is the frame of the places. Raises NotConnected without Nav2.
+        """
         ...
 
     @command("before")

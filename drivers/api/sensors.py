@@ -170,5 +170,5 @@ class WitnessedBase(Protocol):
     """Base whose progress monitor can compare its motion with other sensors; bases on ``drivers.base`` can."""
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """Compare the motion of the base with these sensors, where they can measure it. Call it before ``open``."""
+        """Compare the base's motion with the motion that ``ranger`` and ``imu`` measure. Call it before ``open``."""
         ...

@@ -86,7 +86,7 @@ class Voice(Device, Protocol):
 
     @command("before")
     def say(self, text: str, manner: SpeechStyle = DEFAULT_STYLE, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Queue ``text`` for speech; returns at once. Raises NotConnected before ``open``."""
+        """Queue ``text`` for speech in the style ``manner``; returns at once. Raises NotConnected before ``open``."""
         ...
 
     @command("before")

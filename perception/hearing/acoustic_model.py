@@ -136,7 +136,7 @@ REQUIRED_FEATURES = {
     "-svspec": "0-12/13-25/26-38",
     "-remove_noise": "yes",
 }
-"""Required settings in ``feat.params`` of the model: those of ``cepstra``."""
+"""Settings that the model's file ``feat.params`` must have, since ``cepstra`` computes the features in this way."""
 
 _WEIGHT_SCALE = 1024 * np.log(1.0001)  # of a state for a Gaussian: minus the logarithm, in these units
 _WORD_POSITIONS = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone in its word

@@ -12,7 +12,7 @@ from perception.hearing.lexicon import Lexicon
 from perception.hearing.sound import Clip, enhance_speech
 
 Judgement = tuple[str, float]
-"""The nearest phrase and its score, the logarithm of the odds that it was spoken; ``NO_PHRASE`` if there is none."""
+"""The phrase nearest to a clip, and its score: the logarithm of the odds that it was spoken. Or ``NO_PHRASE``."""
 
 NO_PHRASE: Judgement = ("", -99.0)
 

@@ -61,7 +61,7 @@ class Decoding:
 
 
 def acceptance_features(decoding: Decoding, clip: Clip) -> dict[str, float]:
-    """Return the features for ``AcceptanceModel.score``, by name."""
+    """Return the features of the recogniser's result for ``clip``, by name, for ``AcceptanceModel.score``."""
     phones = [segment for segment in decoding.aligned_phones if segment.name in KIND_OF]
     spoken = np.zeros(decoding.frames, bool)
     for segment in phones:
@@ -136,7 +136,10 @@ def _likeness_features(phrase: Sequence[str], loop: Sequence[str]) -> dict[str, 
 
 
 def _loudness_features(clip: Clip, spoken: Floats) -> dict[str, float]:
-    """Return the level of the speech above the background (dB), and the share of loud sound inside the words."""
+    """Return the level of the speech above the background (dB), and the share of loud sound that is inside the words.
+
+    ``spoken`` tells which frames of the clip belong to words.
+    """
     level = np.convolve(levels(clip.samples, DECODER_FRAME), np.full(5, 0.2), "same")[: len(spoken)]
     noise = levels(clip.noise, DECODER_FRAME)
     low = float(np.median(noise)) if len(noise) else float(level.min())

@@ -104,10 +104,10 @@ def model_folder() -> Path | None:
 
 
 class Lexicon:
-    """Pronunciations from the text of a dictionary (lines ``word AH B ..``, then ``word(2) ..``), and ``overrides``.
+    """Pronunciations of words, from the text of a dictionary and from ``overrides``.
 
-    ``overrides`` are those of the robot file, which replace the dictionary's. Raises ValueError for an unknown phone in
-    them.
+    A line of the dictionary is ``word AH B ..``, and ``word(2) ..`` for a second pronunciation. ``overrides`` are those
+    of the robot file, which replace the dictionary's. Raises ValueError for an unknown phone in ``overrides``.
     """
 
     def __init__(self, dictionary: str, overrides: Mapping[str, str] | None = None) -> None:
@@ -130,7 +130,7 @@ class Lexicon:
         return list(self._cache[word])
 
     def unknown_words(self, words: Sequence[str]) -> list[str]:
-        """Return those of ``words`` without a pronunciation."""
+        """Return the words in ``words`` that have no known pronunciation."""
         return [word for word in words if not self.pronunciations(word)]
 
     def _dictionary_pronunciations(self, word: str) -> Iterator[Phones]:
@@ -151,7 +151,7 @@ def load_english(overrides: Mapping[str, str] | None = None) -> Lexicon | None:
 
 @lru_cache(maxsize=4)
 def _read_lexicon(path: Path, overrides: Sequence[tuple[str, str]]) -> Lexicon:
-    """Read a dictionary, cached, because each check of a mission needs it."""
+    """Read the dictionary in ``path``, with ``overrides``; cached, because each check of a mission needs it."""
     return Lexicon(path.read_text(encoding="utf-8"), dict(overrides))
 
 

@@ -84,7 +84,10 @@ class RecogniserWorker(Protocol):
         ...
 
     def send(self, message: Mapping[str, Any], body: bytes = b"", *, timeout: float = 1.0) -> None:
-        """Send a message. Raises OSError if it cannot be sent."""
+        """Send a message to the process, followed by the bytes of ``body``. Raises OSError if it cannot be sent.
+
+        ``timeout`` is the maximum time to wait, in seconds.
+        """
         ...
 
 

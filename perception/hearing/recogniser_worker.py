@@ -85,7 +85,10 @@ def decoded_segments(engine: pocketsphinx.Decoder) -> Segments:
 def add_search(
     engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]], arcs: list[tuple[Any, ...]]
 ) -> None:
-    """Add a search for a network of words, with their pronunciations, to a decoder."""
+    """Add a search named ``name`` to a decoder, for a network of words.
+
+    ``words`` are the pronunciations of each word, ``arcs`` the arcs of the network (see ``grammar.Arc``).
+    """
     for word, ways in words.items():
         for number, phones in enumerate(ways, 1):
             engine.add_word(word if number == 1 else f"{word}({number})", phones, False)
@@ -148,7 +151,11 @@ class SpeechRecogniser:
         self.loop.activate_search("phones")
 
     def set_grammar(self, words: dict[str, list[str]], arcs: list[list[Any]]) -> None:
-        """Replace the words and the network of phrases to listen for."""
+        """Replace the phrases to listen for.
+
+        ``words`` are the pronunciations of each word, ``arcs`` the arcs of the network of phrases (see
+        ``grammar.Arc``).
+        """
         self.grammar = make_decoder(**GRAMMAR_BEAMS)
         add_search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
         self.single_words = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
@@ -223,7 +230,7 @@ def single_word_search(word: str) -> str:
 
 
 def decode_phrase(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
-    """Return the text that a search recognises in a sound; empty for none."""
+    """Return the text that the search ``name`` of a decoder recognises in a sound; empty if it recognises none."""
     engine.activate_search(name)
     decode_sound(engine, sound)
     found = engine.hyp()
