@@ -82,7 +82,6 @@ class _HeadGesture(_HeadSwing):
         self._arrival = ArrivalDetector()
 
     def _measure_swing(self, home: HeadPose) -> None:
-        """Update the largest measured angle from the start pose."""
         here = self.robot.head.pose()
         if here.good and here.value is not None:
             self._swing_angle = max(self._swing_angle, abs(getattr(here.value, self.axis) - getattr(home, self.axis)))

@@ -225,7 +225,6 @@ class MoveJoints(Leaf):
         return self.robot.arm.limits[joint].speed if self.speed is None else self.speed
 
     def _shortfall_text(self, joint: str) -> str:
-        """Return how far a joint is from its goal, as text."""
         at, goal = positions(self.robot.arm).get(joint), self.to[joint]
         detail = self.robot.arm.health().detail
         suffix = f" ({detail})" if joint in detail else ""

@@ -283,7 +283,6 @@ class Leaf(HaltableNode):
             self.run.variables_changed = True
 
     def _enter_and_update(self) -> Status:
-        """Start the leaf, then update for the first time."""
         if self._leaf_stage == HALTING and not self._come_to_rest():
             return self.wait("still stopping")
         if self.computed:

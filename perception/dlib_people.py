@@ -88,7 +88,6 @@ class DlibDescriber:
     """dlib with its models, loaded for the first face. Raises ModelFileError if they are missing or damaged."""
 
     def __call__(self, image: Image, face: Box) -> Feature:
-        """Return the features of a face."""
         dlib, points, network = self._dlib
         shown = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         left, top = round(face.x), round(face.y)

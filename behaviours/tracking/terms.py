@@ -42,7 +42,6 @@ class Membership:
         return cls(foot, full, math.inf, math.inf) if foot < full else cls(-math.inf, -math.inf, full, foot)
 
     def __call__(self, value: float) -> float:
-        """Return the grade of ``value``, 0..1."""
         if self.full <= value <= self.until:
             return 1.0
         if value <= self.start or value >= self.end:

@@ -109,7 +109,6 @@ def wiener_filter(sound: Floats, noise: Floats) -> Floats:
 
 
 def _to_int16(sound: Floats) -> Samples:
-    """Return a sound rounded and clipped to 16 bits."""
     return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
 
 
@@ -255,7 +254,6 @@ class EndPointer:
 
 
 def _with_levels(frames: Sequence[Samples]) -> Iterator[tuple[Samples, float]]:
-    """Yield each frame with its level."""
     return ((frame, float(levels(frame)[0])) for frame in frames)
 
 
@@ -271,5 +269,4 @@ def _select_quiet_frames(frames: Sequence[Samples], rise: float) -> list[tuple[S
 
 
 def _frame_count(seconds: float) -> int:
-    """Return the number of frames of sound in ``seconds``."""
     return round(seconds * RATE / FRAME_SAMPLES)
