@@ -127,12 +127,18 @@ def value_of(node: Node) -> object:
 
 
 def read_fields(path: Path, *, subject: str, name: str | None = None) -> Fields:
-    """Read a YAML file with a mapping at the top. Raises InvalidFileError otherwise."""
+    """Read a YAML file with a mapping at the top; ``subject`` names the mapping in errors.
+
+    Raises InvalidFileError for other files.
+    """
     return fields_of(read_source(path, name), subject=subject)
 
 
 def fields_of(source: SourceText, *, subject: str) -> Fields:
-    """Read a YAML text with a mapping at the top. Raises InvalidFileError otherwise."""
+    """Read a YAML text with a mapping at the top; ``subject`` names the mapping in errors.
+
+    Raises InvalidFileError for other texts.
+    """
     faults: list[Diagnostic] = []
     fields = Fields(source, compose(source, faults), faults, subject=subject)
     if not isinstance(fields.node, Mapping):

@@ -24,7 +24,11 @@ class CommandNotice:
 
 @dataclass(frozen=True, slots=True)
 class WebhookNotice:
-    """Channel to a web server, as JSON by POST; ``headers`` name the environment variables with their values."""
+    """Channel to a web server, as JSON by POST.
+
+    ``headers`` names, for each header, the environment variable with its value. ``url_from`` names the environment
+    variable with the address if ``url`` is empty.
+    """
 
     url: str = ""
     headers: Mapping[str, str] = field(default_factory=dict)

@@ -64,8 +64,8 @@ class RobotConfig:
     """Contents of a robot file. ``rate`` is the maximum tick rate in Hz; ``notices`` are channels for task notices.
 
     ``sensor_timeout`` (s) is how long a node may be suspended. ``sections`` are the parts by name: the kind, or a name
-    of its own for an additional part of a kind. Properties such as ``base`` return the values of a part's keys, as far
-    as all drivers of this kind have these keys.
+    of its own for an additional part of a kind. Properties such as ``base`` return the keys of a section, as far as all
+    drivers of its kind share them.
     """
 
     name: str

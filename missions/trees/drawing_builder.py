@@ -97,7 +97,7 @@ def _box(step: Step, key: str, case: str) -> TreeBox:
 
 
 def _cases(step: Step) -> Iterator[str]:
-    """Yield the label of each child; for a switch, its case as in YAML."""
+    """Yield a label for each child of a step: for a switch, its case as in YAML or "else"; otherwise an empty text."""
     labels = (json.dumps(case) if case is None or isinstance(case, bool) else str(case) for case in step.cases)
     return chain(map(one_line, labels), repeat("else" if step.kind in SWITCHES else ""))
 

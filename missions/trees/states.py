@@ -1,4 +1,4 @@
-"""States of all nodes at a time, computed from the events until then."""
+"""States of all nodes at a given time, computed from the events until that time."""
 
 from collections.abc import Iterable, Mapping
 

@@ -36,7 +36,7 @@ MAX_PENDING_COMMANDS = 64
 """Maximum number of queued commands of a client."""
 
 MAX_UNREAD_BYTES = 65536
-"""Maximum number of bytes that wait for a run which does not read them."""
+"""Maximum number of bytes that were sent to a run and that the run has not read."""
 
 HELLO_TIMEOUT = 10.0
 """Seconds within which a client must send `hello`."""

@@ -154,7 +154,7 @@ class ConnectionAcceptor:
                 visit.close()
 
     async def wait_closed(self) -> None:
-        """Wait until all tasks of this acceptor have ended."""
+        """Wait until all asyncio tasks of this acceptor have ended."""
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def _accept(self, listener: socket.socket) -> None:

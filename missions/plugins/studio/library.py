@@ -121,7 +121,7 @@ MAX_ENTRIES = 4096
 """Maximum number of cached list entries."""
 
 FILE_TIMEOUT = 5.0
-"""Seconds allowed for one file of a list: a mission of 10,000 steps takes 4."""
+"""Seconds allowed for reading one file of a list; a mission of 10,000 steps takes 4 s."""
 
 LIST_TIMEOUT = 30.0
 """Seconds of work on one list; its remaining files are read at the next request.

@@ -124,7 +124,7 @@ def path_of(name: str) -> Path:
 
 
 class _RecordPieces:
-    """Content of several successive pieces of a record."""
+    """Content of several successive pieces of a record, gathered for one answer."""
 
     def __init__(self) -> None:
         self._lanes: dict[str, list[list[object]]] = {}

@@ -62,7 +62,7 @@ class AsyncRunLink:
     async def open(
         cls, where: sockets.Address, on_line: OnLine = ignore_line, on_closed: Callable[[], None] = ignore_end
     ) -> Self:
-        """Connect to the run at ``where``. Raises OSError; TimeoutError if it does not answer."""
+        """Connect to the run at ``where``. Raises OSError, or TimeoutError if the run does not answer."""
         plain = await asyncio.to_thread(sockets.connect, where)
         plain.setblocking(False)
         reader, writer = await asyncio.open_unix_connection(sock=plain, limit=MAX_MESSAGE_BYTES)
@@ -163,7 +163,7 @@ class AsyncRunLink:
             return False
 
     def terminate(self) -> None:
-        """Send the run's watchdog SIGTERM, which it handles even if the run hangs. Raises OSError."""
+        """Send SIGTERM to the run's process, where it is handled even if the run hangs. Raises OSError."""
         if self.identity is None:
             raise OSError("its process is not visible from here")
         self.identity.terminate()

@@ -33,7 +33,7 @@ UNKNOWN_RUN = "unknown"
 """Name of an entry in the list of runs if a search has failed, so that there may be a run that was not found."""
 
 MAX_PENDING_PRESSES = 3
-"""Maximum number of STOP presses that wait for one run and are sent one by one; all further ones share a stop."""
+"""Maximum number of STOP presses for one run that wait and are sent one by one; all further presses share one stop."""
 
 
 class RunHub:

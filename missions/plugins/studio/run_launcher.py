@@ -62,7 +62,7 @@ def command_arguments(command: StartRun | AddTask) -> Iterator[str]:
 
 
 class RunLauncher:
-    """Starts runs in processes of their own; records them if both the request and ``record`` say so."""
+    """Starts runs in processes of their own. A run is recorded if both its request and ``record`` are true."""
 
     def __init__(self, *, record: bool, command: Sequence[str] = RUN_COMMAND) -> None:
         self._record, self._command = record, command
@@ -130,7 +130,7 @@ class RunLauncher:
 
     @property
     def running(self) -> list[int]:
-        """Process ids of the started runs that go on."""
+        """Process ids of the started runs that have not ended."""
         self._reap()
         return sorted(child.pid for child in [*self._children])
 
@@ -171,7 +171,7 @@ def answer_tasks(command: ClientCommand) -> Json:
 
 
 def answer_add_task(command: ClientCommand) -> Json:
-    """Return the answer to `add_task`, added with `mission task add`, which checks the mission for its robot."""
+    """Return the answer to `add_task`: runs `mission task add`, which checks the mission for its robot."""
     if not isinstance(command, AddTask):
         raise TypeError(command.word)
     check_names(command)

@@ -60,10 +60,10 @@ from missions.plugins.tasks.task import TaskError
 # Adding a person from pictures of a run's camera, with `mission person add`.
 
 PERSON_PICTURE_COUNT = 6
-"""Number of pictures that are taken of a person."""
+"""Number of pictures of a person that are taken for `mission person add`."""
 
 PERSON_PICTURE_INTERVAL = 0.8
-"""Seconds between two pictures: time to turn the head a little."""
+"""Seconds between two pictures of a person: time to turn the head a little."""
 
 PERSON_TIMEOUT = 30.0
 """Time limit in seconds for taking the pictures, and again for `mission person add`."""

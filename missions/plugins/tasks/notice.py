@@ -34,7 +34,7 @@ Kind = Literal["done", "failed", "cancelled", "given_up", "missed", "interrupted
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """A notice of a task. ``id`` is the same at each try, so that a receiver can drop duplicates.
+    """A notice about a task. ``id`` is the same at each try, so that a receiver can drop duplicates.
 
     ``task`` is a number, ``mission`` a name or path, ``time`` an ISO 8601 time in UTC.
     """

@@ -22,7 +22,7 @@ FIRST_RETRY_DELAY, MAX_RETRY_DELAY = 1.0, 600.0
 """Exponential backoff: seconds before the first retry, and the maximum; each delay is twice the previous one."""
 
 MAX_BLOCKING_TRIES = 5
-"""Failed tries after which another notice is tried too, since the notice may be at fault and not the channel."""
+"""Number of failed tries of a notice after which the next notice is tried, to see whether the channel itself fails."""
 
 MAX_NOTICE_AGE, MIN_TRIES = 7 * 24 * 3600.0, 20
 """Age in seconds and number of tries (two hours) after which a notice is given up; a clock may jump."""

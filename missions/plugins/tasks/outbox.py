@@ -67,7 +67,7 @@ class Outbox:
         return self._connection.execute(sql, (inf, channel, before)).rowcount
 
     def notices_of(self, task: int) -> list[QueuedNotice]:
-        """Return all notices of a task in order, with channel names that contain no secrets."""
+        """Return all notices of a task in the order of their creation, with channel names that contain no secrets."""
         rows = self._connection.execute("SELECT * FROM outbox WHERE task = ? ORDER BY id", (task,))
         return [replace(_queued_notice(row), channel=public_text(row["channel"])) for row in rows]
 

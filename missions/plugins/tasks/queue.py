@@ -180,7 +180,7 @@ _MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
 """SQL condition of missed tasks, with the time as ?1; the same as ``_is_too_late``."""
 
 DOWN_REASON = "the computer or the server went down"
-"""Reason of an attempt without an end, found at the start of a server."""
+"""Reason that is stored for an attempt without an end, which a server finds when it starts."""
 
 Channels = Callable[[Task], Sequence[str]]
 """Returns the encoded notice channels of a task."""
@@ -355,7 +355,7 @@ class TaskQueue:
         self._execute("UPDATE task SET state = ?, reason = ? WHERE id = ?", state, reason, task.id)
 
     def _limit_repetitions(self, now: float) -> None:
-        """Bring repetitions nearer that are too far ahead because the clock was set back."""
+        """Bring the next tasks of repetitions nearer if they are too far ahead because the clock was set back."""
         sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
         for row in self._execute(sql, now).fetchall():
             task = from_row(Task, row)
@@ -378,7 +378,7 @@ class TaskQueue:
         return self._execute(f"INSERT INTO task ({names}) VALUES ({marks})", *row.values()).lastrowid or 0  # noqa: S608
 
     def _post(self, task: Task, told: Notice, now: float) -> None:
-        """Add a notice to the outbox, once for each channel."""
+        """Add a notice to the outbox once for each channel of the task."""
         sql = "INSERT INTO outbox (key, task, channel, body, added, next) VALUES (?, ?, ?, ?, ?, ?)"
         for channel in dict.fromkeys(self._channels(task)):
             self._execute(sql, told.id, task.id, channel, told.as_json(), now, now)
@@ -409,7 +409,7 @@ class TaskQueue:
 
 
 def _is_too_late(task: Task, now: float) -> bool:
-    """Return whether a task was missed; a task that began in time and was interrupted is not."""
+    """Return whether a task was missed. A task that has begun in time never is, even if it was interrupted."""
     return task.late is not None and task.attempts == 0 and now > task.due_since + task.late
 
 

@@ -64,7 +64,7 @@ Stopping = Callable[[], bool]
 Say = Callable[[str], None]
 
 Work = Callable[[Claim, Stopping, Say], AttemptOutcome]
-"""Runs a task and reports its messages with ``Say``; ends as interrupted once ``Stopping`` returns True."""
+"""Function that runs the task of a Claim and passes its messages to Say. It ends the run once Stopping returns True."""
 
 STOP_CHECK_INTERVAL = 0.2
 """Seconds between two checks whether to stop a run."""
@@ -217,7 +217,7 @@ class _RunOutput:
 
 @contextmanager
 def _make_leash() -> Iterator[int]:
-    """Yield the reading end of a pipe that closes with this process or this context."""
+    """Yield the reading end of a pipe. Its writing end closes with this process or with this context."""
     reading, writing = os.pipe()
     try:
         yield reading

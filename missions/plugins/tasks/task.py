@@ -128,7 +128,7 @@ class Task(NewTask):
 
     @property
     def due_since(self) -> float:
-        """Time at which the task was due, or was added if it has no time."""
+        """Time at which the task was due, or was added if it has no due time."""
         return max(self.due, self.added)
 
 

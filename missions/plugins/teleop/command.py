@@ -281,7 +281,7 @@ def _pause(seconds: float) -> str:
 
 
 def _make_line_display(clock: Clock) -> Callable[[str], None]:
-    """Return a function that replaces the status line if it has changed, but not too often."""
+    """Return a function that replaces the status line if it has changed, at most every ``SHOW_INTERVAL``."""
     shown, at = "", -SHOW_INTERVAL
 
     def show(line: str) -> None:

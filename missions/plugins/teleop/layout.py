@@ -57,7 +57,8 @@ class AxisRange:
     def scale(self, value: int, dead_zone: float = 0.0) -> float:
         """Return ``value`` scaled to -1..1; the share ``dead_zone`` around the rest position is 0.
 
-        Beyond the dead zone the square is returned, so that small movements of the stick are precise.
+        Beyond the dead zone, the square of the deflection is returned, so that small movements of the stick are
+        precise.
         """
         middle = (self.least + self.most) / 2 if self.rest is None else self.rest
         half = self.most - middle if value > middle else middle - self.least
@@ -134,7 +135,10 @@ PRESS_SHARE, RELEASE_SHARE = 0.6, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """A button; or a trigger or a direction of a hat: an axis with its values at ``rest`` and at the ``end``."""
+    """Control of a game pad: a button, or an axis that acts as a button (a trigger, or a direction of a hat).
+
+    ``rest`` is the value of the axis when it is released, None for a button; ``end`` is its value when it is pressed.
+    """
 
     code: int
     rest: int | None = None

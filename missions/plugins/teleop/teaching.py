@@ -28,7 +28,10 @@ MAX_AXIS_NOISE = 0.1
 """Largest noise of an axis at rest, as a share of its range."""
 
 MAX_TRIGGER_REST = 0.2
-"""Largest distance of a trigger's rest position from an end, as a share of its range; sticks rest elsewhere."""
+"""Largest distance of a trigger's rest position from an end of its range, as a share of the range.
+
+Sticks rest farther from both ends.
+"""
 
 MIN_STICK_SHARE = 0.25
 """Smallest movement of a stick, as a share of its range; from the middle to an end is 0.5."""

@@ -191,7 +191,10 @@ class CaseHistory:
             hear(happening)
 
     def _insert_index(self, happening: ObservedEvent) -> int:
-        """Return the index at which to insert an event: a node reports its start after the events of its first tick."""
+        """Return the index at which to insert an event in the list of events.
+
+        A node reports its start after the events of its first tick, but the start comes before them.
+        """
         place = len(self.observed_events)
         if happening.verb == "starts":
             inside = f"{happening.key}."

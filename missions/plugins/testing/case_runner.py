@@ -30,7 +30,7 @@ MAX_SWAY = 0.01
 Posture = tuple[Pose2D, HeadPose | None, dict[str, float]]
 
 IN_PROCESS_LIMITS = WatchdogLimits(slow=math.inf, stall=math.inf, fail=10.0, lost=math.inf)
-"""Watchdog limits for a run in a shared process: a hanging behaviour is waited for instead of ending the process."""
+"""Watchdog limits for a run in a shared process: if a behaviour hangs, the run waits and the process is not ended."""
 
 
 class CaseRunner:

@@ -30,10 +30,10 @@ EXAMPLE = "such as 'fails twice, then succeeds'"
 
 @dataclass(frozen=True, slots=True)
 class MockTurn:
-    """Behaviour of a mock after a start: it runs for ``seconds`` and ``ticks``, then returns ``end``.
+    """One turn of a mock, from a start on: it runs for ``seconds`` and ``ticks``, then returns ``end``.
 
-    ``end`` is success or failure, or running if the mock never ends (then both are infinite). ``times`` is the number
-    of consecutive starts that it covers.
+    ``end`` is success or failure, or running if the mock never ends (then both times are infinite). ``times`` is the
+    number of consecutive starts with this turn.
     """
 
     end: str
@@ -152,7 +152,10 @@ class Mock(Leaf):
     _ticks = 0
 
     def set_script(self, turns: TurnSequence, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
-        """Set the script, and the function that makes the result on success; with ``keeps_failed``, also on failure."""
+        """Set the script of the mock, and ``outcome``, the function that makes its result on success.
+
+        With ``keeps_failed``, ``outcome`` is also called on failure.
+        """
         self._turns, self._outcome, self._keeps_failed = turns, outcome, keeps_failed
 
     def initialise(self) -> None:
@@ -189,7 +192,7 @@ def matches_step(target: str, step: Step) -> bool:
 
 
 class MockSubstitution:
-    """Replaces leaves, missions and composites with mocks while a tree is built; the first match wins.
+    """Replaces leaves, missions and composites with mocks while a tree is built; the first mock that matches wins.
 
     All steps that match one mock share its script: ``gesture: fails twice`` covers the first two gestures.
     """

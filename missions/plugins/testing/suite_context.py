@@ -33,7 +33,7 @@ PARAM_SOURCE = "--param"
 
 @dataclass(frozen=True, slots=True)
 class CaseSetting:
-    """Setting of a case: robot, world, people, and the mission's ``plan``, which is None if errors prevent one."""
+    """Setting of a case: robot, world, people, and the mission's ``plan``, which is None if the mission has errors."""
 
     params: Named[str, str]
     robot: str | None
@@ -160,7 +160,7 @@ class SuiteContext:
     def _check_mission(
         self, fields: Fields, params: Named[str, tuple[Scalar, Scalar]], robot: RobotConfig
     ) -> Plan | None:
-        """Check the mission as a run would. An error in a param is reported at its place in the case."""
+        """Check the mission as a run would; return its plan, or None. An error in a param is reported in the case."""
         if not self.mission:
             return None
         values = {name: value.text for name, (_, value) in params.items()}

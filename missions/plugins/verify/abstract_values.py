@@ -136,7 +136,7 @@ class NondetValue(Value):
     """Variables that the expression certainly reads. Precomputed, since they are used tens of thousands of times."""
     sensed: bool = field(init=False)
     sensors: Sequence[str] = field(init=False)
-    """Sensors whose data the expression reads; whether each of them reports is a choice."""
+    """Sensors whose data the expression reads. Whether each sensor reports is a choice of the exploration."""
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ Script = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class NondetChoice:
-    """Nondeterministic choice: number of options, index taken, and a function that describes it."""
+    """A choice in a step: number of options, index of the option taken, and a function that describes it."""
 
     options: int
     index: int

@@ -93,7 +93,10 @@ class StateSpace:
         return self.places[-1].depth
 
     def explore(self) -> None:
-        """Explore all choices from every state, until no new state, no room or no time is left."""
+        """Explore all choices from every state, until no new state is found or a limit is reached.
+
+        The limits are the bound on states and the time limit.
+        """
         self._add(GOING, -1, ())
         while self._frontier:
             number = self._frontier.popleft()
@@ -111,7 +114,7 @@ class StateSpace:
         )
 
     def _expand(self, number: int, *, halted: bool) -> None:
-        """Take every possible step from a state: all ticks, or all halts if ``halted``."""
+        """Take every possible step from the state with this number: all ticks, or all halts if ``halted``."""
         script: Script | None = ()
         while script is not None:
             if self._is_full():

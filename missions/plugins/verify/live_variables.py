@@ -1,8 +1,8 @@
 """Live variables: variables that a run may still read before it stores them again.
 
 This is the backward data-flow analysis of compilers on a tree: each node gets the variables that are live after its
-success and after its failure, and returns those live before it. A variable that is not live has no effect: states that
-differ only in it have the same future.
+success and after its failure, and returns the variables that are live before it. A variable that is not live has no
+effect: states that differ only in it have the same future.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -43,10 +43,11 @@ PASSIVE_MODIFIERS = frozenset(
 
 
 def live_while_running(tree: Step) -> Mapping[str, Names]:
-    """Return, by node key, the variables of the node's own mission that are live while it runs.
+    """Return, by node key, the variables of the node's own mission that are live while the node runs.
 
-    A parent has only the variables that its own next steps may read; its running children have the others. ``tree`` has
-    the abstract steps (see missions.plugins.verify.model), since a stand-in reads fewer variables.
+    The entry of a parent has only the variables that its own next steps may read; the entries of its running children
+    have the others. The steps of ``tree`` must be abstract (see missions.plugins.verify.model), since a stand-in reads
+    fewer variables than its leaf.
     """
     analysis = LivenessAnalysis()
     while analysis.has_grown:

@@ -54,7 +54,7 @@ class PropertyMonitor:
         return ""
 
     def _overlap(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
-        """Return a text for a forbidden leaf that runs at the same time as ``leaf``, or an empty text."""
+        """Return a text if a leaf that the property forbids runs at the same time as ``leaf``, else an empty text."""
         for mine, theirs in ((self.subject, self.other), (self.other, self.subject)):
             clash = next((other for other in live if other in theirs), None)
             if leaf in mine and clash is not None:

@@ -35,10 +35,10 @@ UNKNOWN_INSTANT = ZoneInstant(-1, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class NodeFields:
-    """Fields of one node in a snapshot: their names, and the values to restore at rest.
+    """Fields of one node in a snapshot: their names, and their values at rest.
 
-    ``resting_rows`` caches, by status index, the row numbers of a node without lasting fields: most nodes of most
-    states.
+    ``resting_rows`` caches, by status index, the row numbers of a node without lasting fields. In most states, most
+    nodes have such a row.
     """
 
     node: Node

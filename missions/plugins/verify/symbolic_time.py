@@ -77,7 +77,7 @@ INITIAL_ZONE: Rows = ((ZERO_BOUND,),)
 
 
 def extrapolate(rows: Rows, seconds: Sequence[float]) -> Rows:
-    """Return a larger zone whose bounds are among ``seconds`` (sorted), 0, and their negatives.
+    """Return a larger zone whose bounds are among ``seconds`` (sorted), 0, and the negatives of these numbers.
 
     This removes sums, such as the multiples of 2 s within a minute, which would give too many states.
     """

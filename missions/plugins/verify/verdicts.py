@@ -210,7 +210,11 @@ class RuleChecker:
     # --- where a run is lost ------------------------------------------------------------------------------------------
 
     def _first_state_without(self, goals: Iterable[int], matters: Callable[[str], bool]) -> int | None:
-        """Return the state nearest to the start from which no goal is reachable, even through unexplored states."""
+        """Return the number of the state nearest to the start from which no goal is reachable; None if there is none.
+
+        Only states are considered for whose kind ``matters`` is true. A goal could also be reached through unexplored
+        states.
+        """
         if self._space.model.shuffler.is_sampled:
             return None  # an unexplored order could lead there
         can = self._space.can_reach((*goals, *self._space.open))
@@ -218,7 +222,7 @@ class RuleChecker:
         return next((number for number, place in places if matters(place.kind) and number not in can), None)
 
     def _bottom_component(self, place: int) -> int:
-        """Return a reachable state to which every run from it always returns."""
+        """Return a state reachable from ``place`` to which every run that leaves it can always return."""
         while True:
             back = self._space.can_reach((place,))
             onward = [n for n in self._space.reachable_from(place) if self._space.places[n].kind == GOING]
@@ -228,7 +232,7 @@ class RuleChecker:
             place = min(left)
 
     def _node_without_end(self, place: int) -> Node:
-        """Return the innermost running node that prevents the end: a leaf without end, else an endless loop."""
+        """Return the innermost running node that prevents the run's end: a leaf that never ends, or an endless loop."""
         state = self._space.places[place].state
         if state is not None:
             self._space.model.restore(state)

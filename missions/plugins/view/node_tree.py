@@ -96,7 +96,10 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
             node.set_label(words)
 
     def reveal_node(self, node: TreeNode[TreeBox], *, unfold: bool) -> None:
-        """Move the cursor to a node, or to the folded node that contains it."""
+        """Move the cursor to a node.
+
+        With ``unfold``, unfold the nodes above it; otherwise move to the folded node around it.
+        """
         above = node.parent
         while above is not None:
             if unfold:

@@ -46,7 +46,7 @@ LOG_STYLES: Mapping[str, str] = {
     "warning:": POOR,
     "robot:": "bold",
 }
-"""Colours of log lines that contain one of these words among the first."""
+"""Colours of log lines, by a word that is one of the first in the line."""
 
 ASCII_TABLE = str.maketrans({"✓": "+", "✗": "x", "…": "~", "°": "deg", "\N{REPLACEMENT CHARACTER}": "?"})
 """ASCII replacements of our signs."""

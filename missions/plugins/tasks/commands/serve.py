@@ -70,7 +70,10 @@ def serve_tasks(once: bool, **values: object) -> int:
 
 
 Membership = Callable[[Path, FleetLatch], AbstractContextManager[object]]
-"""Returns the context in which a server is in a fleet, given its state folder and the stop latch of the fleet."""
+"""Function that makes a task server a member of a fleet while the returned context is entered.
+
+It is given the server's state folder and the stop latch of the fleet.
+"""
 
 
 def serve(where: Path, *, once: bool, member: Membership | None = None) -> None:

@@ -69,7 +69,7 @@ class DeviceCommands:
                     self._joints[qualified_joint_name(part, joint.name)] = part, joint, servo
 
     def run_command(self, line: str) -> str:
-        """Run the command in ``line``; return a text to report. Raises ValueError for an invalid command."""
+        """Run the command in ``line``; return a text to show. Raises ValueError for an invalid command."""
         verb, *rest = line.split()
         if verb in JOINT_COMMANDS:
             part, joint, servo = self._joint(rest[0] if rest else "")

@@ -244,7 +244,7 @@ def run_bench(
     seed: int = 0,
     lag: float = 0.0,
 ) -> Iterator[BenchRow]:
-    """Yield the rows by scenario and body. ``lag`` is the base's assumed lag in seconds."""
+    """Yield a row for each scenario, body and controller. ``lag`` is the base's assumed lag in seconds."""
     for scenario in scenarios:
         for body in bodies:
             for name, rules in controllers.items():
@@ -281,8 +281,8 @@ def delay_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
 def stamp_summary(rows: Sequence[BenchRow]) -> Iterator[str]:
     """Yield the lines of a table over several seeds: the measured camera delay, and the resulting tracking.
 
-    ``known`` is the share of the seeds whose delay was known at the end, within ``MAX_DELAY_ERROR``; ``worst`` the
-    largest error while it was known (ms).
+    The column ``known`` is the share of the seeds whose delay was known at the end, within ``MAX_DELAY_ERROR``;
+    ``worst`` is the largest error while it was known (ms).
     """
     yield f"{'':<24} {'':<5} {'':<10} {'known':>7} {'worst':>7} {'centred':>8} {'x bound':>14} {'past':>5} {'RMS':>10}"
     blocks: dict[tuple[str, TrackingBody, str], list[Score]] = {}

@@ -367,7 +367,7 @@ class TwinRig:
 
 
 def run_scenario(setting: FailsafeSetting) -> Sequence[ScenarioMoment]:
-    """Return the moments of a setting on the twin."""
+    """Return the moments of a scenario with this setting, simulated with the twin of the base."""
     timeline = Timeline()
     return FailsafeScenario(setting, timeline, TwinRig(setting, timeline)).play()
 

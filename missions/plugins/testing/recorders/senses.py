@@ -61,7 +61,7 @@ class Spy:
         return self.record_always(command)
 
     def record_always(self, command: C) -> C:
-        """Record a command that is safe in any state."""
+        """Record a command and return it, even if ``trouble`` is set."""
         self.commands.append(command)
         self.times.append(self.clock.now())
         return command
@@ -81,7 +81,10 @@ class Spy:
         return Health(self.trouble is None, str(self.trouble or ""))
 
     def __getattr__(self, name: str) -> Any:
-        """Return a member of the protocol that has no method here."""
+        """Return a recording method for a command of the protocol that has no method here.
+
+        A query raises NotConnected when it is called, and a property when it is read.
+        """
         member = members(self.protocol).get(name)
         if member is None:
             raise AttributeError(f"{type(self).__name__} has no {name!r}")

@@ -60,7 +60,7 @@ MAX_UNCUT_RANGE = 10
 """Largest count of whole numbers in a range that is not cut: each number has its own bin."""
 
 Pairs = Sequence[tuple[DrawnValue, SweepRow]]
-"""Runs, each with its value of one varied parameter."""
+"""Runs of a sweep, each with its value of one varied parameter."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -153,7 +153,7 @@ class SweepRuns:
         return SweepRow(seed, sweep.draw(seed), outcome, result.reason, round(result.seconds, 6), result.ticks)
 
     def _plan(self, request: RunRequest) -> Plan:
-        """Return the mission, loaded once for each set of params: loading takes longer than a short run."""
+        """Return the mission, which is loaded once for each set of params: loading takes longer than a short run."""
         key = tuple(request.params.items())
         if key not in self._plans:
             self._plans[key] = load_plan(request, requested_robot(request))
