@@ -137,7 +137,6 @@ def _similar_spelling(kind: str, folder: Path, name: str) -> str:
 
 
 def _neighbour_files(path: Path) -> list[Path]:
-    """Return the YAML files in the folder of ``path``."""
     try:
         return [each for each in sorted(path.parent.iterdir()) if each.suffix in SUFFIXES]
     except (OSError, ValueError):  # no such folder, or one that may not be read

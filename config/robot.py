@@ -197,7 +197,6 @@ def _named_parts(fields: Fields) -> dict[str, PartKind]:
 
 
 def _read_section(fields: Fields, name: str, kind: PartKind, drivers: DriverCatalogue) -> Section | None:
-    """Return the section of a part, read with the keys of its driver."""
     named = "" if name == kind.name else name
     if named:
         fields.node_of("kind")

@@ -84,7 +84,6 @@ def _value(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
 
 
 def _read_form(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Return the value of a node that has the form of the key."""
     match key.form:
         case "text":
             return node.text if isinstance(node, Scalar) else ""
@@ -122,7 +121,6 @@ def _read_collection(fields: Fields, key: Key, word: str, node: Node, at: KeyPat
 
 
 def _read_item(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Return the value of an item of a list or of a named entry."""
     inner = key.inner or key
     if inner.form != "section":
         return _value(fields, inner, word, node, at)
@@ -207,7 +205,6 @@ def _add_form_error(fields: Fields, key: Key, word: str, node: Node) -> Any:
 
 
 def _placeholder(fields: Fields, key: Key) -> Any:
-    """Return the placeholder for an invalid or missing value."""
     zeros = (0.0,) * next(iter(key.sizes), 0)
     if key.form == "section":
         empty = Fields(fields.source, MarkedMapping(Mark()), [], subject="")

@@ -57,7 +57,6 @@ class Quantity(float):
     _text: str
 
     def __new__(cls, value: float, dimension: str, text: str = "") -> Self:
-        """Create a quantity of ``value`` SI units."""
         quantity = super().__new__(cls, value)
         quantity.dimension = dimension
         quantity._text = text

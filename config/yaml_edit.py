@@ -85,7 +85,6 @@ def with_values(source: SourceText, values: PyMapping[tuple[str, ...], str]) -> 
 
 
 def _plain_value(node: Node) -> Any:
-    """Return the value of a node as plain Python data."""
     if isinstance(node, Mapping):
         return {name.text: _plain_value(value) for name, value in node.entries}
     return [_plain_value(each) for each in node.items] if isinstance(node, Listing) else node.value

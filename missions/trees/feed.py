@@ -74,7 +74,6 @@ class ViewFeed:
     # --- told by the run ----------------------------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Store the changes in an event of the run."""
         match event:
             case NodeChanged():
                 with self._lock:

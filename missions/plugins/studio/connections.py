@@ -230,7 +230,7 @@ class ConnectionAcceptor:
         return max(MIN_CONNECTIONS, min(MAX_CONNECTIONS, limit - RESERVED_DESCRIPTORS - self._other_descriptors))
 
     async def _serve(self, visit: ClientConnection) -> None:
-        """Do the TLS handshake, and hand the connection over to its protocol."""
+        """Do the TLS handshake, and pass the connection on to its HTTP protocol."""
         timeouts: dict[str, Any] = {}
         if self.ssl_context is not None:
             timeouts = {"ssl_handshake_timeout": HANDSHAKE_TIMEOUT, "ssl_shutdown_timeout": CLOSING_TIMEOUT}

@@ -63,7 +63,6 @@ def params_of(name: str) -> list[dict[str, object]]:
 
 
 def _param(param: Param) -> dict[str, object]:
-    """Return a parameter as a form field."""
     kind = param.type
     field: dict[str, object] = {
         "name": param.name,
@@ -399,7 +398,6 @@ ENTRY_MAKERS: Mapping[str, Callable[[str, Path, str], Json]] = {
 
 
 def _people_names() -> list[str]:
-    """Return the names of the people that the robot knows."""
     with suppress(Exception):  # an unreadable folder gives a form without names
         return [each.name for each in People(people_folder()).known_people()]
     return []

@@ -292,7 +292,7 @@ class RunHub:
             await asyncio.sleep(SEARCH_INTERVAL)
 
     async def _on_line(self, link: AsyncRunLink, line: bytes) -> None:
-        """Handle a message of a run about its stop or release."""
+        """Handle a message from a run that it was stopped or released."""
         if line.startswith(b'{"say":"run"'):
             link.about = parse_object(line)
             self._on_change()

@@ -281,5 +281,5 @@ def protocol_schema() -> dict[str, object]:
 
 
 def _schemas(kinds: Mapping[str, type[object]], key: str) -> dict[str, object]:
-    """Return the JSON Schemas of messages by word, under ``key``."""
+    """Return the JSON Schemas of messages by word; ``key`` is the field that holds the word."""
     return {word: object_schema(kind, CODEC_RULES, **{key: {"const": word}}) for word, kind in kinds.items()}

@@ -152,7 +152,6 @@ def _record(request: Request) -> Path:
 
 
 def _log_download(request: Request, word: str, outcome: str) -> None:
-    """Write the download of a record into the audit log."""
     role, name = request.scope["role"], request.path_params["name"]
     request.app.state.studio.audit.write(role, role, {"do": word, "name": name}, outcome)
 

@@ -171,7 +171,6 @@ def _read_angle(fields: Fields, key: str, node: Node, default_tolerance: float) 
 
 
 def _read_returns(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
-    """Yield the expected results of the mission as (name, value)."""
     for name, value in _entries(node):
         if name.text not in names.returns:
             hint = suggest_from(name.text, names.returns) or "it has no results"

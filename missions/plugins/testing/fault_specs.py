@@ -109,7 +109,6 @@ def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] 
 
 
 def _read_detail(phrase: Phrase, state: str) -> tuple[str, float]:
-    """Return the detail and the amount of a fault state."""
     if state in ("bumped", "cliff"):
         return phrase.take_if(*SIDES) or "centre", 0.0
     if state == "button":

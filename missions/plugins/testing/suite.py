@@ -264,7 +264,7 @@ def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], 
 
 
 def _merge_shared(top: Node) -> Node:
-    """Return a test file in which each case includes the shared keys."""
+    """Return a test file in which each case has the keys that the cases share."""
     shared, cases = (top.get(word) if isinstance(top, Mapping) else None for word in ("with", "cases"))
     if not isinstance(top, Mapping) or not isinstance(shared, Mapping) or not isinstance(cases, Listing):
         return top

@@ -140,7 +140,6 @@ class NondetValue(Value):
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Precompute the constant fields."""
         reads = self.template.reads if self.template is not None else ()
         values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
         sensed = any(value is None or not value.options for value in values)

@@ -151,6 +151,6 @@ def _wait_for_orphan(path: Path, closed: ExitStack) -> int:
 
 
 def _report(text: str) -> None:
-    """Print a text on stderr; a closed terminal is ignored."""
+    """Print a text on stderr; errors of a closed terminal are ignored."""
     with suppress(OSError):
         click.echo(text, err=True)

@@ -55,7 +55,6 @@ class CommandChannel:
         self._given_up.set()
 
     def _wait_exit_code(self, process: "subprocess.Popen[bytes]") -> int:
-        """Wait for the end of the program; return its exit code."""
         clock = SystemClock()
         while (code := process.poll()) is None:
             if clock.now() > self._timeout:

@@ -65,8 +65,8 @@ class WebhookChannel:
     """Posts each notice to a web server; a status of 2xx means delivered.
 
     The header ``Idempotency-Key`` has the notice's id, so the server can drop duplicates. Redirections are errors,
-    since a redirected POST becomes a GET without body. Error messages contain only scheme and host, because the rest of
-    the address is often a secret.
+    since a redirected POST becomes a GET without body. Error messages contain only scheme, host and port, because the
+    rest of the address is often a secret.
     """
 
     def __init__(self, config: WebhookNotice, environment: Mapping[str, str], timeout: float = TIMEOUT) -> None:
@@ -104,7 +104,7 @@ class WebhookChannel:
         raise DeliveryError(f"{site}: {problem.replace(path, '...') if len(path) > 1 else problem}")
 
     def _address(self) -> tuple[str, str]:
-        """Return the whole address, and the part that error messages may contain."""
+        """Return the whole address, and the part of it that error messages may contain: scheme, host and port."""
         variable = self._config.url_from
         url = read_secret(variable, self._environment).strip() if variable else self._config.url
         try:

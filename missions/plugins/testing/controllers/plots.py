@@ -174,7 +174,6 @@ def _make_figure(size: tuple[float, float], title: str) -> Figure:
 
 
 def _simplify_axes(axes: Axes) -> None:
-    """Remove axis elements that do not help the reader."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=MUTED_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)

@@ -432,7 +432,6 @@ class TrackingTrial:
         return round(self._clock.now() - WARM_UP_TIME - FRAME_PHASE - self._scenario.learning_time, 9)
 
     def _true_gaze(self) -> float:
-        """Return the camera's true direction in radians."""
         now = self._clock.now()
         pan = 0.0 if self._head is None else self._head.true_pose(now).pan
         return pan + (0.0 if self._base is None else self._base.true_pose(now).heading)

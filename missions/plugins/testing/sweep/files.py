@@ -83,7 +83,6 @@ class SweepFolder:
         self._worlds.mkdir(parents=True, exist_ok=True)
 
     def _old_files(self) -> list[Path]:
-        """Return the files of an earlier sweep."""
         left = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
         return [path for path in left if path.exists()]
 

@@ -83,7 +83,6 @@ def _draw_causes(axes: Axes, summary: Summary) -> None:
 
 
 def _simplify_axes(axes: Axes, along: str = "y") -> None:
-    """Remove axis elements that do not help the reader."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="x" if along == "x" else "y", color=MUTED_COLOUR, alpha=0.25)
     axes.set_axisbelow(True)
