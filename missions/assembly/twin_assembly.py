@@ -114,7 +114,6 @@ class Conversation:
             twins.microphone.on_reply(reply)
 
     def _robot_position(self) -> tuple[float, float]:
-        """Return the true position of the robot."""
         pose = self._twins.pose()
         return pose.x, pose.y
 
@@ -204,7 +203,6 @@ class _TwinPartFactory:
         )
 
     def make(self, kind: str, section: Section, devices: Mapping[str, Any]) -> tuple[Device, object]:  # noqa: ARG002
-        """Return the twin of a part, and the object that leaves use."""
         parts = self._twins.parts
         if kind == "camera":
             sight = self._eyes(section.keys)

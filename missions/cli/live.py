@@ -31,7 +31,7 @@ REFRESH_INTERVAL = 0.1
 """Seconds between two updates of the live line."""
 
 READY_NOTICE_DELAY = 2.0
-"""Seconds from the start of the program after which a run that has begun is announced by the line "ready"."""
+"""Seconds from the start of a run to its first tick above which the line "ready" is printed."""
 
 STATUS_SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
@@ -106,7 +106,6 @@ class RunDisplay:
             self._lines.stop()
 
     def __call__(self, event: Event) -> None:
-        """Show one event."""
         if self._halted and not (isinstance(event, NodeChanged) and event.status == "idle"):
             self._print_halted(event)
         self._show(event)

@@ -32,7 +32,6 @@ class NameType(click.ParamType[str]):
         return str(value)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the completions of ``incomplete``."""
         del param
         if incomplete.startswith((".", "/", "~")):
             return [CompletionItem(incomplete, type=FILE)]

@@ -19,7 +19,6 @@ class WholeNumber(click.IntRange):
         return "N" if isinstance(param, click.Option) else super().get_metavar(param, ctx)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Return the number. Raises click.BadParameter."""
         if isinstance(value, str) and _WHOLE.fullmatch(value.strip()) is None:
             self.fail(f"{value!r} is not a whole number.", param, ctx)
         return int(super().convert(value, param, ctx))
@@ -37,7 +36,6 @@ class RealNumber(click.FloatRange):
         return "NUMBER" if isinstance(param, click.Option) else super().get_metavar(param, ctx)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number. Raises click.BadParameter."""
         if isinstance(value, str) and _REAL.fullmatch(value.strip()) is None:
             self.fail(f"{value!r} is not a number.", param, ctx)
         return float(super().convert(value, param, ctx))

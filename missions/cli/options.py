@@ -21,7 +21,6 @@ class SecondsType(click.ParamType[float]):
     name = "time"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the time in seconds."""
         if isinstance(value, float):
             return value
         try:
@@ -43,7 +42,6 @@ class SizeType(click.ParamType[float]):
     UNITS: ClassVar[Mapping[str, float]] = {"kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12}
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the size in bytes."""
         if isinstance(value, float):
             return value
         found = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]+)?)\s*([kMGT]B)", str(value).strip(), re.IGNORECASE)

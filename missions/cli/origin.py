@@ -15,7 +15,7 @@ def forget_origin() -> None:
 
 
 OTHER_ROBOT = "--robot NAME selects another"
-"""Hint how to select another robot, for a command with ``--robot`` that does not simulate by default."""
+"""Hint how to select another robot, for a command in which ``--robot`` does not decide whether hardware moves."""
 
 OTHER_SIMULATED_ROBOT = "--robot NAME --simulate selects another"
 """Hint how to select another robot, for a command that simulates unless the user names a robot.

@@ -65,7 +65,6 @@ class PrintableStream:
         return self.raw.write(make_printable(text))
 
     def writelines(self, lines: Any) -> None:
-        """Write texts with their control codes escaped."""
         for line in lines:
             self.write(line)
 

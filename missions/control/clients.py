@@ -261,7 +261,10 @@ class Broadcaster:
             wake()  # detectors pause without queries
 
     def send_pictures(self, now: float) -> None:
-        """Send the newest picture to subscribed clients that have confirmed earlier ones; ``now`` is in seconds."""
+        """Send the newest picture to each client whose next picture is due, by its rate and its confirmations.
+
+        ``now`` is the time in seconds.
+        """
         wanting = [client for client in self.clients if self._pictures.is_watched and client.is_picture_due(now)]
         picture = self._pictures.newest() if wanting else None
         if picture is None:

@@ -287,7 +287,6 @@ class ControlSocket:
         runner.stream.listeners.append(self)
 
     def __call__(self, event: Event) -> None:
-        """Forward an event of the run to the clients."""
         self.feed(event)
 
     def __enter__(self) -> Self:

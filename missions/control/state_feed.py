@@ -39,7 +39,6 @@ class RunHistory:
         self._lock = Lock()
 
     def __call__(self, event: Event) -> None:
-        """Store an event."""
         if isinstance(event, VariableSet):
             with self._lock:
                 name = f"{event.scope} {event.name}".lstrip()
@@ -128,7 +127,6 @@ class StateFeed:
         self.wake: Callable[[], None] = lambda: None
 
     def __call__(self, event: Event) -> None:
-        """Add an event."""
         self._parts.on_event(event)
         self._feed(event)
         self.history(event)

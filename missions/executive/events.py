@@ -235,7 +235,6 @@ class JsonLinesWriter:
         self._file = file
 
     def __call__(self, event: Event) -> None:
-        """Write one event."""
         line = json.dumps(event.as_dict(), default=json_value, ensure_ascii=False) + "\n"
         self.is_complete = False
         self._file.write(line)

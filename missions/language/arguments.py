@@ -41,7 +41,10 @@ from perception.api import Face
 
 
 def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
-    """Report a text argument that looks like a calculation with a variable; quoted texts are accepted."""
+    """Report an error if the text argument ``name`` looks like a calculation with a variable, such as ``n + 1``.
+
+    Texts in quotes are accepted.
+    """
     if not isinstance(node, Scalar) or node.quoted or not isinstance(node.value, str) or parse_quantity(node.text):
         return
     try:
@@ -88,7 +91,7 @@ def as_face(value: object) -> Face | None:
 
 
 def _variable(formula: Template | Expression | None) -> str:
-    """Return the variable if the template is that variable alone; empty otherwise."""
+    """Return the name of the variable if ``formula`` is ``${name}`` alone; empty otherwise."""
     match formula:
         case Template(parts=(Expression(tree=ast.Name(id=name)),)):
             return name
@@ -106,7 +109,10 @@ def _face_hint(context: CheckContext) -> str:
 
 
 def thing_converter(context: CheckContext, kind: str) -> Convert | None:
-    """Return a function that looks up an object by name, and raises LookupError; None for kinds without a lookup."""
+    """Return a function that looks up an object of the ``kind`` (such as "gesture") by name.
+
+    The function raises LookupError for unknown names. None for a kind of argument that is not looked up.
+    """
     folder = Path(context.source.name).parent
     if kind == "file":
         return partial(_file, context.things.get(kind, Path), folder)
@@ -120,7 +126,7 @@ def _find(lookup: Callable[[str], object], value: object) -> object:
 
 
 def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
-    """Return the object that ``lookup`` finds at a path relative to the mission's folder."""
+    """Return the object that ``lookup`` finds for the file ``value``, a path relative to ``folder``."""
     return lookup(str(folder / format_value(value)))
 
 
@@ -161,7 +167,10 @@ def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: N
 
 
 def _defaults(context: CheckContext, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:
-    """Report missing required arguments of a leaf; return the values of the defaults that are names to look up."""
+    """Report the required arguments of a leaf that are not in ``given``.
+
+    Return the defaults that must be looked up, such as the name of a gesture; the leaf has the others already.
+    """
     values = {}
     for argument in leaf.arguments.values():
         if argument.name in given:
@@ -186,7 +195,7 @@ def _report_no_principal(context: CheckContext, leaf: type[Leaf], node: Node) ->
 
 
 def _read_open(context: CheckContext, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
-    """Read a leaf whose argument names are chosen by the mission, such as ``set``."""
+    """Return the arguments of a leaf that takes any argument names, such as ``set: {count: 1}``."""
     if not isinstance(node, Mapping) or not node.entries:
         context.fault(key.mark, f"'{leaf.tag}' needs names and values", f"write {leaf.tag}: {{count: 1}}")
         return {}
@@ -224,7 +233,7 @@ def read_argument(context: CheckContext, argument: Argument, node: Node, label: 
 
 
 def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) -> Scalar:
-    """Return ``node`` with its value for this argument: a text argument keeps ``007`` as a text."""
+    """Return ``node`` with its value as the kind of ``argument`` needs it: a text argument keeps ``007``."""
     if node.value is None:
         return node
     if argument.kind in (*TEXT_KINDS, *UNITS) or argument.kind in context.things:
@@ -233,7 +242,10 @@ def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) 
 
 
 def default_value(node: Scalar) -> str | float | bool | None:
-    """Return the value of a scalar without a known type: a quantity if it looks like one and is not quoted."""
+    """Return the value of a scalar whose type the mission does not declare.
+
+    A text without quotes that looks like a quantity, such as ``30 cm``, becomes one.
+    """
     found = None if node.quoted else parse_quantity(node.text)
     return node.value if found is None else found
 
@@ -258,7 +270,10 @@ def _read_span(context: CheckContext, argument: Argument, node: Node, label: str
 
 
 def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
-    """Read a mapping from joints to values, each of which may be a param; or a variable that holds the mapping."""
+    """Return the value of an argument that maps joints to values, such as ``{elbow: 0.5}``.
+
+    The values can be params; a variable that holds such a mapping can stand in its place.
+    """
     one = replace(argument, by_joint=False)
     if isinstance(node, Scalar) and "${" in node.text:
         return context.read_value(node, label, partial(_by_joint, converter(context, one)))

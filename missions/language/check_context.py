@@ -27,7 +27,7 @@ from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
 
 Lookup = Callable[[str], object]
-"""Finds an object by name; raises LookupError with the known names."""
+"""Function that finds an object, such as a gesture, by name; it raises LookupError with the known names."""
 
 MAX_STEPS = 10_000
 """Maximum steps of a mission; steps of sub-missions count at each use."""
@@ -40,7 +40,7 @@ Reading and ticking are recursive, so a deeper tree would overflow the stack.
 
 
 def find_no_mission(name: str, beside: Path) -> Path:
-    """Raise LookupError: the mission finder for a text without a library."""
+    """Raise LookupError: used to find sub-missions when a mission is checked that is not in a library."""
     raise LookupError(f"cannot be found from {beside}: '{name}'")
 
 
@@ -61,9 +61,10 @@ def hole_hint(text: str) -> str:
 
 @dataclass(slots=True)
 class Vocabulary:
-    """Names that missions can use: leaves, gestures and other objects, and missions, found from the file's folder.
+    """Names that missions can use: leaves, ``things`` such as gestures by kind, and missions.
 
-    ``files`` caches the missions that were read, so that each is read once.
+    ``find_mission`` returns the file of a mission by its name and the folder of the file that uses it. ``files`` caches
+    the missions that were read, so that each is read once.
     """
 
     leaves: Mapping[str, type[Leaf]]
@@ -74,14 +75,14 @@ class Vocabulary:
 
 @dataclass(slots=True)
 class CheckContext:
-    """The mission being read: its text, params, known names, and errors.
+    """State of the checker for the mission that it reads: text, params, known names, and errors.
 
     ``variables`` are set by some step of the mission, or are params known only in a run; ``missing_params`` are those
     that the caller has not set yet. ``variable_leaves`` are variables of known type, each with a leaf that stores it;
-    ``param_kinds`` are the kinds of params without a value. ``has_unreadable_line`` and ``has_unreadable_mission`` mark
-    a file line or a sub-mission that could not be read; the latter may return any variable. ``file_chain`` are the
-    including files, this one last; ``steps`` the steps read so far in all files; ``depth`` the number of steps above
-    the present one.
+    ``param_kinds`` are the kinds of params without a value. ``has_unreadable_line`` is true if a line of the file could
+    not be read. ``has_unreadable_mission`` is true if a sub-mission could not be read; it may return any variable.
+    ``file_chain`` are the files from the main mission down to this one. ``steps`` are the places of all steps read so
+    far in all files; ``depth`` is the number of steps above the present one.
     """
 
     source: SourceText
@@ -109,18 +110,18 @@ class CheckContext:
         return self.vocabulary.things
 
     def param_kinds_of(self, value: Value) -> Mapping[str, Kind]:
-        """Return the kinds of the params that ``value`` reads and no step sets."""
+        """Return the kinds of the params in the expression ``value``, without params that a step may change."""
         names = () if value.template is None else {read.name for read in value.template.reads}
         known = (name for name in names if name in self.params and name not in self.variables)
         return {name: kind_of_value(self.params[name]) for name in known}
 
     def forget_kinds(self, names: Iterable[str]) -> None:
-        """Mark variables as having an unknown type."""
+        """Record that the types of the variables ``names`` are not known."""
         for name in names:
             self.variable_leaves.pop(name, None)
 
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, certain: bool = False) -> None:
-        """Report an error; after an unreadable line only if it is ``certain``."""
+        """Report an error at ``mark``; if a line of the file could not be read, only if it is ``certain``."""
         if certain or not self.has_unreadable_line:
             add_diagnostic(self.faults, Diagnostic(self.source, mark, message, suggestion))
 
@@ -137,9 +138,9 @@ class CheckContext:
             self.fault(node.mark, f"{label} cannot be '{node.text}', which is reserved in expressions")
 
     def read_value(self, node: Scalar, label: str, convert: Convert, wanted_kind: str = "") -> Value:
-        """Read a scalar: a constant, or a text with ``${...}``; ``label`` begins an error message.
+        """Return the value of a scalar: a constant, or a text with ``${...}``; report its errors.
 
-        ``wanted_kind`` is the kind of the argument.
+        ``label`` begins an error message; ``convert`` converts the value; ``wanted_kind`` is the kind of the argument.
         """
         try:
             filled = template(node.text)
@@ -172,7 +173,10 @@ class CheckContext:
     def read_formula(
         self, node: Scalar, formula: Template | Expression, label: str, convert: Convert, wanted_kind: str = ""
     ) -> Value:
-        """Return the value of an expression after a check of the names that it reads; computed if all are params."""
+        """Return the value of an expression after a check of the names in it; a constant if it reads only params.
+
+        ``label``, ``convert`` and ``wanted_kind`` are as in ``read_value``.
+        """
         known = [self._check_name(node, read, label) for read in formula.reads]
         if not all(known):
             return INVALID_VALUE
@@ -194,7 +198,7 @@ class CheckContext:
         return self.convert_constant(node, found, label, convert)
 
     def awaits_params(self, formula: Template | Expression) -> bool:
-        """Return whether an expression reads only params, some of them not set yet."""
+        """Return True if an expression reads only params, some of which the caller has not set yet."""
         names = {read.name for read in formula.reads}
         return all(
             name in self.missing_params or (name in self.params and name not in self.variables) for name in names
@@ -219,9 +223,9 @@ class CheckContext:
         return False
 
     def _is_never_set(self, name: str) -> bool:
-        """Return whether a name occurs once in the file, and no sub-mission may return it.
+        """Return True if no step can set the variable ``name``, although a line of the file could not be read.
 
-        Then nothing sets it, even if a line could not be read.
+        This is so if the name occurs once in the text and there is no sub-mission that could return it.
         """
         words = re.findall(r"\w+", self.source.text)
         return (
@@ -243,7 +247,7 @@ class CheckContext:
         return False
 
     def _name_hint(self, read: NameReference) -> str:
-        """Return a suggestion for an unknown name."""
+        """Return a hint for the unknown name that an expression reads: a similar name, or all known names."""
         own_names = sorted({*self.params, *self.variables})
         state = [f"{name}.{member}" for name, members in STATE_KINDS.items() for member in members]
         if to_snake_case(read.name) in FLAG_WORDS and not read.member:

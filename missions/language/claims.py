@@ -1,4 +1,7 @@
-"""Checks of actuators and parts: exclusive use of each actuator, and parts and reach of the robot."""
+"""Checks that a robot can do a mission, and that no two leaves drive one actuator at the same time.
+
+The robot must have the parts that the mission uses, and its joints must reach the goals.
+"""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,10 +32,10 @@ def no_words(texts: Sequence[str]) -> tuple[()]:
 class TargetRobot(NamedTuple):
     """The robot that a mission is checked for: name, parts, and joint ranges of its arms, as far as known.
 
-    ``reaches`` are joint ranges by arm; ``further_parts`` are the kinds of further parts by name. ``unpronounceable``
-    returns the words that the robot cannot listen for, ``confusable`` the pairs of phrases that it confuses.
-    ``head_joints`` are the joints of the arm that form heads, with the name of the head. ``capabilities`` are optional
-    abilities of the parts.
+    ``reaches`` are joint ranges by arm. ``further_parts`` are the kinds of additional parts (such as a second arm) by
+    name. ``unpronounceable`` returns the words that the robot cannot listen for, ``confusable`` the pairs of phrases
+    that it confuses. ``head_joints`` are the joints of the arm that also move a head, each with the name of the head.
+    ``capabilities`` are optional abilities of the parts.
     """
 
     name: str
@@ -126,7 +129,10 @@ def check_reach(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str, Lookup]) -> list[Diagnostic]:
-    """Return a hint for each alternative of a selector that fails on this robot, for lack of a part or range."""
+    """Return a hint for each alternative of a selector that always fails on this robot.
+
+    It fails because a part is missing, or because a joint cannot reach the goal.
+    """
     hints = []
     for step in _first_leaves_of_alternatives(tree):
         missing = _missing_parts(step, robot)
@@ -138,7 +144,7 @@ def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str,
 
 
 def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
-    """Yield the first leaves of each alternative of a selector except the last."""
+    """Yield, for each child of a selector except the last, the leaves that it ticks first."""
     for step in tree.walk():
         if step.kind == "selector":
             for child in step.children[:-1]:
@@ -146,7 +152,7 @@ def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
 
 
 def _first_leaves(step: Step) -> Iterator[Step]:
-    """Yield the leaves that are ticked when a step starts, and whose failure makes it fail."""
+    """Yield the leaves that are ticked when ``step`` starts, if a failure of one makes ``step`` fail."""
     if step.leaf is not None:
         yield step
     elif step.kind in AT_ONCE or step.kind in MODIFIERS:
@@ -159,7 +165,7 @@ def _first_leaves(step: Step) -> Iterator[Step]:
 
 
 def _fails_with_child(step: Step) -> bool:
-    """Return whether a modifier, a parallel or a race fails at the first failure of a child."""
+    """Return True if ``step``, a modifier, a parallel or a race, fails at the first failure of a child."""
     if step.kind in MODIFIERS:
         return FAILURE in MODIFIERS[step.kind].failure
     decided = decide_parallel(len(step.children), {word: value.constant for word, value in step.arguments.items()})
@@ -225,7 +231,10 @@ def check_necks(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
 
 
 def _joint_violations(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
-    """Return the goals of a leaf beyond the joint ranges in ``reaches``, as far as its arguments are known."""
+    """Return as text the goals of a leaf that are beyond the joint ranges in ``reaches`` (by arm).
+
+    Empty if the arguments of the leaf are only known in a run.
+    """
     known = all(value.template is None for value in step.arguments.values())
     own_arm = step.named_parts.get("arm", "arm")
     arms = {own_arm, *(name for name, kind in step.parts_beside.items() if kind == "arm")}

@@ -37,9 +37,10 @@ EventPath = PathEvent | None
 
 
 class UnsetVariables(NamedTuple):
-    """Variables that may be unset at a place in the tree: one bit each in ``bits``, and the shortest ``paths`` of some.
+    """Variables that may be unset at a place in the tree: one bit each in ``bits``.
 
-    Every step has such a value, so bits are used: mappings or sets of all variables would take quadratic time.
+    ``paths`` are the shortest paths to this place that leave a variable unset, for some of the variables. Every step
+    has such a value, so bits are used: sets of all variables would take quadratic time.
     """
 
     bits: int
@@ -50,14 +51,17 @@ NOTHING_UNSET = UnsetVariables(0, {})
 
 
 class UnsetAfter(NamedTuple):
-    """Variables that may be unset after each end (success, failure) of a step; None for an end that cannot occur."""
+    """Variables that may be unset after a step: after its success, and after its failure.
+
+    Each is None if the step cannot end so.
+    """
 
     success: UnsetVariables | None
     failure: UnsetVariables | None
 
 
 def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None:
-    """Return the unset variables with ``event`` appended to their paths; None if the place is never reached."""
+    """Return ``unset`` with ``event`` appended to its paths; None stays None (a place that is never reached)."""
     if unset is None or not unset.paths:
         return unset
     ways = {name: PathEvent(event, way, 1 if way is None else way.length + 1) for name, way in unset.paths.items()}
@@ -65,7 +69,10 @@ def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None
 
 
 def merge_unset(alternatives: Iterable[UnsetVariables | None]) -> UnsetVariables | None:
-    """Return the variables that may be unset on one of several paths, each with the shortest; None if no path."""
+    """Return the variables that are unset on at least one of several paths, each with the shortest path.
+
+    Paths that are None, as they are never taken, are left out; None if there is no other.
+    """
     bits: int | None = None
     found: dict[str, EventPath] = {}
     for unset in alternatives:
@@ -91,10 +98,11 @@ MAX_TRACED_READS = 100
 
 @dataclass(frozen=True, slots=True)
 class StepContext:
-    """Context of a step: variables that count as set (``assumed_bits``), and whether the step's failure is caught.
+    """Place of a step in the tree, as far as the check of its reads needs it.
 
-    A step that ``is_guarded`` stands behind a condition on a variable, so it may never run with one unset. ``nonzero``
-    variables can be divisors.
+    Variables in ``assumed_bits`` count as set. ``is_failure_caught`` is true if a step above handles a failure. A step
+    that ``is_guarded`` stands behind a condition on a variable, so it may never run with a variable unset. ``nonzero``
+    are variables that are never 0, so a division by them cannot fail.
     """
 
     assumed_bits: int = 0
@@ -104,7 +112,7 @@ class StepContext:
 
 
 class UnsetRead(NamedTuple):
-    """A step that reads a variable which is unset on this path."""
+    """A read of the variable ``name`` by ``step``, and a path to the step on which it is unset."""
 
     step: Step
     name: str
@@ -123,7 +131,8 @@ class UnsetRead(NamedTuple):
 def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, object]) -> list[UnsetRead]:
     """Return the reads in ``tree`` of variables that are not set on every path; ``names`` are unset at its start.
 
-    The first ``MAX_TRACED_READS`` are complete; of the others, only those of the same variables are returned.
+    ``params`` are the known params. The first ``MAX_TRACED_READS`` reads have their paths; later reads are returned
+    only if they read the same variables.
     """
     here = StepContext(nonzero=nonzero_variables(tree, params))
     names = tuple(names)
@@ -132,7 +141,10 @@ def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, obje
 
 
 class _UnsetAnalysis:
-    """Traverses a tree once, and collects the ``reads`` of unset variables, with paths of the ``traced`` names."""
+    """Traverses a tree once, and collects the ``reads`` of unset variables.
+
+    Only reads of the variables in ``traced`` get their paths.
+    """
 
     def __init__(self, traced: Collection[str] = frozenset()) -> None:
         self.reads: list[UnsetRead] = []
@@ -164,7 +176,10 @@ class _UnsetAnalysis:
         return self.follow_at_once(step, unset, here, all_succeed=kind.passes == SUCCESS)
 
     def _bits_of(self, names: Iterable[str]) -> int:
-        """Return the bits of some names; each name has the same bit in all steps."""
+        """Return an integer in which the bits of the variables ``names`` are set.
+
+        Each name has the same bit in the whole analysis.
+        """
         found = 0
         for name in names:
             found |= self._bits.setdefault(name, 1 << len(self._bits))
@@ -175,7 +190,7 @@ class _UnsetAnalysis:
         return UnsetVariables(self._bits_of(names), dict.fromkeys(name for name in names if name in self._traced))
 
     def _with_set(self, names: Collection[str], unset: UnsetVariables) -> UnsetVariables:
-        """Return the variables that are still unset after ``names`` are set."""
+        """Return ``unset`` without the variables ``names``, which a step has set."""
         if not names:
             return unset
         ways = {name: way for name, way in unset.paths.items() if name not in names}
@@ -232,7 +247,10 @@ class _UnsetAnalysis:
     # --- composites -----------------------------------------------------------------------------------------------
 
     def follow_in_order(self, step: Step, unset: UnsetVariables, here: StepContext, *, passes: str) -> UnsetAfter:
-        """Follow a sequence or a selector; the next child runs after an end ``passes`` (success or failure)."""
+        """Return the variables that may be unset after a composite that runs its children one after another.
+
+        ``passes`` is the end of a child after which the next child runs: success in a sequence, failure in a selector.
+        """
         stops: list[UnsetVariables | None] = []
         now: UnsetVariables | None = unset
         for child in step.children:
@@ -248,7 +266,10 @@ class _UnsetAnalysis:
         return UnsetAfter(now, merge_unset(stops)) if passes == SUCCESS else UnsetAfter(merge_unset(stops), now)
 
     def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext, *, all_succeed: bool) -> UnsetAfter:
-        """Follow concurrent children, or children in any order; ``all_succeed`` if a success needs all of them."""
+        """Return the variables that may be unset after a composite whose children run concurrently or in any order.
+
+        ``all_succeed`` is true if the composite succeeds only when all children have succeeded.
+        """
         found = []
         once = twice = 0
         for child in step.children:
@@ -303,7 +324,10 @@ class _UnsetAnalysis:
         )
 
     def follow_for_each(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
-        """Follow one round of a for_each, and the path without a round if its list may be empty."""
+        """Return the variables that may be unset after a for_each: after one round, or without a round.
+
+        A for_each has no round if its list is empty.
+        """
         after = self.follow(step.children[0], self._with_set(step.binds, unset), here)
         among = step.arguments["in"].constant
         has_member = isinstance(among, ListMembers) and among.count
@@ -345,7 +369,7 @@ def _early_end_event(step: Step) -> str:
 
 
 def catches_failure(step: Step, child: Step) -> bool:
-    """Return whether ``step`` handles a failure of ``child``: by another child, or by another end."""
+    """Return True if ``step`` need not fail when ``child`` fails, as it tries another child or ends differently."""
     if step.kind in MODIFIERS:
         return FAILURE not in MODIFIERS[step.kind].failure
     kind = COMPOSITES.get(step.kind)
@@ -379,7 +403,7 @@ REPEATING_KINDS = frozenset(
         *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
     }
 )
-"""Kinds of nodes below which any step may follow any other: in a later round, or at the same time."""
+"""Kinds of nodes below which any step may run after any other: in a later round, or at the same time."""
 
 
 MAX_SHOWN_EVENTS = 10

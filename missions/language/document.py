@@ -1,6 +1,6 @@
-"""Parsing and checking of a mission file, or its text, into a plan.
+"""Parses and checks a mission file, or its text, and returns a plan.
 
-Comparisons with results of ``listen`` are checked here, after the whole tree is read.
+It also checks comparisons with results of ``listen``, after the whole tree is read.
 """
 
 import ast
@@ -30,12 +30,15 @@ from missions.language.wanted_objects import check_objects
 
 
 def check_answers(context: CheckContext, tree: Step) -> None:
-    """Report each text that is compared with a result of ``listen`` but is not among its phrases."""
+    """Report each text that a mission compares with a result of ``listen`` but does not listen for."""
     _check_mission_answers(context, tree, context.params)
 
 
 def _check_mission_answers(context: CheckContext, tree: Step, params: Collection[str]) -> None:
-    """Check one mission; sub-missions have their own variables."""
+    """Report such texts for one mission and its sub-missions, which have variables of their own.
+
+    ``params`` are the names of the mission's params.
+    """
     steps = list(steps_in_scope(tree))
     answers = _phrase_variables(steps, params)
     for step in steps:
@@ -70,7 +73,7 @@ def _phrase_variables(steps: Collection[Step], params: Collection[str]) -> Mappi
 
 
 def _text_comparisons(value: Value) -> Iterator[tuple[str, str]]:
-    """Yield the comparisons of variables with texts in an expression."""
+    """Yield each variable that an expression compares with a text, and the text."""
     parts = getattr(value.template, "parts", (value.template,))
     for tree in (part.tree for part in parts if isinstance(part, Expression)):
         for node in ast.walk(tree):
@@ -118,8 +121,9 @@ def load_plan(
 ) -> Plan:
     """Read and check a mission and its sub-missions.
 
-    ``params`` are texts of the caller; ``complete`` requires all of them. ``robot`` is the robot to check for. Raises
-    InvalidFileError with all errors in files and params.
+    ``leaves`` and ``things`` are the names that it can use; ``find_mission`` returns the file of a sub-mission.
+    ``params`` are texts of the caller; with ``complete``, a param without a value is an error. ``robot`` is the robot
+    to check for. Raises InvalidFileError with all errors in files and params.
     """
     source = read_source(path)
     words = Vocabulary(leaves, things, find_mission)

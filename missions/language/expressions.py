@@ -70,7 +70,8 @@ class ExpressionError(ValueError):
 class NameReference:
     """A name that an expression reads, with its first member ("percent" of ``battery.percent``).
 
-    ``compared`` is true if it is compared for equality, as a text may be.
+    ``column`` and ``length`` are its place in the text. ``compared`` is true if the name is compared by ``==`` or
+    ``in``: then the user may have meant a text and left out the quotes.
     """
 
     name: str
@@ -87,7 +88,7 @@ class NameReference:
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A parsed expression, with the names that it reads, in order."""
+    """A parsed expression: its text, its syntax tree, and the names that it ``reads``, in order."""
 
     text: str
     tree: ast.expr
@@ -101,7 +102,7 @@ class Expression:
         return tuple(dict.fromkeys(read.name for read in self.reads))
 
     def place(self, node: ast.expr) -> tuple[int, int]:
-        """Return column and length of a part of the expression, in the text that ``parse`` was given."""
+        """Return column and length of a node of the expression, in the text that ``parse`` was given."""
         start, end = character_range(self.python, node)
         return self.column + start, end - start
 
@@ -182,7 +183,7 @@ def _reads(text: str, tree: ast.expr, column: int) -> tuple[NameReference, ...]:
 
 
 def _operands(node: ast.Compare) -> list[ast.expr]:
-    """Return the operands of an equality test, including list items; empty for other comparisons."""
+    """Return both sides of a test by ``==``, ``!=`` or ``in``, and the items of lists; empty for other tests."""
     if not all(isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn) for op in node.ops):
         return []
     sides = [node.left, *node.comparators]
@@ -190,7 +191,7 @@ def _operands(node: ast.Compare) -> list[ast.expr]:
 
 
 class _NotAllowedError(Exception):
-    """A form that is not allowed, at ``node``."""
+    """An expression uses Python syntax that is not allowed in missions, at ``node``."""
 
     def __init__(self, message: str, node: ast.expr) -> None:
         super().__init__(message)
@@ -198,7 +199,7 @@ class _NotAllowedError(Exception):
 
 
 def _check_allowed(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each form: the allow-list
-    """Raise _NotAllowedError for a form that is not on the allow-list."""
+    """Raise _NotAllowedError if ``node`` uses Python syntax that is not allowed in missions."""
     match node:
         case ast.Constant(value=int() | float() as value) if out_of_range(value):
             raise _NotAllowedError("a number out of range", node)
@@ -318,7 +319,10 @@ _HOLE = re.compile(r"\$\{((?:[^{}'\"]|'[^']*'|\"[^\"]*\")*)\}")
 
 @dataclass(frozen=True, slots=True)
 class Template:
-    """A text with ``${...}`` expressions: literal parts and expressions in turn. A single expression keeps its type."""
+    """A text with ``${...}`` expressions; ``parts`` are its literal texts and expressions in order.
+
+    The value of a template with nothing but one expression keeps its type; otherwise it is a text.
+    """
 
     parts: tuple[str | Expression, ...]
 
@@ -344,7 +348,7 @@ class Template:
 class Value:
     """Value of a leaf's argument: ``constant``, or a ``template`` that is evaluated when the node starts.
 
-    ``location`` is the place of the template in its file.
+    ``convert`` converts the result. ``location`` is the place of the template in its file.
     """
 
     constant: object = None
@@ -383,7 +387,7 @@ def template(text: str) -> Template | None:
 
 
 def _require_closed(text: str, start: int, end: int) -> None:
-    """Raise ExpressionError for a ``${`` that was not parsed as an expression."""
+    """Raise ExpressionError if ``text`` has a ``${`` between ``start`` and ``end`` that was not parsed."""
     at = text.find("${", start, end)
     if at >= 0:
         what = "holds a brace, or a quote that is not closed" if "}" in text[at:] else "has no '}'"
@@ -404,9 +408,9 @@ def format_value(value: object) -> str:
 
 
 def in_si(value: object, dimension: str) -> float:
-    """Return a value in SI units of ``dimension``. Raises ValueError.
+    """Return a number or a quantity in the SI unit of ``dimension``. Raises ValueError for another dimension.
 
-    A calculated number without dimension is a share, and no other quantity.
+    A plain number is accepted only as a share, such as 0.5 for 50 %.
     """
     if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
         return si_value(value, dimension)

@@ -71,7 +71,7 @@ def read_for_each(
 
 
 def _name(context: CheckContext, value: Mapping, word: str) -> str:
-    """Return the variable that a key of a ``for_each`` names; empty if there is none."""
+    """Return the variable name under the key ``word`` of a ``for_each``; empty if it is missing or invalid."""
     node = value.get(word)
     if node is None:
         return ""
@@ -129,7 +129,10 @@ def check_loop_names(context: CheckContext, tree: Step) -> None:
 
 
 def _parallel_conflicts(children: Sequence[Step]) -> Iterator[tuple[Step, str, Iterator[Step]]]:
-    """Yield each child with each variable that it sets, and the for_each loops of other children that use it."""
+    """Yield each child of a parallel with each variable that it sets and another child's for_each uses.
+
+    The third item are the for_each steps of the other children.
+    """
     setters = Counter(name for child in children for name in child.variables)
     shared = {name for name, count in setters.items() if count > 1}
     users: dict[str, list[tuple[Step, Step]]] = defaultdict(list)
@@ -143,7 +146,10 @@ def _parallel_conflicts(children: Sequence[Step]) -> Iterator[tuple[Step, str, I
 
 
 def _report_conflict(context: CheckContext, steps: Step, name: str, loops: Iterable[Step]) -> None:
-    """Report each step that sets the variable ``name`` of these loops; unread steps are skipped."""
+    """Report each step in ``steps`` that sets the variable ``name``, which the for_each steps in ``loops`` use.
+
+    Steps that could not be read are skipped.
+    """
     for loop in loops:
         for step in steps_in_scope(steps):
             if name in step.direct_variables and step.leaf is not PlaceholderLeaf:
@@ -152,7 +158,7 @@ def _report_conflict(context: CheckContext, steps: Step, name: str, loops: Itera
 
 
 def steps_in_scope(step: Step) -> Iterator[Step]:
-    """Yield a step and all below it with the same variables; sub-missions have their own."""
+    """Yield ``step`` and all steps below it that share its variables, so none inside a sub-mission."""
     waiting = [step]
     while waiting:
         found = waiting.pop()

@@ -1,6 +1,6 @@
-"""Type inference of expressions, and whether the inferred kind fits its argument.
+"""Type inference of expressions: finds their kinds, and reports kinds that do not fit.
 
-Operands of incompatible kinds are reported too.
+An error is a kind that does not fit its argument, or two operands of incompatible kinds.
 """
 
 import ast
@@ -40,7 +40,7 @@ def ignore_report(node: ast.expr, message: str, hint: str) -> None:
 
 
 class TypeInference:
-    """Infers the kinds of expressions from the kinds of variables."""
+    """Infers the kinds of expressions, given the kinds of variables; ``report`` is called with each type error."""
 
     def __init__(self, kinds: Mapping[str, Kind], report: Report = ignore_report) -> None:
         self._kinds = kinds
@@ -114,7 +114,7 @@ class TypeInference:
             return self._report_error(node, str(error), _fix_hint(left, right))
 
     def _require_numeric(self, node: ast.expr, kind: Kind) -> Kind:
-        """Return a numeric kind; report an error for other kinds."""
+        """Return the kind of the operand ``node`` as a number; report an error for a text, a list or a record."""
         if kind is None or kind == UNSETTLED or is_numeric(kind):
             return kind
         return NUMBER if kind == FLAG else self._report_error(node, f"cannot calculate with {describe_kind(kind)}")
@@ -149,7 +149,7 @@ class TypeInference:
         return join_kinds(one, other)
 
     def _common_kind(self, parts: list[ast.expr], rule: str) -> Kind:
-        """Return the common kind of all parts."""
+        """Return the common kind of all ``parts``; report an error with the text ``rule`` if two of them differ."""
         kinds = [self.kind(part) for part in parts]
         kind: Kind = UNSETTLED
         for part, other in zip(parts, kinds, strict=True):
@@ -176,7 +176,7 @@ def _comparable(op: ast.cmpop, left: Kind, right: Kind) -> bool:
 
 
 def _fix_hint(left: Kind, right: Kind) -> str:
-    """Return the hint for a plain number beside a quantity or a text."""
+    """Return a hint for two operands of incompatible kinds, such as a number and a length; empty if there is none."""
     if {PERCENT, "share"} == {left, right}:
         return "a percent value is a number from 0 to 100: write 20 for 20 %"
     sizes = [kind for kind in (left, right) if isinstance(kind, str) and is_numeric(kind) and kind != NUMBER]
@@ -188,7 +188,7 @@ def _fix_hint(left: Kind, right: Kind) -> str:
 
 
 def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
-    """Return the kind of a mission's value, given the kinds of variables."""
+    """Return the kind of ``value``, a constant or an expression, given the kinds of variables."""
     match value.template:
         case None:
             return kind_of_value(value.constant)
@@ -201,7 +201,10 @@ def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
 
 @dataclass(frozen=True, slots=True)
 class ExpressionLocation:
-    """Place of an expression: a scalar of a file, with a ``label``; ``wanted_kind`` is the kind of the argument."""
+    """Place of an expression: the scalar ``node`` of the file ``source``, for error messages.
+
+    ``label`` begins a message; ``wanted_kind`` is the kind of the argument.
+    """
 
     source: SourceText
     node: Scalar
@@ -209,7 +212,10 @@ class ExpressionLocation:
     wanted_kind: str = ""
 
     def place(self, column: int, length: int) -> Mark:
-        """Return the place of a part of the text; the whole scalar if the file spells it differently."""
+        """Return the place in the file of the part of the expression at ``column`` with ``length`` characters.
+
+        If YAML escapes make the file differ from the text, return the place of the whole scalar.
+        """
         begin = self.node.mark.column - 1 + self.node.quoted
         if self.source.line(self.node.mark.line).startswith(self.node.text[: column + length], begin):
             return Mark(self.node.mark.line, begin + column + 1, length)
@@ -246,7 +252,7 @@ def find_mismatches(
 
 
 def _mismatch_alone(kind: Kind, wanted_kind: str) -> tuple[str, str] | None:
-    """Return error and hint for a value of this kind; None if it fits."""
+    """Return error and hint for a value of ``kind`` in an argument of ``wanted_kind``; None if it fits."""
     if wanted_kind in UNITS:
         if (
             (is_numeric(kind) and not _is_same_dimension(kind, wanted_kind))

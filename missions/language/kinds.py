@@ -49,7 +49,7 @@ PYTHON_KEYWORDS = "|".join(word for word in keyword.kwlist if word not in RESERV
 KEYWORD_OR_TEXT = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({PYTHON_KEYWORDS})\b""")
 
 OPERATOR_WORDS = "(?:and|or|if|else|in|not)"
-"""Words that can follow an operand in an expression."""
+"""Pattern of the words that can follow an operand in an expression."""
 
 BOLD_A = 0x1D41A
 """MATHEMATICAL BOLD SMALL A; the bold letters b to z follow it."""
@@ -61,14 +61,20 @@ QUANTITY_PATTERN = re.compile(
     r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""  # texts are skipped
     rf"|(?<![\w.])((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*(?:(?:{UNIT_PATTERN})(?![\w(])|%(?=\s*(?:$|[])<>=!,*/%+-]|{OPERATOR_WORDS}\b))))"
 )
-"""Pattern of a quantity in an expression: ``1.5 m/s``. "%" is a unit unless an operand follows."""
+"""Pattern of a quantity in an expression, such as ``1.5 m/s``.
+
+"%" is a unit, except before an operand, where it is the modulo operator.
+"""
 
 STAND_IN = "\ua66e"
-"""Letter of the stand-in names that replace quantities, at the same length, for Python's parser."""
+"""Letter that replaces each character of a quantity before Python's parser reads the expression.
+
+So a quantity becomes a name of the same length.
+"""
 
 
 def as_python(text: str) -> tuple[str, dict[int, str]]:
-    """Return an expression in Python syntax, and its quantities by start column."""
+    """Return an expression in Python syntax, and the quantities in it by start column; names stand for them."""
     literals = {found.start(): found[2] for found in QUANTITY_PATTERN.finditer(text) if found[2]}
     plain = QUANTITY_PATTERN.sub(lambda found: found[1] or STAND_IN * len(found[2]), text)
     return KEYWORD_OR_TEXT.sub(_as_name, plain), literals
@@ -100,7 +106,7 @@ class QuantityRestorer(ast.NodeTransformer):
 
 
 def character_range(text: str, node: ast.expr) -> tuple[int, int]:
-    """Return start and end of a node in characters; Python's parser counts UTF-8 bytes."""
+    """Return start and end of a syntax node in characters; Python's parser has them in UTF-8 bytes."""
     data = text.encode()
     end = len(data) if node.end_col_offset is None else node.end_col_offset
     return len(data[: node.col_offset].decode()), len(data[:end].decode())
@@ -124,7 +130,7 @@ PERCENT = "percent"
 """Kind of numbers from 0 to 100, which are numbers and not shares."""
 
 UNSETTLED = "unsettled"
-"""Kind of a value that depends on an error or on itself; it is not checked."""
+"""Kind of a value that has an error or depends on its own kind; it is not checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +142,10 @@ class ListKind:
 
 @dataclass(frozen=True, slots=True)
 class RecordKind:
-    """A value with members: those of a class, or given ones by name; ``other_kind`` is the kind of all others."""
+    """Kind of a value with members: those of the class ``declared_type``, or ``members`` by name.
+
+    ``noun`` is its name in messages; ``other_kind`` is the kind of all other members.
+    """
 
     noun: str
     declared_type: type | None = None
@@ -144,7 +153,7 @@ class RecordKind:
     other_kind: "Kind" = None
 
     def member(self, name: str) -> "Kind":
-        """Return the kind of the member ``name``."""
+        """Return the kind of the member ``name``; None if it is not known."""
         known = self.members if self.declared_type is None else member_kinds(self.declared_type)
         return known.get(name, self.other_kind)
 
@@ -176,7 +185,7 @@ def describe_kind(kind: Kind) -> str:
 
 
 def join_kinds(one: Kind, other: Kind) -> Kind:
-    """Return the kind of a value that has one of two kinds."""
+    """Return the kind of a value that is of kind ``one`` or ``other``; None if they have nothing in common."""
     if one == other or other in (UNSETTLED, NOTHING):
         return one
     if one in (UNSETTLED, NOTHING):

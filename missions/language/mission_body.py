@@ -1,4 +1,4 @@
-"""Keys of a mission file, also of a sub-mission: header, params, tree, returns, properties.
+"""Parses the keys of a mission file or a sub-mission: header, params, tree, returns, properties.
 
 ``properties`` are claims about the mission, which ``mission verify`` proves or refutes.
 """
@@ -25,7 +25,7 @@ PROPERTIES = {
     "always eventually": ("a claim that something stays reachable from every state of a run", r"\S"),
     "can": ("a claim that an end is possible: succeed or fail", r"^(succeed|fail)$"),
 }
-"""Kinds of properties of a mission by keyword: the meaning, and a pattern of the text."""
+"""Keywords of properties, each with its meaning and a pattern that the text after it must contain."""
 
 PROPERTY_FORMS = (
     "never: gesture while drive",
@@ -44,7 +44,7 @@ _HINT = f"such as '{PROPERTY_FORMS[0]}' or '{PROPERTY_FORMS[4]}'"
 
 
 def read_properties(context: CheckContext, node: Node | None, tree: Step | None) -> tuple[MissionProperty, ...]:
-    """Return the properties in a list, which name steps of ``tree`` and the actuators that it drives."""
+    """Return the properties in a list; report names that are not steps of ``tree`` or actuators that it drives."""
     if node is None or tree is None:  # without a tree, properties have no steps to refer to
         return ()
     if not isinstance(node, Listing) or not node.items:
@@ -69,7 +69,10 @@ def property_names(tree: Step) -> set[str]:
 def _read_property(
     context: CheckContext, node: Node, names: set[str], parts: frozenset[str]
 ) -> Iterator[MissionProperty]:
-    """Yield the property in a node, if it has no errors."""
+    """Yield the property in a YAML node, unless it has errors, which are reported.
+
+    ``names`` are the names that it can use, ``parts`` the actuators.
+    """
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         context.fault(node.mark, f"a property needs one of {', '.join(PROPERTIES)}", _HINT)
         return
@@ -126,7 +129,7 @@ def _can(context: CheckContext, value: Scalar, names: set[str], parts: frozenset
 
 
 def _check_known_name(context: CheckContext, value: Scalar, name: str, known: set[str] | frozenset[str]) -> bool:
-    """Report an unknown name at its place in the text; return whether it is known."""
+    """Report an error if ``name`` is not in ``known``, at its place in the text of ``value``; return False then."""
     if name in known:
         return True
     at = max(0, value.text.rfind(name) if value.text.rstrip().endswith(name) else value.text.find(name))
@@ -160,7 +163,9 @@ class MissionBody:
 
 
 AssignParams = Callable[[CheckContext, dict[str, Param], str], None]
-"""Function that sets the params of a mission: known values in ``params`` of the context, other names in ``variables``.
+"""Function that sets the params of a mission, given the context, the declared params and the mission's name.
+
+It stores known values in ``params`` of the context, names without a value in ``variables``.
 """
 
 
@@ -206,7 +211,7 @@ def _header(context: CheckContext, root: Mapping, key: str, *, required: bool = 
 
 
 def _has_misspelt_key(root: Mapping, key: str) -> bool:
-    """Return whether the key is present under another name, which has been reported."""
+    """Return True if the mission file has a synonym of ``key``, such as one of another system; it was reported."""
     return any(word not in MISSION_KEYS and own_words_for(word, SYNONYMS, (key,)) for word in root.keys())  # noqa: SIM118 - no dict
 
 

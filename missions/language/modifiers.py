@@ -21,7 +21,10 @@ def read_modifier(context: CheckContext, word: str, node: Node) -> Value:
 
 
 def outdent_hint(key: str, behaviour: str) -> str:
-    """Return the hint for a modifier among the arguments of a behaviour; empty for other keys."""
+    """Return a hint if ``key``, among the arguments of ``behaviour``, is a modifier that must stand beside it.
+
+    Empty for other keys.
+    """
     return f"outdent it, to stand beside '{behaviour}'" if key in {*MODIFIERS, "as", "name"} else ""
 
 
@@ -74,7 +77,7 @@ def _constant(context: CheckContext, word: str, node: Scalar) -> Value:
 
 
 YES_NO_WORDS = ("yes", "no", "on", "off")
-"""Words for true and false that modifiers do not accept."""
+"""Words that YAML 1.1 reads as true or false; modifiers accept only ``true`` and ``false``."""
 
 
 def _once(context: CheckContext, word: str, node: Scalar) -> Value:

@@ -12,7 +12,7 @@ from drivers.api.fast_dataclass import dataclass
 SUCCESS, FAILURE = "success", "failure"
 
 RESTART = "again"
-"""Continuation after a child's end: the modifier restarts or re-evaluates the child."""
+"""Value in ``ModifierKind.success`` and ``failure``: the modifier restarts its child after this end."""
 
 Ends = frozenset[str]
 BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
@@ -22,8 +22,8 @@ BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
 class ParentKind:
     """A kind of node with children, other than a modifier.
 
-    ``help`` is a description, ``symbol`` its sign in behaviour tree notation (in the font DejaVu Sans),
-    ``unreached_reason`` explains why a child is never reached.
+    ``help`` is a description, ``symbol`` its sign in behaviour tree notation (in the font DejaVu Sans).
+    ``unreached_reason`` explains in errors why a child is never reached.
     """
 
     help: str
@@ -35,8 +35,9 @@ class ParentKind:
 class CompositeKind(ParentKind):
     """A kind of node with a list of children.
 
-    ``order`` is the order of ticking. ``passes`` is the end of a child after which the others continue, empty for a
-    race. A ``reactive`` composite starts from the first child at every tick.
+    ``order`` is the order in which they are ticked. ``passes`` is the end of a child after which the other children
+    still run: success in a sequence, failure in a selector, empty for a race. A ``reactive`` composite starts from the
+    first child at every tick.
     """
 
     order: Literal["in order", "in any order", "at once"] = "in order"
@@ -58,14 +59,15 @@ class SwitchKind(ParentKind):
 
 @dataclass(frozen=True, slots=True)
 class ModifierKind:
-    """A kind of node around one other, written beside it.
+    """A kind of node around one child, written beside the child in a mission.
 
-    ``takes`` describes its value, ``value`` is the type of that, ``constants`` are all allowed values if they are few.
-    ``success`` and ``failure`` are the continuations after that end of the child: an end of its own, or ``RESTART``.
-    ``early_ends`` are the ends without an end of the child (``on_running``: one of them, by its value), and
-    ``early_end_text`` describes when; empty if this needs an earlier success. ``every_tick`` marks a condition that is
-    evaluated at each tick. ``child_ticks`` is ``always``, ``sometimes``, or ``afresh``.
-    ``relevant_end`` is the end of the child without which the modifier has no effect.
+    ``takes`` describes its value for people, and ``value`` is the type of the value; ``constants`` are all allowed
+    values if they are few. ``success`` and ``failure`` say what can follow that end of the child: an end of the
+    modifier, or ``RESTART``. ``early_ends`` are the ends of the modifier while its child has not ended (for
+    ``on_running``, its value selects one of them). ``early_end_text`` describes when this happens; empty if it needs an
+    earlier success. ``every_tick`` is true for a condition that is evaluated at each tick. ``child_ticks`` says when
+    the child is ticked: ``always``, ``sometimes``, or ``afresh`` (from its start). ``relevant_end`` is the end of the
+    child without which the modifier has no effect.
     """
 
     help: str
@@ -83,7 +85,7 @@ class ModifierKind:
 
     @property
     def repeats(self) -> bool:
-        """True if it restarts or re-evaluates its child after an end."""
+        """True if it can restart its child after an end, or evaluate its condition again."""
         return RESTART in self.success | self.failure
 
     @property
@@ -92,7 +94,7 @@ class ModifierKind:
         return self.child_ticks == "afresh" and not self.repeats
 
     def without_limit(self, end: str) -> bool:
-        """Return True if it never ends after this end of its child when its count is ``forever``."""
+        """Return True if it restarts its child after ``end`` for ever when its count is ``forever``."""
         return self.value == "count" and RESTART in (self.success if end == SUCCESS else self.failure)
 
 
@@ -173,7 +175,7 @@ OTHER_PARENTS: Mapping[str, ParentKind] = {
     ),
     MISSION: ParentKind("runs another mission", "▣"),
 }
-"""Nodes with children in other forms."""
+"""Nodes with children that are not written as one list: switches, ``for_each`` and sub-missions."""
 
 BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHER_PARENTS}
 """All nodes with children except modifiers."""

@@ -51,7 +51,7 @@ def require_flat(items: list[Any]) -> list[Any]:
 
 
 def member_at(items: Any, place: Any) -> object:
-    """Return a member of a list: 0 is the first, -1 the last."""
+    """Return the member of a list at index ``place``: 0 is the first, -1 the last. Raises ValueError."""
     if not isinstance(items, list | tuple):
         raise ValueError(f"only lists have numbered members, not {describe_value(items)}")
     if isinstance(place, bool) or not isinstance(place, int):
@@ -143,7 +143,7 @@ def _absolute_value(number: Any) -> int | float:
 
 
 def _round(number: Any, digits: Any = None) -> int | float:
-    """Round a quantity in its display unit: an angle in degrees."""
+    """Round a number to ``digits`` digits; a quantity is rounded in its display unit, such as degrees."""
     if digits is not None and (not isinstance(digits, int) or digits not in range(16)):
         raise ValueError("round takes 0 to 15 digits")
     dimension = dimension_of(number)

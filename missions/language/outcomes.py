@@ -22,7 +22,7 @@ from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT
 from missions.language.plan import UNREAD_KIND, Step
 
 PASS_SUCCESS_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
-"""Modifiers that succeed whenever their child does."""
+"""Modifiers that succeed if their child does, except ``if``."""
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
@@ -50,7 +50,10 @@ def _check_unreached(context: CheckContext, step: Step, passes: str) -> None:
 
 
 def _check_counts(context: CheckContext, step: Step) -> None:
-    """Report counts of a parallel that cannot be reached, and a wait for all without effect or without end."""
+    """Report counts of a parallel (``success_count``, ``failure_count``) that its children cannot reach.
+
+    Also report a ``wait_for_all`` that has no effect, or never ends.
+    """
     settings = {word: value.constant for word, value in step.arguments.items() if value.template is None}
     if len(settings) < len(step.arguments):
         return
@@ -73,7 +76,10 @@ def _check_counts(context: CheckContext, step: Step) -> None:
 
 
 def _check_skipped_if(context: CheckContext, step: Step) -> None:
-    """Report an ``if`` before other children of a selector: if it is false, the others are not tried."""
+    """Report an ``if`` beside a child of a selector that is not the last one.
+
+    If the condition is false, the child counts as a success, so the later children are not tried.
+    """
     for child in map(_first_changing_step, step.children[:-1]):
         if child.kind == "if":
             context.fault_at(
@@ -85,14 +91,14 @@ def _check_skipped_if(context: CheckContext, step: Step) -> None:
 
 
 def _first_changing_step(step: Step) -> Step:
-    """Return the first step inside that can turn a success into another end, or a failure into a success."""
+    """Return ``step``, or if it is a modifier that passes successes on, the first step below that is not."""
     while step.kind in PASS_SUCCESS_MODIFIERS:
         step = step.children[0]
     return step
 
 
 def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
-    """Report a modifier whose relevant end never occurs."""
+    """Report a modifier (``step``) without effect, since its child never ends in the way that it reacts to."""
     occasion, leaf = MODIFIERS[step.kind].relevant_end, child.leaf
     if step.arguments["value"] is INVALID_VALUE:
         return
@@ -110,13 +116,16 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
 
 
 def _waits(step: Step) -> bool:
-    """Return whether an instant leaf can be suspended: the leaf, or one of its arguments, reads a sensor."""
+    """Return True if a leaf that ends at once can be suspended, as it or one of its arguments reads a sensor."""
     reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
     return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE_KINDS for read in reads))
 
 
 def _order_hint(step: Step, child: Step, end: str) -> str:
-    """Return a hint if only the order of two modifiers keeps this end from ``step``; empty otherwise."""
+    """Return a hint to exchange two modifiers, if the inner one prevents the end that ``step`` reacts to.
+
+    Empty if that is not the cause.
+    """
     while child.leaf is None and "value" in child.arguments:
         (below,) = child.children
         if end in possible_ends(below):
@@ -138,7 +147,7 @@ def _check_delay(context: CheckContext, step: Step, child: Step) -> None:
 
 
 def innermost_step(step: Step) -> Step:
-    """Return the behaviour inside its modifiers: the line where a person looks for it."""
+    """Return the behaviour inside the modifiers of ``step``; errors are shown at its line."""
     while len(step.children) == 1 and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
         step = step.children[0]
     return step
@@ -186,7 +195,10 @@ def _composite_ends(step: Step, below: list[Ends]) -> Ends:
 
 
 def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
-    """Return the ends of a composite with one end if all children have it, and the other if any child has that."""
+    """Return the possible ends of a composite that ends with ``all_end`` if all children do.
+
+    It ends with ``one_ends`` if any child does. ``below`` are the possible ends of the children.
+    """
     found = set()
     for each in below:
         if one_ends in each:
@@ -202,7 +214,7 @@ def _forever(step: Step) -> bool:
 
 
 def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
-    """Return the ends of a parallel, by the numbers of children that can succeed, fail, and end at all."""
+    """Return the possible ends of a parallel, given those of its children (``below``) and its counts."""
     if any(value.template is not None for value in step.arguments.values()):
         return BOTH_ENDS
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
@@ -231,10 +243,10 @@ INSTANT_ACTIONS = frozenset(
 """Leaves that are not conditions, and end at once."""
 
 CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
-"""Modifiers with which a node does not always run, or for at most a tick."""
+"""Modifiers with which a node is not always ticked, or runs for at most one tick."""
 
 GUARD_MODIFIERS = frozenset({"if", "while", "until"})
-"""Modifiers with a condition that can end a node before it starts."""
+"""Modifiers with a condition that can end a node before the node starts."""
 
 RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
 """Modifiers that can be running while their child is not."""
@@ -266,7 +278,7 @@ def _guard_hint(around: Step, child: Step, cause: Step) -> Diagnostic:
 
 
 def _find_running(step: Step) -> Step | None:
-    """Return the step that runs unconditionally whenever ``step`` is ticked; None if there is none."""
+    """Return a step that takes time whenever ``step`` is ticked, whatever its conditions; None if there is none."""
     if step.leaf is not None:
         return None if step.leaf.instant or step.kind in INSTANT_ACTIONS else step
     if step.kind in CONDITIONAL_MODIFIERS or step.kind in SWITCHES or not step.children:
@@ -282,7 +294,10 @@ def _find_running(step: Step) -> Step | None:
 
 
 def _first_that_decides(children: Sequence[Step]) -> Step | None:
-    """Return the running step of the first child of a sequence that does not always succeed."""
+    """Return the step that takes time in the first child of a sequence that does, if all before it succeed.
+
+    None if an earlier child may fail, or if no child takes time.
+    """
     for child in children:
         cause = _find_running(child)
         if cause is not None or possible_ends(child) != {SUCCESS}:
@@ -317,7 +332,7 @@ def _once_hint(once: Step, guard: Step) -> str:
 
 
 def _first_guard(step: Step) -> Step | None:
-    """Return the guard that can end ``step`` before an action starts; None if there is none."""
+    """Return the condition in ``step`` that can end it before an action starts; None if there is none."""
     if step.leaf is not None:
         asks = step.leaf.instant and FAILURE in possible_ends(step) and step.kind not in INSTANT_ACTIONS
         return step if asks else None

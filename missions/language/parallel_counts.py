@@ -49,7 +49,7 @@ COUNTS = {
     ),
     WAIT_FOR_ALL: ("true", "halts no child, and ends when all have ended"),
 }
-"""Keys beside a ``parallel``: the form of each key's value, and its meaning."""
+"""Keys that can stand beside a ``parallel``: the form of each key's value, and its meaning."""
 
 ALL_CHILDREN = "all"
 """Value of a count beside a ``parallel`` that means all children."""
@@ -57,9 +57,9 @@ ALL_CHILDREN = "all"
 
 @dataclass(frozen=True, slots=True)
 class ParallelDecision:
-    """End of a parallel: after ``successes`` successes or ``failures`` failures of its children.
+    """When a parallel ends: after ``successes`` successes or ``failures`` failures of its children.
 
-    With ``waits_for_all``, it ends after all children, with success if fewer than ``failures`` have failed.
+    With ``waits_for_all``, it ends when all children have ended, and succeeds if fewer than ``failures`` failed.
     """
 
     successes: int
@@ -68,7 +68,7 @@ class ParallelDecision:
 
 
 def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDecision:
-    """Return the decision of a parallel with these ``settings``, its keys by name.
+    """Return when a parallel with this number of ``children`` ends; ``settings`` are the keys beside it.
 
     It fails after ``failure_count`` failures, or after so many that success is impossible.
     """
@@ -80,7 +80,10 @@ def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDeci
 
 
 def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[str, Value]:
-    """Return the values of the keys beside a parallel with this number of children."""
+    """Return the values of ``success_count``, ``failure_count`` and ``wait_for_all`` beside a parallel.
+
+    ``children`` is the number of its children. Report a ``failure_count`` without effect.
+    """
     found = {
         word.text: _read_count(context, word.text, node, children)
         for word, node in beside.entries

@@ -25,11 +25,11 @@ from missions.language.parallel_counts import COUNTS
 LIST_EXAMPLE = "such as [kitchen, hall]"
 
 ScalarReader = Callable[[Scalar], object]
-"""Function that returns the value of a scalar as a member of a list."""
+"""Function that returns the value of a YAML scalar as a member of a list param."""
 
 
 def list_members(node: Listing, read_scalar: ScalarReader) -> list[object]:
-    """Return the members of a list. Raises ValueError for members that are not plain values."""
+    """Return the members of a YAML list, each read by ``read_scalar``. Raises ValueError for nested lists."""
     return [_member(item, read_scalar) for item in node.items]
 
 
@@ -77,7 +77,7 @@ NAME_TYPES = ("person", "place", "gesture", "move", MISSION, "file")
 """Types of params whose values are names."""
 
 PARAM_TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAME_TYPES, LIST_TYPE)
-"""Words for ``type`` in the long form of a param."""
+"""Values of the key ``type`` when a param is declared as ``{type: ..., default: ...}``."""
 
 INVALID_DEFAULT = object()
 """Placeholder for the default of a param with an error that has been reported."""
@@ -85,9 +85,11 @@ INVALID_DEFAULT = object()
 
 @dataclass(frozen=True, slots=True)
 class ParamType:
-    """Type of a param: ``kind`` is one of PARAM_TYPES; ``member_type`` is the same, or the type of list members.
+    """Type of a param: ``kind`` is one of PARAM_TYPES.
 
-    Values, or list members, are between ``low`` and ``high``, or among ``choices`` if there are any.
+    ``member_type`` is the type of the list's members, or the same as ``kind`` if it is not a list. ``convert`` checks
+    and converts a value. Values, or list members, are between ``low`` and ``high``, or among ``choices`` if there are
+    any.
     """
 
     kind: str
@@ -99,11 +101,11 @@ class ParamType:
 
     @property
     def value_kind(self) -> Kind:
-        """Kind of the param's values."""
+        """Kind of the param's values, for the checks of expressions that read it."""
         return ListKind(param_kind(self.member_type)) if self.kind == LIST_TYPE else param_kind(self.member_type)
 
     def scalar_value(self, node: Scalar) -> Plain:
-        """Return the value of a scalar as this param, or as a member of it."""
+        """Return the value of a YAML scalar for this param, or for a member if the param is a list."""
         if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
             return node.text
         found = default_value(node)
@@ -151,7 +153,7 @@ class ParamType:
 
 
 def param_kind(word: str) -> Kind:
-    """Return the kind of the values of a param type."""
+    """Return the kind of values for a word of PARAM_TYPES, or "list of WORD"; None if the kind is unknown."""
     if word.startswith(f"{LIST_TYPE} of "):
         return ListKind(param_kind(word.removeprefix(f"{LIST_TYPE} of ")))
     if word in UNITS:
@@ -225,7 +227,7 @@ def _make_type(context: CheckContext, argument: Argument, *, many: bool = False)
 
 
 def _keep_written(check: Convert, kind: str) -> Convert:
-    """Return a converter that checks like ``check``, but keeps quantities, numbers and names as written."""
+    """Return a converter that raises the same errors as ``check``, but keeps names, numbers and units as written."""
 
     def convert(value: object) -> object:
         checked = check(value)
@@ -257,7 +259,10 @@ def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
 
 
 def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -> str | None:
-    """Return the type of a key; None if the key is missing, empty if the type is unknown."""
+    """Return the type of a param under ``key`` ("type" or "of").
+
+    None if the key is missing, empty if the type is unknown, which is reported.
+    """
     word_node = node.get(key)
     if word_node is None:
         return None
@@ -290,15 +295,16 @@ def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str |
 # Variables that a mission sets: read before its steps, since an expression may be above the step that sets it.
 
 KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
-"""Words beside a behaviour, in addition to leaves and ``as``."""
+"""Words that can stand beside a behaviour or name one, in addition to leaves and ``as``."""
 
 Leaves = Named[str, type[Leaf]]
 
 
 def find_setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None]]:
-    """Return the variables that are set below ``node``, each with the leaves that set them by ``as``.
+    """Return the variables that are set below ``node``, each with the leaves that set it by ``as``.
 
-    None stands for setters of any type: ``returns``, a leaf such as ``set``, or ``as`` beside a mission.
+    The list contains None if the variable is also set in another way, with a value of any type: by ``returns``, by a
+    leaf such as ``set``, or by ``as`` beside a mission.
     """
     found = defaultdict(list)
     for name, leaf in _iter_setters(node, leaves):
@@ -307,7 +313,7 @@ def find_setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None
 
 
 def single_kind_leaves(setters: Named[str, list[type[Leaf] | None]]) -> dict[str, type[Leaf]]:
-    """Return the variables that are set only by leaves with one result type, each with one of those leaves."""
+    """Return the variables whose setters all have the same result type, each with one of those leaves."""
     kinds = {name: {None if leaf is None else leaf.output_type for leaf in leaves} for name, leaves in setters.items()}
     one = [name for name, types in kinds.items() if len(types) == 1 and None not in types]
     return {name: leaf for name in one if (leaf := setters[name][0]) is not None}
@@ -323,7 +329,10 @@ def _iter_setters(node: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] 
 
 
 def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
-    """Yield the variables that one key of a node sets, itself or below it."""
+    """Yield the variables that the key ``word`` of a YAML node sets, and those that nodes below it set.
+
+    Each comes with the leaf that sets it by ``as``, or None.
+    """
     leaf = leaves.get(word)
     if word == "as" and isinstance(value, Scalar):
         yield value.text, next((leaves[key.text] for key, _ in node.entries if key.text in leaves), None)
@@ -360,7 +369,10 @@ PARAM_KEYS = ("default", "type", "of", "choices", "help", "low", "high")
 
 @dataclass(frozen=True, slots=True)
 class Param:
-    """A param of a mission; ``default`` is REQUIRED if the caller must set it, or INVALID_DEFAULT."""
+    """A param of a mission: name, default, help and type.
+
+    ``default`` is REQUIRED if the caller must set the param, INVALID_DEFAULT if the default has an error.
+    """
 
     name: str
     default: object

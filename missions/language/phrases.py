@@ -18,10 +18,10 @@ PHRASES_KIND = "phrases"
 
 
 def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
-    """Return the phrases of one node or a list: a mapping from the normalised form to the written form.
+    """Return the phrases in a YAML node, a text or a list, as a mapping: normalised form to written form.
 
-    All phrases must be known before the run, since the recogniser needs them; phrases with a missing param are left
-    out.
+    All phrases must be known before the run, since the recogniser needs them. A phrase with a param that the caller has
+    not set yet is left out.
     """
     found: dict[str, str] = {}
     wrong = False
@@ -52,7 +52,10 @@ def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
 
 
 def second_phrase_hint(leaf: type[Leaf], node: Mapping, name: Scalar) -> str:
-    """Return the hint for ``{for: yes, no}``, which YAML reads as a key without a value."""
+    """Return a hint for ``{for: yes, no}``, in which YAML reads ``no`` as a key; the user meant two phrases.
+
+    Empty if this is not the mistake.
+    """
     own_argument = next((argument.name for argument in leaf.arguments.values() if argument.kind == PHRASES_KIND), "")
     first, second = node.get(own_argument), node.get(name.text)
     if not isinstance(first, Scalar) or not isinstance(second, Scalar) or second.value is not None:
@@ -100,7 +103,7 @@ def check_phrases(context: CheckContext, tree: Step, robot: TargetRobot) -> None
 
 
 def confusions(tree: Step, robot: TargetRobot) -> list[Diagnostic]:
-    """Return a hint for each pair of phrases that the robot easily confuses, at the second one."""
+    """Return a hint for each pair of phrases that the robot easily confuses, placed at the second phrase."""
     places: dict[str, tuple[Step, str]] = {}
     for step in tree.walk():
         for phrase, written in step_phrases(step).items():

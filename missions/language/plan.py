@@ -14,17 +14,17 @@ from missions.language.robot_state import ROBOT_STATE, state_value
 
 @dataclass(frozen=True)
 class Step:
-    """Node of the tree: a leaf, a composite, a sub-mission, or a modifier around its one child.
+    """A node of a checked mission: a leaf, a composite, a sub-mission, or a modifier around its one child.
 
     ``kind`` is the word in the mission, ``name`` the label for people, ``source`` its file. A leaf has its class in
-    ``leaf``. ``arguments`` belong to a leaf, or are the one ``value`` of a modifier, the ``on`` of a switch, or the
-    params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
-    ``returns`` are evaluated with the variables of a sub-mission; ``output_variable`` stores the result. ``binds`` are
-    the variables that a for_each sets for its child (the member, and its number), or that an unread node may set.
-    ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in the
-    file, for pictures.
+    ``leaf``. ``arguments`` are those of a leaf, the one ``value`` of a modifier, the ``on`` of a switch, or the params
+    of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default. ``returns``
+    are expressions over the variables of a sub-mission; ``output_variable`` is the variable that stores the result.
+    ``binds`` are the variables that a for_each sets for its child (the member, and its number), or that a node which
+    could not be read may set. ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the
+    arguments as in the file, for pictures.
 
-    Variables and claims of a subtree are cached, since each level above uses them again.
+    Variables and claims of a subtree are cached, since each step above uses them again.
     """
 
     kind: str
@@ -101,12 +101,12 @@ class Step:
 
     @property
     def named_parts(self) -> Mapping[str, str]:
-        """Names of further parts that the leaf uses, by kind."""
+        """Names of additional parts (such as a second arm) that the leaf uses as its only part of a kind, by kind."""
         return {} if self.leaf is None else self.leaf.named_parts
 
     @property
     def parts_beside(self) -> Mapping[str, str]:
-        """Kinds of further parts that the leaf uses in addition to one of the same kind, by name."""
+        """Kinds of additional parts that the leaf uses beside another part of the same kind, by name."""
         return {} if self.leaf is None else self.leaf.additional_parts
 
     @property
@@ -125,20 +125,21 @@ class Step:
 class PlaceholderLeaf(Leaf):
     """Leaf in place of a node that could not be read, so that the rest can be checked; it may end in any way.
 
-    Its step ``binds`` the variables that may be set there.
+    ``binds`` of its step are the variables that the unread node may set.
     """
 
 
 UNREAD_KIND = ""
-"""Kind of a placeholder, and of an unreadable key beside a behaviour, which may change any end."""
+"""Value of ``Step.kind`` for a node, or a key beside one, that could not be read; it may end in any way."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionProperty:
     """A claim about a mission, which ``mission verify`` proves.
 
-    ``form`` is "while", "before", "after", "without", "stopped", "eventually" or "can". ``subject`` and ``other`` name
-    behaviours, nodes or actuators; for "can" the subject is the end. ``text`` is the claim as written.
+    ``form`` is "while", "before", "after", "without", "stopped", "eventually" or "can". ``subject`` and ``other`` are
+    names of behaviours, nodes or actuators, as in ``never: subject while other``. For "can", the subject is "succeed"
+    or "fail". ``text`` is the claim as written.
     """
 
     form: str
@@ -150,9 +151,10 @@ class MissionProperty:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A checked mission. ``params`` are the values of this run, ``returns`` the results.
+    """A checked mission: its tree of steps, the values of its params for a run, and its ``returns``.
 
-    ``if_interrupted`` (``retry``, ``give_up``, or empty) is for the mission as a task.
+    ``if_interrupted`` (``retry``, ``give_up``, or empty) says what to do when the mission, run as a task, was
+    interrupted.
     """
 
     mission: str

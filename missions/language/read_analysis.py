@@ -10,7 +10,10 @@ from missions.language.plan import Step
 
 
 def always_read_names(value: Value) -> frozenset[str]:
-    """Return the names that an evaluation always reads: not those behind ``and``, ``or`` or ``if``."""
+    """Return the names that each evaluation of ``value`` reads.
+
+    Names behind ``and``, ``or`` or ``if`` may be skipped, so they are not included.
+    """
     formula = value.template
     if formula is None:
         return frozenset()
@@ -18,7 +21,7 @@ def always_read_names(value: Value) -> frozenset[str]:
 
 
 def nonzero_variables(tree: Step, params: Mapping[str, object]) -> frozenset[str]:
-    """Return the variables that only hold numbers other than 0, if they are set.
+    """Return the variables of a mission that can only hold numbers other than 0.
 
     ``params`` are the known values of params.
     """
@@ -31,9 +34,10 @@ def nonzero_variables(tree: Step, params: Mapping[str, object]) -> frozenset[str
 
 
 def may_fail(value: Value, unset: Collection[str], nonzero: Collection[str]) -> bool:
-    """Return whether an evaluation can fail in a run, if the ``unset`` names may have no value.
+    """Return True if the evaluation of ``value`` can fail in a run because a name is unset or a divisor is 0.
 
-    The ``nonzero`` names can be divisors. Mixed dimensions are not counted, as they are errors of their own.
+    ``unset`` are names that may have no value; ``nonzero`` are names that are never 0. Mixed dimensions are not
+    counted, as other checks report them.
     """
     formula = value.template
     if formula is None:

@@ -7,11 +7,11 @@ from drivers.api.fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StateValue:
-    """Value of a robot's part that expressions read: its kind (a dimension, "percent", "flag" or "text") and its help.
+    """Value of a robot's part that expressions read: its kind (a dimension, "percent", "flag" or "text") and help.
 
-    ``options`` are all its values if they are few; verify tries each. ``sense`` is the detector that it needs.
-    ``is_always_known`` marks a value that is known while its part does not report. ``is_dead_reckoned`` marks one
-    without a measurement on bases that do not measure motion.
+    ``options`` are all its values if they are few; ``mission verify`` tries each. ``sense`` is the detector that it
+    needs. ``is_always_known`` is true if the value is known even while its part does not report. ``is_dead_reckoned``
+    is true for a value that a base without odometry computes by dead reckoning.
     """
 
     kind: str
@@ -33,7 +33,7 @@ class StatePart:
 
 
 def _flag(text: str, *, first: bool = False, sense: str = "", is_always_known: bool = False) -> StateValue:
-    """Return a state value that is true or false; verify tries the value ``first`` first."""
+    """Return a state value that is true or false; ``mission verify`` tries the value ``first`` before the other."""
     return StateValue("flag", text, (first, not first), sense, is_always_known)
 
 

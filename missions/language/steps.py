@@ -138,7 +138,10 @@ _SUBMISSION_PATTERN = re.compile(r"""(?<=[ {\[,])mission:\s*['"]?([\w./-]+)""")
 def _report_unknown_param(
     context: CheckContext, inner_context: CheckContext, params: dict[str, Param], mission: str, name: Scalar
 ) -> None:
-    """Report a param that a sub-mission does not have; one with an error there has been reported."""
+    """Report that the sub-mission ``mission`` has no param ``name``.
+
+    Not reported if the sub-mission declares the param with an error, since that is reported there.
+    """
     if name.text not in inner_context.missing_params:
         hint = outdent_hint(name.text, MISSION) or suggest_from(name.text, params) or "it has none"
         context.fault(name.mark, f"mission '{mission}' has no param {quoted_value(name.text)}", hint)
@@ -191,7 +194,7 @@ BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS)
 """Keys beside a behaviour that do not wrap it."""
 
 OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
-"""The behaviour beside which a key is allowed, for keys that belong to one behaviour only."""
+"""Keys that can stand beside one kind of behaviour only, each with the word of that behaviour."""
 
 LIST_HINT = "`mission list behaviours` lists all; put your own into behaviours/NAME.py beside the mission"
 MISSING_MESSAGE = "a behaviour is missing here"
@@ -288,7 +291,7 @@ def _is_behaviour(context: CheckContext, word: str) -> bool:
 
 
 def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
-    """Return the step of a behaviour with the keys beside it; None if it has errors."""
+    """Return the step of the behaviour ``key: value`` with the keys ``beside`` it; None if it has errors."""
     if not _is_behaviour(context, key.text):
         _report_unknown_word(context, key, "behaviour", alone=True)
         return None
@@ -347,9 +350,10 @@ def _read_by_kind(
 
 
 def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
-    """Return the leaf bound to the parts that its arguments name.
+    """Return the leaf class bound to the parts that its arguments ``values`` name, such as ``arm: right_arm``.
 
-    The first of several arguments of one kind sets the part that the leaf sees as its robot's only one.
+    If two arguments name parts of one kind, the leaf sees the first as its only part of that kind, and the second as an
+    additional part.
     """
     of_parts = [argument for argument in leaf.arguments.values() if argument.kind in REPEATABLE_KINDS]
     for place, argument in enumerate(of_parts):
@@ -409,7 +413,7 @@ def _mission_hint(context: CheckContext, word: str, *, alone: bool) -> str:
 
 
 def _find_mission_of(context: CheckContext, word: str) -> Path | None:
-    """Return the file of the mission that a word names; None if there is none."""
+    """Return the file of the mission called ``word``; None if there is none."""
     with suppress(LookupError):
         path = context.vocabulary.find_mission(word, Path(context.source.name).parent) if word.isidentifier() else None
         return path if path is not None and "missions" in kinds_of(path) else None
@@ -417,7 +421,7 @@ def _find_mission_of(context: CheckContext, word: str) -> Path | None:
 
 
 def _read_below(context: CheckContext, node: Node) -> None:
-    """Read the nodes below an unknown word that looks like a composite, to report their errors."""
+    """Read the nodes in a list below an unknown word, to report their errors too."""
     for item in node.items if isinstance(node, Listing) else ():
         if isinstance(item, Mapping):
             read_step(context, item)

@@ -19,7 +19,7 @@ from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.plan import Step
 
 YES_NO_MEANINGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-"""Meaning, true or false, of words in the cases of a switch."""
+"""Words in the cases of a switch that may mean true or false, each with that meaning."""
 
 
 def impossible_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
@@ -36,9 +36,10 @@ def impossible_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
 
 
 def case_key(value: object) -> tuple[str, str]:
-    """Return the key of a value: cases with the same key are equal, and a value selects the case with its key.
+    """Return a key by which a switch compares a value with its cases: equal keys mean that they match.
 
-    A number has one key in all notations (``1``, ``1.0``, ``01``), also as a text; true is neither 1 nor ``yes``.
+    A number has one key in all notations (``1``, ``1.0``, ``01``), also as a text. ``true`` matches neither 1 nor
+    ``yes``.
     """
     if isinstance(value, str) and _NUMBER.fullmatch(value):
         value = float(value)
@@ -52,7 +53,10 @@ _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
 
 def _repeated_cases(step: Step, written: Sequence[Scalar]) -> Iterator[Diagnostic]:
-    """Yield an error for each repeated case in another notation; repeated texts have been reported."""
+    """Yield an error for each case that equals an earlier one in another notation, such as ``1`` and ``1.0``.
+
+    Cases with the same text have been reported as repeated keys.
+    """
     first: dict[tuple[str, str], Scalar] = {}
     for case, key in zip(step.cases, written, strict=True):
         before = first.setdefault(case_key(case), key)

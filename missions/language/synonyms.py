@@ -1,7 +1,8 @@
 """Synonyms: words of other systems in missions, and suggestions for unknown words.
 
-The meaning of a word takes precedence over its spelling. A word that needs a larger form is answered with that form
-(``PHRASE_SYNONYMS``), or with the page that compares the systems (``UNMATCHED_WORDS``).
+An unknown word is first looked up as a synonym; only then is a word with a similar spelling suggested. Some words of
+other systems need more than one word of ours: ``PHRASE_SYNONYMS`` has the form to write. ``UNMATCHED_WORDS`` have no
+equivalent; the suggestion is a page that compares the systems.
 
 Similar spelling alone never suggests a behaviour that moves the robot, a condition, or a word that changes the flow,
 unless it is a typing error. So ``sleep`` does not suggest ``sweep``, which moves a joint, nor ``undocked`` ``docked``.
@@ -90,9 +91,10 @@ SYNONYMS: Mapping[str, str] = {
     "returns": "outputs output return results",
     "properties": "promises asserts",
 }
-"""Our words, each with the words of other systems, and with an argument if the meaning needs it.
+"""Our words, each with the words of other systems that mean the same.
 
-A word that exists, perhaps from a package, is never a synonym. Only words for a motion suggest one.
+A word of ours has an argument if the meaning needs it, such as ``turn: -90 deg`` for ``turn_right``. A synonym is not
+used if it is the tag of an existing leaf. Behaviours that move are suggested only for words that mean motion.
 """
 
 PHRASE_SYNONYMS: Mapping[str, str] = {
@@ -133,10 +135,10 @@ UNMATCHED_WORDS = (
 UNMATCHED_HINT = "nothing here means the same: see what comes near in docs/language.md#words-of-other-systems"
 
 MIN_LIKENESS = 0.7
-"""Minimum similarity ratio of two words for a suggestion without risk."""
+"""Minimum similarity (0..1) of an unknown word and a word that moves nothing, to suggest the latter."""
 
 MIN_LONG_LIKENESS = 0.85
-"""Minimum similarity ratio of long words with up to two typing errors."""
+"""Minimum similarity (0..1) at which two long words count as one word with up to two typing errors."""
 
 MIN_LONG_WORD = 8
 """Minimum letters of a word in which a changed letter is a typing error; not so in short ones: wander, wonder."""
@@ -149,7 +151,8 @@ def unknown_word_hint(
 ) -> str:
     """Return a suggestion for an unknown word: our synonym, or the closest word; empty if there is none.
 
-    ``beside`` are the words beside a behaviour; they are not suggested for a word that stands ``alone``.
+    ``leaves`` and ``composites`` are the words that can be suggested. ``beside`` are the words that stand beside a
+    behaviour; they are not suggested for a word that stands ``alone``.
     """
     known = [*leaves, *composites, *([] if alone else beside)]
     if hint := explained_hint(word):
@@ -179,7 +182,7 @@ def explained_hint(word: str) -> str:
 
 
 def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
-    """Return the words of ``ours`` that are within one typing error of ``word``, by themselves or by a synonym."""
+    """Return the words of ``ours`` that are one typing error away from ``word``, themselves or by a synonym."""
     slips = {each for each in ours if is_one_edit(word, each)}
     for each, names in SYNONYMS.items():
         # Shorter words are one letter away from too many others: ``trun`` is ``turn``, not ``run``.
@@ -191,9 +194,10 @@ def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
 def _may_propose(
     word: str, proposal: str, leaves: Mapping[str, type[Leaf]], known: Collection[str], near: Collection[str]
 ) -> bool:
-    """Return whether a word may be suggested for its spelling alone: a harmless word, or a typing error.
+    """Return True if ``proposal`` may be suggested for the unknown ``word`` because of its spelling alone.
 
-    A word that moves the robot may be suggested if no other word is near: ``lay`` is ``say`` or ``play``.
+    It must be a harmless word, or differ by a typing error. A behaviour that moves the robot may be suggested if it is
+    the only word in ``near``: ``lay`` can mean ``say`` or ``play``.
     """
     leaf = leaves.get(proposal)
     moves = leaf is not None and bool(leaf.drives.intersection(ACTUATOR_KINDS))
@@ -210,9 +214,9 @@ def _may_propose(
 
 
 def _is_slip(word: str, other: str, *, max_slips: int = 2) -> bool:
-    """Return whether two words differ by a typing error; in short words, a changed letter makes another word.
+    """Return True if ``word`` is ``other`` with a typing error. In short words, a changed letter is another word.
 
-    In long words ``max_slips`` may be two, but not at the beginning: ``unloaded`` is not ``loaded``.
+    Long words may have two errors if ``max_slips`` is 2, but not in the first letter: ``unloaded`` is not ``loaded``.
     """
     if max_slips > 1 and word[:1] == other[:1] and min(len(word), len(other)) >= MIN_LONG_WORD:
         return SequenceMatcher(None, word, other).ratio() >= MIN_LONG_LIKENESS

@@ -28,7 +28,7 @@ from missions.language.switches import impossible_cases
 Kinds = Mapping[str, Kind]
 
 MAX_ROUNDS = 8
-"""Changes of a variable's kind that one setter can cause: settled, widened at most twice, then unknown."""
+"""Maximum number of times that the kind of a variable can change during type inference, for each setter."""
 
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
@@ -81,7 +81,7 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
 
 
 def _names_read(what: object) -> set[str]:
-    """Return the variables whose kinds determine the kind of a value."""
+    """Return the variables that an expression reads, as their kinds determine the kind of its value."""
     value = what.args[0] if isinstance(what, partial) else what
     formula = value.template if isinstance(value, Value) else None
     return set() if formula is None else {read.name for read in formula.reads}
@@ -123,7 +123,10 @@ def _param_kinds(step: Step) -> Kinds:
 
 
 def _declared_kind(value: Value) -> Kind:
-    """Return the kind of a param; for an expression, that of its type."""
+    """Return the kind of a sub-mission's param from the value that it gets; None if unknown.
+
+    If the value is an expression, it is the kind that the param declares.
+    """
     if value.template is None:
         kind = kind_of_value(value.constant)
         return None if kind == NOTHING else kind

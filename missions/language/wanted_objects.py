@@ -11,14 +11,14 @@ from missions.language.plan import PlaceholderLeaf, Step
 from perception.api import ThingSpec
 
 OBJECT_KIND = "object"
-"""Kind of an argument that names an object to look for."""
+"""Kind of an argument that names an object for the camera to find, such as "red ball"."""
 
 MAX_COMBINATIONS = 2000
 """Maximum combinations of texts tried for one expression; with more, its value is unknown."""
 
 
 MAX_FILLED = 20_000
-"""Maximum combinations tried for all expressions of a mission; each makes a text that others can use."""
+"""Maximum combinations of texts tried for all expressions of a mission, whose results are new texts to try."""
 
 
 def objects_to_find(tree: Step) -> tuple[ThingSpec, ...]:
@@ -56,7 +56,7 @@ def _object_values(step: Step) -> Iterator[Value]:
 
 
 def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
-    """Yield the possible objects of a value, if each name in its template can be any of the ``texts``."""
+    """Yield the objects that ``value`` can name, if each variable in its template can have any of the ``texts``."""
     for text in _fill_template(value, texts):
         try:
             wanted = text if value.convert is None else value.convert(text)
@@ -67,7 +67,7 @@ def _possible_objects(value: Value, texts: list[str]) -> Iterator[ThingSpec]:
 
 
 def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
-    """Yield all possible results of a value's template."""
+    """Yield all results of the template of ``value``, if each variable in it can have any of the ``texts``."""
     template = value.template
     names = () if template is None else tuple(dict.fromkeys(read.name for read in template.reads))
     if template is not None and len(texts) ** len(names) <= MAX_COMBINATIONS:
@@ -77,7 +77,7 @@ def _fill_template(value: Value, texts: list[str]) -> Iterator[object]:
 
 
 def _texts(tree: Step) -> list[str]:
-    """Return all texts that a variable of a mission can have: constants, and results of templates."""
+    """Return all texts that a variable of a mission can have: constants, and results of templates with them."""
     values = [value for step in tree.walk() for value in step.arguments.values()]
     found = dict.fromkeys(text for value in values for text in _texts_within(value.constant))
     remaining = MAX_FILLED

@@ -38,7 +38,7 @@ def details(leaf: type[Leaf]) -> str:
 
 
 def sentence(words: str) -> str:
-    """Return ``words`` with a capital and a full stop."""
+    """Return ``words`` with a capital first letter and a full stop at the end."""
     return f"{words[:1].upper()}{words[1:]}."
 
 

@@ -1,8 +1,9 @@
 """Drivers of MissionTree and of other distributions, and robot files that use them.
 
-A distribution offers drivers by entry points of the group ``missiontree.drivers``: ``base.rover`` is a driver of bases
-named ``rover``, and refers to a ``drivers.api.driver.Driver``. They are loaded only if a robot file names an unknown
-driver, or if all drivers are listed, so a broken one does not affect other robots.
+A distribution offers drivers by entry points of the group ``missiontree.drivers``: the entry point ``base.rover`` is a
+driver of bases named ``rover``, and refers to a ``drivers.api.driver.Driver``. Entry points are loaded only if a robot
+file names a driver that MissionTree does not have, or if all drivers are listed, so a broken one does not affect other
+robots.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

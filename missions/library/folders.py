@@ -35,7 +35,10 @@ def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def _folder(named: str, otherwise: str) -> Path:
-    """Return our folder in ``named``, or in ``otherwise`` of the home folder if ``named`` is not an absolute path."""
+    """Return the folder ``missiontree`` in ``named``, a path from the environment.
+
+    If that is not an absolute path, return the one in the folder ``otherwise`` of the home folder.
+    """
     return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"
 
 
@@ -43,7 +46,7 @@ def _folder(named: str, otherwise: str) -> Path:
 
 
 def places_file(config: RobotConfig) -> Path:
-    """Return the file of a robot's places: the one in its robot file, or one in the user's data folder."""
+    """Return the file with the named places of a robot's map: from its robot file, or in the user's data folder."""
     keys = config.keys(Ros2Keys)
     file_name = "" if keys is None else keys.places
     if not file_name:
@@ -53,5 +56,5 @@ def places_file(config: RobotConfig) -> Path:
 
 
 def places_of(config: RobotConfig) -> Mapping[str, PlaceKeys]:
-    """Return the places of a robot; empty if it has no map. Raises InvalidFileError."""
+    """Return the places of a robot's map by name; empty for a robot without ROS 2. Raises InvalidFileError."""
     return load_places(places_file(config)) if "ros2" in config.sections else {}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 IMPORT_TIMEOUT = 20.0
-"""Seconds for the trial import in a separate process."""
+"""Seconds that a trial import in a separate process may take."""
 
 MAX_REPORT = 1 << 16
 """Maximum bytes that are read of the trial process's report."""
@@ -32,7 +32,7 @@ MAX_REPORT = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class ImportProblem:
-    """Reason why Python code cannot be imported; ``line`` in its file is 0 if unknown."""
+    """Reason why Python code cannot be imported; ``line`` is the line of the error in its file, 0 if unknown."""
 
     message: str
     line: int = 0
@@ -64,7 +64,10 @@ def _is_imported(name: str) -> bool:
 
 @lru_cache(maxsize=256)
 def _try_import(kind: str, value: str, path: tuple[str, ...], version: object) -> ImportProblem | None:
-    """Import in another process with the same ``path``; cached by ``version``."""
+    """Import ``value`` in another process with the module search path ``path``; return the problem, or None.
+
+    ``kind`` is the kind of ``value``: a file, an entry point or a dotted name. Results are cached by ``version``.
+    """
     del version
     reading, writing = os.pipe()
     with os.fdopen(reading, "rb") as report:
@@ -168,8 +171,9 @@ def _import(kind: str, value: str) -> None:
 def entry_points_of(group: str) -> Sequence["EntryPoint"]:
     """Return the entry points of a ``group``, by name.
 
-    Usually there are none, which a scan of the declaring files shows in a few milliseconds; ``importlib.metadata``
-    takes a tenth of the time of a check. Archives on the path need ``importlib.metadata``.
+    Usually there are none. To find this out, the files that declare entry points are searched for the group's name in a
+    few milliseconds; ``importlib.metadata`` would take a tenth of the time of `mission check`. If the path contains
+    archives, ``importlib.metadata`` is always used.
     """
     folders = [Path(name) for name in dict.fromkeys(sys.path)]
     read = all(folder.is_dir() or not folder.exists() for folder in folders)
@@ -190,7 +194,10 @@ def _modified_at(folder: Path) -> int:
 
 @lru_cache(maxsize=64)
 def _is_declared(group: str, folders: tuple[tuple[Path, int], ...]) -> bool:
-    """Return whether a distribution in ``folders`` declares the group; cached by modification times."""
+    """Return True if a distribution in ``folders`` declares entry points of the group.
+
+    Results are cached by the modification times of the folders.
+    """
     files = (file for folder, _ in folders for file in folder.glob("*-info/entry_points.txt"))
     return any(group in file.read_text(encoding="utf-8", errors="replace") for file in files)
 
@@ -200,7 +207,10 @@ class BrokenEntryPointError(ValueError):
 
 
 def load_entry_point(point: "EntryPoint") -> Any:
-    """Import the object of an entry point after a trial in a separate process. Raises BrokenEntryPointError."""
+    """Return the object of an entry point, imported after a trial import in a separate process.
+
+    Raises BrokenEntryPointError.
+    """
     if problem := find_entry_point_problem(point):
         raise BrokenEntryPointError(problem.message)
     try:

@@ -26,7 +26,10 @@ class Interests:
 
 
 def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
-    """Return the detectors for the behaviours and expressions of a mission; the markers are those of the robot file."""
+    """Return the detectors and phrases that the tree of a mission needs.
+
+    The markers to find are those in the ``camera`` section of the robot file.
+    """
     senses = tree.senses
     return Interests(
         objects=objects_to_find(tree) if "things" in senses else (),

@@ -49,7 +49,7 @@ def find_gait(name: str) -> GaitKeys:
 
 
 def new_move_file(name: str) -> "NewMoveFile":
-    """Return the file for a movement to record. Raises LookupError for an invalid name."""
+    """Return the file into which a movement will be recorded. Raises LookupError for an invalid name."""
     from missions.library.moves.record import NewMoveFile  # noqa: PLC0415
 
     return NewMoveFile(name)
@@ -65,7 +65,7 @@ def find_controller(name: str) -> "RuleBases":
 
 @lru_cache(maxsize=16)
 def _parse_rule_bases(source: SourceText) -> "RuleBases":
-    """Return the rule bases of a controller, cached, as this takes as long as the rest of a mission."""
+    """Return the rule bases in the text of a controller file; cached, since parsing takes long."""
     from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
     from config.controller import parse_controller  # noqa: PLC0415
 

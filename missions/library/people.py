@@ -101,7 +101,6 @@ def _last_in(folder: Path) -> int:
 
 
 def _write_picture(path: Path, picture: Image) -> None:
-    """Write a picture, and sync it to disk."""
     import cv2  # noqa: PLC0415 - as above
 
     is_encoded, data = cv2.imencode(".png", picture)
@@ -132,7 +131,7 @@ class PeopleError(RuntimeError):
 
 
 ProblemListener = Callable[[PeopleError], None]
-"""Called with the problem for each picture that is skipped."""
+"""Function that is called with a problem of the stored pictures, such as a file that is not a picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,9 +180,10 @@ class People:
     def portraits(self, on_problem: ProblemListener) -> dict[str, list[Image]]:
         """Return the pictures of each person with enough pictures for recognition, by name.
 
-        Of many pictures, some are selected, evenly spread, since recognition compares all pairs. ``on_problem`` is
-        called for such a selection, for each file that is not a picture, and for each person with too few pictures or
-        without room. Raises PeopleError if the folder cannot be read.
+        If a person has many pictures, some are selected, evenly spread, since recognition compares all pairs.
+        ``on_problem`` is called for such a selection, for each file that is not a picture, for each person with too few
+        pictures, and for people who are left out because there are too many. Raises PeopleError if the folder cannot be
+        read.
         """
         found = {}
         for name, files in self._select_files(on_problem).items():
@@ -196,7 +196,10 @@ class People:
         return found
 
     def select_new(self, name: str, portraits: Sequence[Image]) -> list[Image]:
-        """Return the pictures that ``add`` would store: each once, without stored ones. Raises the same errors."""
+        """Return the pictures that ``add`` would store: without those already stored, and each once.
+
+        Raises the same errors as ``add``.
+        """
         stored_name = self.find(name) or proper_name(name)
         whose = {
             picture_digest(portrait): who
@@ -289,7 +292,7 @@ class People:
         return changed
 
     def _select_files(self, on_problem: ProblemListener) -> dict[str, list[Path]]:
-        """Return the files for recognition, and report the skipped ones."""
+        """Return the picture files for recognition by person; call ``on_problem`` if some are left out."""
         everybody = {name: list(files) for name, files in self._files(on_problem).items()}
         late = list(everybody)[MAX_PICTURES_TOGETHER // MIN_PICTURES :]
         if late:
@@ -334,13 +337,19 @@ def _is_left_over(home: Path) -> bool:
 
 
 def _comparison_key(name: str) -> str:
-    """Return a key that is equal for all spellings of a name: case, composed letters, invisible joiners."""
+    """Return a key that is equal for all spellings of a name.
+
+    Spellings can differ in upper and lower case, composed letters, and invisible joiners.
+    """
     visible = "".join(letter for letter in name.strip() if letter not in JOINERS)
     return unicodedata.normalize("NFC", visible.casefold())
 
 
 def _read_or_report(path: Path, on_problem: ProblemListener) -> Image | None:
-    """Return a picture; None if it was just removed, or cannot be read, which is reported."""
+    """Return the picture in a file; None if the file was just removed or is not a readable picture.
+
+    Files that are not readable pictures are reported by ``on_problem``.
+    """
     try:
         found = read_picture(path)
     except FileNotFoundError:

@@ -1,7 +1,7 @@
 """Plug-ins of MissionTree (``missions.plugins``) and of other distributions.
 
-Those of other distributions are searched if a name is not ours, or if all plug-ins count. Their declarations are first
-imported in a separate process. A broken one is skipped with a warning on stderr.
+Those of other distributions are searched if a command or a file belongs to none of ours, or if all plug-ins are listed.
+Their declarations are first imported in a separate process. A broken plug-in is skipped with a warning on stderr.
 """
 
 import sys
@@ -84,7 +84,7 @@ def _missing_needs(plugin: Plugin, found: Mapping[str, Plugin]) -> list[str]:
 
 
 def _conflict(plugin: Plugin, others: Iterable[Plugin]) -> str:
-    """Return the error if a plug-in's name, command or file suffix is taken by another one; empty if none is."""
+    """Return an error if another plug-in has the same name, command or file suffix; empty if there is none."""
     for other in others:
         if plugin.name == other.name:
             return f"a plug-in '{plugin.name}' exists already"
@@ -130,16 +130,16 @@ def find_command(name: str) -> tuple[Plugin, CommandEntry] | None:
 
 
 def find_file_kind(name: str) -> tuple[Plugin, FileKind] | None:
-    """Return the plug-in for files with this name's suffix, and the file kind; None if there is none."""
+    """Return the plug-in that handles files with the suffix of ``name``, and its file kind; None if there is none."""
     found = ((each, kind) for each in plugins() for ending, kind in each.file_kinds.items() if name.endswith(ending))
     return next(found, None)
 
 
 def service(name: str) -> Any:
-    """Return the object that one of our own plug-ins offers to the core; None if none does.
+    """Return the object that one of our plug-ins offers to the core as ``name``; None if there is no such plug-in.
 
-    Other plug-ins are not searched, since the thread that handles stops calls this and must not wait. Raises
-    BrokenPluginError.
+    Plug-ins of other distributions are not searched: the thread that handles stops calls this function and must not
+    wait. Raises BrokenPluginError.
     """
     found = next((each for each in built_in_plugins().values() if name in each.services), None)
     return None if found is None else load(found, found.services[name])

@@ -20,7 +20,10 @@ class ExistsError(ValueError):
 
 
 def open_for_owner(path: str, flags: int) -> int:
-    """Open a file for its owner only, also an existing one: an ``opener`` of ``open``. Raises OSError."""
+    """Open a file so that only its owner can read it, also if it exists. Raises OSError.
+
+    It has the signature of the argument ``opener`` of ``open``.
+    """
     number = os.open(path, flags, 0o600)
     with suppress(OSError):  # a disk without permissions, such as a USB stick, or a file of another user
         os.fchmod(number, 0o600)
@@ -33,9 +36,9 @@ def open_private(path: Path) -> TextIO:
 
 
 class EarlierFile:
-    """An existing output file, kept aside until the new one is complete.
+    """An existing output file at ``path``, kept under another name until the new file is complete.
 
-    Links and special files, such as pipes, are written directly. Methods raise OSError.
+    Links and special files, such as pipes, are not kept, but written directly. Methods raise OSError.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,7 +59,10 @@ class EarlierFile:
                 self._backup.unlink()
 
     def restore(self) -> Path | None:
-        """Restore the earlier file; return the new name of the incomplete one, or None if there is none."""
+        """Give the earlier file its name back, and rename the incomplete new file.
+
+        Return the incomplete file's new path; None if there is no earlier or no new file.
+        """
         if self._backup is None:
             return None
         renamed = None
@@ -67,7 +73,7 @@ class EarlierFile:
 
 
 def _unused_path(path: Path) -> Path:
-    """Return ``path``, with a number after its stem if it exists."""
+    """Return ``path`` if no file exists there, else the path with the next free number after its stem."""
     names = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
     return next(each for each in names if not each.exists())
 

@@ -12,11 +12,14 @@ from drivers.sound.engines import EspeakEngine
 from perception.hearing.lexicon import Lexicon, espeak_to_phones, find_confusable, load_english
 
 DEFAULT_MANNER = SpeechStyle("en-us", 150.0)
-"""Synthesiser voice and speech rate with which the pronunciation of unknown words is found."""
+"""Synthesiser voice and speech rate by which the pronunciation of words is found that no dictionary has."""
 
 
 def find_unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
-    """Return the words that the robot cannot listen for, as far as known without a synthesiser run."""
+    """Return those of ``words`` whose pronunciation is not known, so that the robot cannot listen for them.
+
+    The synthesiser is not run: an English word counts as known if the synthesiser is installed.
+    """
     lexicon = load_english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
     if lexicon is None:  # other recognisers need none; a missing one is reported when it is used
         return ()

@@ -40,7 +40,7 @@ MISSION_NAME = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
 
 @cache
 def shipped_missions() -> dict[str, Path]:
-    """Return the files of MissionTree's missions by name; those in a subfolder as "motions/square"."""
+    """Return the files of MissionTree's missions by name; a name in a subfolder is "motions/square"."""
     return {
         str(path.relative_to(MISSIONS_FOLDER).with_suffix("")): path
         for path in mission_files(MISSIONS_FOLDER.rglob("*.yaml"))
@@ -89,9 +89,11 @@ def load_mission(
     robot: TargetRobot | None = None,
     leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
-    """Read and check a mission by name or path, for a ``robot``; ``complete`` requires all params.
+    """Read and check a mission by name or path; return its plan.
 
-    ``leaves`` are the available leaves; ``missions.library.vocabulary`` loads more than those of MissionTree.
+    ``params`` are values as texts; with ``complete``, a param without a value is an error. ``robot`` is the robot to
+    check for. ``leaves`` are the available leaves; ``missions.library.vocabulary`` loads more than those of
+    MissionTree.
 
     Raises UnknownNameError, or InvalidFileError with all errors.
     """

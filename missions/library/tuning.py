@@ -16,7 +16,7 @@ from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys
 from missions.library.drivers import parse_robot
 
 LIMIT_ENDS = ("lower", "upper")
-"""Names of the two ends of a joint's ``limits``."""
+"""Last words of the names of a joint's limits, such as ``arm.joints.elbow.upper``, in the order of the file."""
 
 TOLERANCE = radians(0.001)
 """Maximum difference of two values that count as equal."""
@@ -58,9 +58,10 @@ def check_editable(path: Path, copy_command: str) -> None:
 
 
 def save_values(path: Path, values: Mapping[str, float], copy_command: str) -> list[str]:
-    """Write values into a robot file, and change nothing else; return the changes, such as "head: pan: trim: 3 deg".
+    """Write ``values`` by name into a robot file; return the changes, such as "head: pan: trim: 3 deg".
 
-    Raises NotEditableError if a value cannot be written, InvalidFileError for another file than a robot's, OSError.
+    Nothing else in the file is changed. ``copy_command`` is the hint for a file that must not be changed. Raises
+    NotEditableError if a value cannot be written, InvalidFileError for a file that is not a robot file, OSError.
     """
     check_editable(path, copy_command)
     source = read_source(path)
@@ -83,7 +84,10 @@ def save_values(path: Path, values: Mapping[str, float], copy_command: str) -> l
 def _file_entry(
     name: str, values: Mapping[str, float], old: Mapping[str, tuple[float, str]]
 ) -> tuple[tuple[str, ...], str]:
-    """Return the keys of a value in the file, and its text; both ends of limits are in one list."""
+    """Return the keys under which the value ``name`` stands in the robot file, and its text there.
+
+    The limits of a joint are one list in the file, so its other end comes from ``values`` or ``old``.
+    """
     keys, dimension = tuple(name.split(".")), old[name][1]
     if keys[-1] not in LIMIT_ENDS:
         return keys, quantity_text(values[name], dimension)

@@ -59,7 +59,7 @@ MODULE_PREFIX = "missiontree_behaviours."
 """Prefix of the names of modules that are loaded from files."""
 
 ARGUMENT_KINDS = frozenset({*UNITS, *EXAMPLE_VALUES, "name", "gesture", "move", "gait", "controller"})
-"""Kinds that an argument of a leaf can have."""
+"""Kinds that a leaf can declare for an argument."""
 
 
 SENSES = frozenset({"faces", "names", "things", "markers", "motion"})
@@ -68,13 +68,13 @@ SENSES = frozenset({"faces", "names", "things", "markers", "motion"})
 
 @dataclass(frozen=True, slots=True)
 class OfferedLeaves:
-    """Classes of a file or an entry point, with the source for error messages."""
+    """Leaf classes that a file or an entry point offers, with its ``source`` for error messages."""
 
     source: SourceText
     classes: Sequence[type[Behaviour]]
 
     def mark(self, cls: type) -> Mark:
-        """Return the place of a class in the source; the start if unknown."""
+        """Return the place of a class in the source; the first line if it is not found."""
         try:
             tree = ast.parse(self.source.text)
         except SyntaxError:

@@ -37,13 +37,13 @@ Point = tuple[float, ...]
 """Coordinates of a point of a body in one unit of length, in two or three dimensions."""
 
 SAME_POINT_SHARE = 1e-9
-"""Distance of two points, as a share of a limb's length, below which they are the same and define no angle."""
+"""Limit below which two points of a limb count as the same, as a share of the longer segment's length."""
 
 
 def angle_at(before: Point, joint: Point, behind: Point) -> float:
-    """Return the angle at ``joint`` (rad): 0 for a folded limb, pi for a straight one, by the law of cosines.
+    """Return the angle at ``joint`` between the points ``before`` and ``behind`` (rad), by the law of cosines.
 
-    Raises ValueError if ``joint`` coincides with another point.
+    It is 0 for a folded limb, pi for a straight one. Raises ValueError if ``joint`` coincides with another point.
     """
     near, far, across = dist(joint, before), dist(joint, behind), dist(before, behind)
     if min(near, far) <= SAME_POINT_SHARE * max(near, far):
@@ -72,10 +72,10 @@ MAX_AX_STEP = 1023
 
 
 def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
-    """Return a movement of another program as a sheet of its joints. Raises InvalidFileError.
+    """Return a movement file of another program as a sheet with a column for each joint. Raises InvalidFileError.
 
-    pypot has degrees and speeds by motor and time; dynamixel_workbench has radians in the order of its joints; RoboPlus
-    has steps by servo ID, which need the joints of the ``arm``.
+    ``form`` is the program: pypot files have degrees and speeds by motor and time; dynamixel_workbench files have
+    radians in the order of its joints; RoboPlus files have steps by servo ID, which need the joints of the ``arm``.
     """
     try:
         if form == "roboplus":
@@ -101,7 +101,10 @@ def read_foreign_sheet(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
 
 
 def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
-    """Return a pypot movement as degrees by motor, by time (s). A motor has its angle, or angle and speed."""
+    """Return a pypot movement: for each time (s), the angle in degrees of each motor.
+
+    In the file, a motor has its angle, or a list of angle and speed.
+    """
     rows = data["positions"]
     if isinstance(rows, list):  # the form of older versions
         rows = {number / float(data["framerate"]): row for number, row in enumerate(rows)}
@@ -183,9 +186,9 @@ def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
 
 
 def build_movement(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
-    """Return the movement of a ``sheet`` by its ``move`` file. Raises InvalidFileError with all errors in the sheet.
+    """Return the movement of a ``sheet`` as its ``move`` file describes it.
 
-    ``rate`` and ``arm`` are as in ``load_move``.
+    ``rate`` and ``arm`` are as in ``load_move``. Raises InvalidFileError with all errors in the sheet.
     """
     _check_headings(sheet, move, arm)
     times = _times(sheet, move.rate or rate)
@@ -231,7 +234,7 @@ def _check_units(sheet: Sheet, move: MoveConfig) -> None:
 
 
 def _heading_hint(heading: str, arm: ArmKeys) -> str:
-    """Return the joint that a heading may mean, with its unit; without a unit its angles would be radians."""
+    """Return a hint for an unknown heading of a column: the joint that it may mean, with the unit to write."""
     name, unit = parse_heading(heading)
     if name.lower() in TIME_NAMES:
         return "a column of times is headed 'time (s)' or 'time (ms)'"
@@ -312,7 +315,7 @@ def _check_reach(sheet: Sheet, joint: str, move: MoveConfig, angles: Sequence[fl
 
 
 def _report_problems(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]], hint: str = "") -> None:
-    """Report the first error of a joint, with the number of further rows."""
+    """Report the first of a joint's ``problems`` (row and text) in a sheet, with the number of further rows."""
     if problems:
         row, problem = problems[0]
         others = len(problems) - 1
@@ -322,7 +325,7 @@ def _report_problems(sheet: Sheet, source: JointSource, problems: Sequence[tuple
 
 
 def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
-    """Return the change (rad) below which a joint is not moved."""
+    """Return the change of an angle (rad) below which a joint is not moved: from the move file, or of its servo."""
     if move.dead_band is not None or arm is None:
         return move.dead_band or 0.0
     return arm.resolution(joint)
@@ -351,9 +354,10 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
 
 
 def _config_from_headings(sheet: Sheet, path: Path, arm: ArmKeys | None, *, in_degrees: bool = False) -> MoveConfig:
-    """Return a move file's contents in which each column is a joint, in the unit of its heading.
+    """Return a move file for a sheet that has none: each column is a joint, in the unit of its heading.
 
-    Raises InvalidFileError for other units than those of angles, and for two columns of one joint.
+    Without a unit, a column is in radians, or in degrees if ``in_degrees``. Raises InvalidFileError for other units
+    than those of angles, and for two columns of one joint.
     """
     joints: dict[str, JointSource] = {}
     reaches = {} if arm is None else arm.ranges

@@ -24,16 +24,17 @@ Positions = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class JointSnapshot:
-    """Positions of the joints (rad) at a time (s, on the driver's clock)."""
+    """Positions of all joints (rad) at one time (s, on the driver's clock)."""
 
     time: float
     positions: Mapping[str, float]
 
 
 class JointRecording:
-    """Recording of a movement. ``resolutions`` are the measuring resolutions (rad) of the joints to record.
+    """Recording of a movement that a person makes with the joints by hand.
 
-    Changes below the resolution count as no motion.
+    ``resolutions`` are the measuring resolutions (rad) of the joints to record, by name; smaller changes count as no
+    motion.
     """
 
     def __init__(self, resolutions: Mapping[str, float]) -> None:
@@ -47,9 +48,10 @@ class JointRecording:
         return self.snapshots[-1].time - self.snapshots[0].time if self.snapshots else 0.0
 
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
-        """Add the newest readings, if there are new ones of all joints.
+        """Add the newest readings of all joints at the time ``now`` (s), unless one joint has no new reading.
 
-        Raises NoReply after ``MAX_READING_GAP`` seconds without them, since a recording with a gap is useless.
+        Raises NoReply if ``MAX_READING_GAP`` seconds have passed without new readings, since a recording with a gap is
+        useless.
         """
         snapshot = self._snapshot(states)
         if snapshot is not None:
@@ -75,9 +77,9 @@ class JointRecording:
         return JointSnapshot(max(stamps), positions)
 
     def gesture(self, name: str, summary: str = "") -> GestureConfig:
-        """Return the movement without the idle time around it, reduced to the resolution of the joints.
+        """Return the recording as a gesture, without the time before and after the movement.
 
-        Raises BadRequest if nothing moved.
+        Readings that interpolation reproduces are left out. Raises BadRequest if no joint moved.
         """
         steps = np.array(list(self._resolutions.values()))
         table = np.array([[snapshot.positions[joint] for joint in self._resolutions] for snapshot in self.snapshots])
@@ -95,7 +97,10 @@ class JointRecording:
 
 
 def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | None:
-    """Return the readings from the last one before the movement to the first one after it; None without a movement."""
+    """Return the range of readings from the last before the movement to the first after it; None without one.
+
+    ``steps`` are the resolutions of the joints (rad).
+    """
     if len(table) < 2:
         return None
     has_begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # jitter between two steps is no movement
@@ -106,10 +111,11 @@ def _moving_range(table: Positions, steps: npt.NDArray[np.float64]) -> slice | N
 
 
 def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArray[np.float64]) -> list[int]:
-    """Return the indices of sufficient readings: linear interpolation misses no other by more than its resolution.
+    """Return the indices of the readings to keep: between them, linear interpolation replaces the others.
 
-    Douglas and Peucker (1973), over all joints at once: the first and the last reading are kept, and the one that is
-    farthest from the line between two kept ones.
+    No reading differs from the interpolation by more than the resolution of the joint (``steps``, rad). Method of
+    Douglas and Peucker (1973), over all joints at once: keep the first and the last reading, and between two kept
+    readings the one that is farthest from their line.
     """
     kept_rows = {0, len(times) - 1}
     spans = [(0, len(times) - 1)]
@@ -131,18 +137,21 @@ def thin_out(times: npt.NDArray[np.float64], table: Positions, steps: npt.NDArra
 # Where the leaf ``record`` stores movements: gesture files, never overwritten.
 
 DEFAULT_RESOLUTION = radians(0.3)
-"""Resolution in radians for recordings of missions: one step of the coarsest servos."""
+"""Resolution in radians of movements that missions record: one step of the coarsest servos."""
 
 
 class FileRecording(JointRecording):
-    """A recording of ``joints`` for a file at ``path``."""
+    """A recording of ``joints`` that is written to a gesture file at ``path``."""
 
     def __init__(self, path: Path, joints: Iterable[str]) -> None:
         super().__init__(dict.fromkeys(joints, DEFAULT_RESOLUTION))
         self._path = path
 
     def write(self) -> None:
-        """Write the recording to its file. Raises BadRequest if the file exists, or nothing moved, and for OSErrors."""
+        """Write the recording to its file.
+
+        Raises BadRequest if no joint moved, or if the file exists or cannot be written.
+        """
         gesture = self.gesture(self._path.stem, f"Recorded by a mission, {self.seconds:.1f} s.")
         try:
             write_new(self._path, gesture_text(gesture, str(self._path)))

@@ -53,7 +53,10 @@ class Heading(NamedTuple):
 
 
 def parse_heading(text: str, names: Collection[str] = ()) -> Heading:
-    """Return name and unit of a heading; one that is among the ``names`` has no unit."""
+    """Return name and unit of a heading such as "elbow (deg)".
+
+    A heading that is one of ``names`` is a name without a unit.
+    """
     if text in names:
         return Heading(text, "")
     if found := _BRACKETS.fullmatch(text):
@@ -138,7 +141,7 @@ Cell = float | str
 
 @dataclass(slots=True)
 class Sheet:
-    """A spreadsheet. ``headings`` are columns by name, ``rows`` the rows below them with their numbers.
+    """A spreadsheet: ``headings`` are the column numbers by name, ``rows`` the rows below, each with its number.
 
     Rows and columns count from 1. ``faults`` collects the errors.
     """
@@ -162,7 +165,7 @@ class Sheet:
 
     @property
     def remark(self) -> str:
-        """Note about further sheets of the workbook; empty if there are none."""
+        """Note for the user that the workbook has other sheets, which are not read; empty if it has none."""
         others = ", ".join(f"'{name}'" for name in self.other_tabs)
         how = "a move file names another: tab: NAME"
         return f"sheet '{self.tab}' is read, and not {others}; {how}" if others else ""
@@ -246,7 +249,7 @@ def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
 
 
 def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
-    """Report a row of units below the headings; return whether there is one."""
+    """Return True if ``cells`` is a row of units below the headings, and report it as an error."""
     cells_by_heading = [
         (heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)
     ]
