@@ -31,7 +31,7 @@ BEAM_HOLD_TIME = 0.3
 """
 
 BEAM_TIMEOUT = 1.0
-"""Seconds without a beam of the dock after which the search starts again."""
+"""Seconds without a beam of the dock after which the base searches for the dock again."""
 
 SWEEP_RATE, MEASURE_RATE = 0.8, 0.4
 """Turn rates in rad/s of the search for the dock, and of the measurement of its direction."""
@@ -154,7 +154,7 @@ def step(homing: Homing, state: BaseState, now: float, speed: float) -> tuple[Ho
 
 
 def _leave(homing: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
-    """Turn away until no beam is received: a sweep has to begin outside of the beams."""
+    """Turn away until no beam of the dock is received, since the search must begin outside of the beams."""
     if now - homing.centre_heard_at < BEAM_HOLD_TIME:
         return homing, Velocity(0.0, -homing.side * MEASURE_RATE)
     return _enter_stage(homing, HomingEvent.SILENCE, state, now), ZERO_VELOCITY
@@ -255,7 +255,7 @@ def _distance_gone(homing: Homing, state: BaseState) -> float:
 
 
 CONTACT_SETTLE_TIME = 0.4
-"""Seconds on the contacts of the dock before docking counts as done: twenty reports of a Kobuki."""
+"""Seconds for which the base must stand on the contacts of the dock; a Kobuki sends twenty reports in that time."""
 
 
 DOCK_ACTION = "dock"
@@ -263,7 +263,7 @@ DOCK_ACTION = "dock"
 
 
 DOCK_TIME_LIMIT = 100.0
-"""Seconds to find a dock within range and to reach it, with three tries at 0.1 m/s."""
+"""Expected seconds to find a dock within range and to reach it, with three tries at 0.1 m/s."""
 
 
 class DockLeaf(DelegatedMotion):

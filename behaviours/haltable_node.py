@@ -15,7 +15,7 @@ UNPAUSED_PARTS = frozenset({"base", "voice", "screen"})
 """Parts that need no stop when their leaf is not ticked: a base stops by itself after COMMAND_TIMEOUT."""
 
 TIME_TOLERANCE = 1e-6
-"""Tolerance in seconds for rounding errors in sums of tick periods."""
+"""Tolerance in seconds for rounding errors when tick periods are added up."""
 
 AT_REST, STARTING, WORKING, HALTING = range(4)
 """Stages of a leaf: at rest; ``initialise`` called; ``initialise`` returned; ``terminate`` called by a halt."""

@@ -84,10 +84,10 @@ class SeenLeaf(PerceptLeaf[P]):
 
 
 ARRIVAL_TOLERANCE = math.radians(1.0)
-"""Radians from the goal within which the head has arrived; a hobby servo takes whole degrees."""
+"""Radians from the goal within which the head has arrived, since a hobby servo can only be set to whole degrees."""
 
 SAG_TOLERANCE = math.radians(3.0)
-"""Radians from the goal within which a measured head may come to rest, since a loaded servo stops short."""
+"""Radians from the goal within which a head with measured angles may come to rest, since loaded servos stop short."""
 
 SETTLE_TIME = 1.0
 """Seconds without motion after which a head counts as at rest: as arrived if it is near its goal, else as stuck."""
@@ -97,7 +97,10 @@ MIN_LOOK_DISTANCE = 0.02
 
 
 class ArrivalDetector:
-    """Detects whether a moving head has arrived within ``within`` radians of its goal, or is ``stuck``."""
+    """Detects whether a moving head has arrived within ``within`` radians of its goal.
+
+    ``stuck`` is True if the head has come to rest elsewhere.
+    """
 
     def __init__(self, within: float = ARRIVAL_TOLERANCE) -> None:
         self._within = within

@@ -9,7 +9,7 @@ from behaviours.leaf import SUCCESS, Leaf, argument
 from perception.api import Words
 
 MAX_LISTENING_DELAY = 1.0
-"""Seconds that the recogniser may lag behind; with more, the robot counts as deaf."""
+"""Seconds that the speech recogniser may lag behind the sound; with more, the robot counts as deaf."""
 
 DEFAULT_MAX_AGE = 3.0
 """Seconds for which a phrase counts as heard by default."""

@@ -130,19 +130,19 @@ def _known_positions(arm: Joints) -> dict[str, float]:
 
 
 GOAL_LEAD_TIME = 0.05
-"""Seconds by which the goals sent to joints are ahead of the path's time: one tick and the delay of the bus."""
+"""Seconds by which the goals sent to joints are ahead of the planned path: one tick and the delay of the servo bus."""
 
 MAX_STEP_TIME = 0.1
-"""Maximum seconds that one tick counts, so that joints do not jump after a late tick, a pause or a disconnect."""
+"""Maximum seconds that one tick advances a path, so that joints do not jump after a late tick, pause or disconnect."""
 
 RUN_IN_SPEED = math.radians(50)
-"""Maximum speed in rad/s on the way to the first pose of a movement."""
+"""Maximum joint speed in rad/s on the way to the first pose of a movement."""
 
 CATCH_UP_TIME = 0.2
-"""Seconds within which a joint catches up with its path."""
+"""Seconds within which a joint that lags behind is to catch up with its planned path."""
 
 SPEED_MARGIN = 1.1
-"""Ratio of the permitted speed to the speed of the path, so that joints arrive slightly early and keep up."""
+"""Ratio of the speed that a joint is permitted to the speed of its planned path, so that the joint keeps up."""
 
 REPORT_TIMEOUT = 3.0
 """Seconds to wait for joints that do not report on a connected arm; a servo restarts in one second."""

@@ -274,7 +274,7 @@ class Leaf(HaltableNode):
             self._terminate(status)
 
     def _store_output(self, name: str, status: Status) -> None:
-        """Store the result in the scope under ``name``, and flag the change if the value is a new object."""
+        """Store the result in the variable ``name``, and flag the change if the value is a new object."""
         if status is not SUCCESS and (status is not RUNNING or self.result is None):
             return
         result = self.result if self.output_converter is None else self.output_converter(self.result)

@@ -159,7 +159,7 @@ class Robot:
 
 
 def hold_still(robot: Robot, claims: frozenset[str]) -> None:
-    """Make the named actuators hold still: base and head stop, the arm keeps its position, the voice is silent.
+    """Make the actuators ``claims`` hold still: base and head stop, the arm keeps its position, the voice is silent.
 
     An exception of one part is logged and does not prevent the others from stopping.
     """

@@ -35,7 +35,7 @@ class Meeting:
 
     @classmethod
     def of(cls, face: Face, base: Pose2D) -> Self:
-        """Return the meeting for ``face`` as seen from ``base``."""
+        """Return the record of meeting the person of ``face``, seen from a base at the pose ``base``."""
         x, y = base.x + face.distance * math.cos(face.yaw), base.y + face.distance * math.sin(face.yaw)
         return cls(face.id, x, y, face.name)
 
@@ -222,7 +222,10 @@ class FindFace(FacePerceptLeaf, HeadSearch[Face]):
 
     @property
     def counted_since(self) -> float:
-        """Time from which a face counts. With ``new`` the head must stand, since positions tell people apart."""
+        """Time from which a face counts: the start of the leaf, or with ``new`` the head's last arrival.
+
+        With ``new``, people are told apart by their positions, which are not exact while the head moves.
+        """
         if not self.new:
             return self.started_at
         return math.inf if self.arrived_at is None else self.arrived_at

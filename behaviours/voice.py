@@ -30,7 +30,10 @@ SMILEY = re.compile(
     + "|".join(f"(?P<{mood.name}_>[{signs}])\ufe0f?" for mood, signs in EMOJI.items())
     + ")"
 )
-"""Pattern of an emoticon or emoji with the space before it; no match in "at 8:00", "a list:[1]", addresses."""
+"""Pattern of an emoticon or emoji with the space before it.
+
+It does not match within "at 8:00", "a list:[1]" and addresses.
+"""
 
 
 def split_mood(text: str) -> tuple[str, Mood | None]:

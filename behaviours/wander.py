@@ -13,7 +13,7 @@ from drivers.api import BASE_RADIUS, ZERO_VELOCITY, BaseState, Pose2D, Sides, St
 # Where a base has been, and what of the floor it has not seen yet.
 
 CELL_SIZE = 0.25
-"""Edge length in metres of a cell in the grid of visited floor."""
+"""Edge length in metres of a cell in the grid of visited floor (``VisitedCells``)."""
 
 
 class VisitedCells:
@@ -51,7 +51,7 @@ HEADINGS = [math.radians(degrees) for degrees in range(-180, 180, 10)]
 """Candidate headings in radians from straight ahead."""
 
 MAX_USEFUL_DISTANCE = 3.0
-"""Free distance in metres beyond which more makes no difference."""
+"""Free distance in metres from which on more distance does not improve the score of a heading."""
 
 SWITCH_FACTOR = 1.25
 """Factor by which another heading must be better than the present one."""

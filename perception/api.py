@@ -122,7 +122,7 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True, slots=True)
 class Face(Percept):
-    """A person's face, detected or carried by optical flow; its distance is estimated from the size of the box.
+    """A person's face, detected or tracked by optical flow; its distance is estimated from the size of the box.
 
     ``name`` is the person's name: ``UNKNOWN`` for a stranger, empty while it is undecided or names are not used.
     """

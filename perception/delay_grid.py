@@ -54,7 +54,7 @@ LIKELIHOOD_EXPONENT = 0.8
 """Exponent of the likelihoods, because the errors of successive pictures are correlated."""
 
 MEMORY_PICTURES = 150
-"""Informative pictures after which evidence has decayed to a third, because clocks drift."""
+"""Number of informative pictures after which the weight of an old one has decayed to a third, because clocks drift."""
 
 CHANGE_ODDS = 0.001
 """Prior odds that the camera delay has changed."""

@@ -46,7 +46,8 @@ Describer = Callable[[Image, Box], Feature]
 """Computes the features of the face in a box of a picture."""
 
 Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
-"""Computes the features of each of a named person's portraits."""
+"""Computes the features of a named person's portraits: takes the name and the portraits, returns one item per portrait.
+"""
 
 
 class DlibRecogniser:

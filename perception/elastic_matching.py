@@ -183,7 +183,11 @@ class Gallery:
         return GalleryCalibration(thresholds, _true_share(refused), _true_share(accepted), len(known), alike, near)
 
     def _thresholds(self, strangers: Sequence[float], known: Sequence[tuple[str, bool, float]]) -> Mapping[str, float]:
-        """Return the threshold of each person, from the scores of strangers and of left-out known pictures."""
+        """Return the threshold of each person, from the scores of strangers and of known people.
+
+        ``known`` has an entry per picture, compared with all other pictures: the true name, whether that name was
+        nearest, and the score.
+        """
         mean, variance = STRANGER_MEAN, STRANGER_DEVIATION**2
         if strangers:
             seen = len(strangers)

@@ -262,7 +262,7 @@ class Eyes:
                 self._closing.wait(READ_TIMEOUT)
 
     def _skip_unneeded(self, stamp: float) -> None:
-        """Skip the next frames that are not needed; ``stamp`` is that of the newest."""
+        """Skip the next frames that are not needed; ``stamp`` is the time of the newest frame."""
         period = (stamp - self._newest_stamp) / (self._skipped + 1)
         self._newest_stamp = stamp
         self._skipped = (

@@ -222,12 +222,12 @@ class FollowedFace:
         )
 
     def on_turned_aside(self) -> None:
-        """Record that the face is in profile at the place that flow has found."""
+        """Record that the face is in profile at the place to which optical flow has tracked it."""
         self.aside_searches += 1
         self.search_interval, self.frames_to_search = 1, RETRY_INTERVAL
 
     def on_missed(self) -> None:
-        """Record that the detector has not found the face at the place that flow has found."""
+        """Record that the detector has not found the face at the place to which optical flow has tracked it."""
         self.misses += 1
         self.update_trust(False)
         self.search_interval, self.frames_to_search = 1, RETRY_INTERVAL
@@ -243,7 +243,7 @@ def drop_duplicates(followed: Iterable[FollowedFace]) -> list[FollowedFace]:
 
 
 LOST_FACE_FRAMES = 25
-"""Frames for which the whole picture is searched more often after a face was lost."""
+"""Number of frames after the loss of a face in which the whole picture is searched more often."""
 
 NEWCOMER_INTERVAL = 40
 """Default frames between two searches of the whole picture while a face is known."""
@@ -415,14 +415,17 @@ class FaceFinder:
         return spared
 
     def _is_steady(self, before: Sequence[tuple[float, float]]) -> bool:
-        """Return whether all faces are certain and have stayed in place."""
+        """Return whether all faces are certain, and have stayed in place.
+
+        ``before`` are the centres of their boxes at the last call.
+        """
         return len(before) == len(self._faces) and all(
             known.trust > 0 and hypot(x - was_x, y - was_y) <= MAX_STEADY_SHIFT * known.detection.box.width
             for known, (x, y), (was_x, was_y) in zip(self._faces, self._last_centres, before, strict=True)
         )
 
     def reset(self) -> None:
-        """Forget all faces, for another film."""
+        """Forget all faces, before the frames of another film."""
         self._faces.clear()
         self._previous = None
         self._frames_since_search, self._search_count, self._lost_face_frames = 0, 0, 0
@@ -460,7 +463,7 @@ class FaceFinder:
         return next((each for each in self._search_plan if each.fits(face, max(image.shape))), self._search_plan[0])
 
     def _on_found(self, known: FollowedFace, detection: Detection, image: Image | GreyImage) -> None:
-        """Record a detection; confirm it while the face is not certain."""
+        """Record a detection of a known face, and confirm the face while it is not certain."""
         known.on_found(detection, self._confirm_interval)
         self._confirm(known, image)
 

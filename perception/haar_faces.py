@@ -147,7 +147,9 @@ class HaarFaceDetector:
         FaceSearch(0.09, roll=ROLL_STEP),
         FaceSearch(0.09, roll=-ROLL_STEP),
     )
-    """Searches for faces up to 3.3 m away, for an angle of view of 60 degrees; up to 4.2 m; leaning ones up to 1.7 m.
+    """Searches for upright faces up to 3.3 m away, upright faces up to 4.2 m, and leaning faces up to 1.7 m.
+
+    The distances are for a camera with an angle of view of 60 degrees.
     """
 
     quick_search = FaceSearch(0.09)

@@ -100,7 +100,10 @@ class _Ballot:
 
 
 class NameVotes:
-    """Names of faces by their looks; ``id`` is that of the track, which is never reused."""
+    """Decides on the name of each face from several looks at it.
+
+    ``id`` is the id of the face's track, which is never reused.
+    """
 
     def __init__(self) -> None:
         self._ballots: dict[int, _Ballot] = {}
@@ -132,7 +135,7 @@ class NameVotes:
 
 
 class FaceNamer:
-    """Names tracked faces. For one thread at a time."""
+    """Gives tracked faces the names of known people. For one thread at a time."""
 
     def __init__(self, interval: float = LOOK_INTERVAL) -> None:
         self._interval = interval

@@ -84,7 +84,7 @@ class SkippableSource(Protocol):
     """Source that can skip pictures at less cost than reading them, such as our cameras."""
 
     def skip(self, pictures: int) -> None:
-        """Skip this many pictures after the newest that was read."""
+        """Skip the next ``pictures`` pictures after the newest one that was read."""
         ...
 
 

@@ -85,7 +85,7 @@ class DelegatedMotion(BaseMotion):
         return SUCCESS if progress.state is GoalState.SUCCEEDED else self.fail(progress.reason or str(progress.state))
 
     def _delegate_again(self) -> Status:
-        """Start the action again. Fails if it is no longer offered, rather than driving without it."""
+        """Start the action again after a pause; fail if the robot no longer offers it."""
         goal = self.delegate(self.robot.ros2)
         if goal is None and not self.is_finished(self.state()):
             return self.fail("the action is no longer offered: its server has disconnected")
@@ -125,10 +125,10 @@ MAX_TURN_RATE = math.radians(60)
 """Maximum turn rate of the base on its way to a place, in rad/s."""
 
 TURN_GAIN = 2.5
-"""Gain from the bearing of the place to the turn rate, in 1/s."""
+"""Ratio (1/s) of the base's turn rate to the bearing of the place, on the way to a place."""
 
 MAX_DRIVING_BEARING = math.radians(20)
-"""Bearing in radians beyond which the base turns on the spot."""
+"""Bearing of the place in radians beyond which the base turns on the spot instead of driving."""
 
 MAX_TRIES = 3
 """Number of times that the base may miss the place before the leaf fails."""

@@ -73,7 +73,7 @@ class MotionClock:
         self._at = None
 
     def grant(self, seconds: float) -> None:
-        """Subtract ``seconds`` from the counted time, for work that the time limit does not include."""
+        """Subtract ``seconds`` from the counted time, so that a correction does not use up the time limit."""
         self.spent -= seconds
 
     def scale(self, before: float, limit: float) -> None:
@@ -129,10 +129,10 @@ It is the dead time of a Kobuki (users measured 0.2 s) and a tick.
 """
 
 RANGE_GUARD_TIMEOUT = 5.0
-"""Seconds to wait while the range guard stops the base, since people usually walk on."""
+"""Seconds to wait while the range guard stops the base, since people in the way usually walk on."""
 
 SETTLING_TIMEOUT = 4.0
-"""Seconds to wait for the gyro's drift estimate, slightly longer than a driver's own timeout."""
+"""Seconds to wait until the base's driver has estimated the gyro's drift, slightly longer than a driver's timeout."""
 
 STANDSTILL_SPEED = 0.01
 """Speed (m/s or rad/s) below which the base stands still."""
@@ -143,7 +143,7 @@ DEAD_RECKONING_NOTE = " (dead reckoning)"
 
 
 class MotionDirection(Enum):
-    """Direction of a motion; it decides which obstacles stop it."""
+    """Direction of a base's motion: ahead, on the spot, or straight back. It decides which obstacles stop the motion."""
 
     AHEAD = "ahead"
     ROUND = "round"  # on the spot, or back in a curve
@@ -309,12 +309,12 @@ class BaseMotion(Leaf):
 
     @property
     def braking(self) -> float:
-        """Deceleration in m/s^2 of an approach."""
+        """Deceleration in m/s^2 with which the base stops at the end of a drive."""
         return BRAKING_SHARE * self.robot.base.limits.acceleration
 
     @property
     def turn_braking(self) -> float:
-        """Deceleration in rad/s^2 of a turn."""
+        """Deceleration in rad/s^2 with which the base stops at the end of a turn."""
         return TURN_BRAKING_SHARE * self.robot.base.limits.turn_acceleration
 
     def terminate(self, new_status: Status) -> None:
@@ -364,7 +364,10 @@ HEADING_TOLERANCE = math.radians(0.1)
 """Largest heading error in radians after a turn that is accepted without a correction."""
 
 NUDGE_RATE = CRAWL_TURN_RATE / 2
-"""Turn rate of a correction in rad/s: a Kobuki's wheels then turn at 4 mm/s, and it accepts whole mm/s."""
+"""Turn rate in rad/s of a heading correction after a turn.
+
+The wheels of a Kobuki then turn at 4 mm/s; its commands are in whole mm/s.
+"""
 
 MAX_NUDGE_TIME = 5.0
 """Maximum seconds by which a correction extends the time limit.
@@ -373,14 +376,14 @@ Without such a bound it could be long: if the base reports rarely, a turn can en
 """
 
 MAX_NUDGES = 3
-"""Maximum number of corrections of a turn."""
+"""Maximum number of heading corrections after a turn."""
 
 
 class Spin(BaseMotion):
     """Base of motions that turn to a heading, with corrections.
 
-    The base's reaction time is not known exactly, so a turn stops up to half a degree beside the heading. Corrections
-    turn for a computed time instead, so that the reaction time does not matter.
+    The base's reaction time is not known exactly, so a turn stops up to half a degree before or after the heading.
+    Corrections turn for a computed time instead, so that the reaction time does not matter.
     """
 
     _nudges = 0

@@ -21,7 +21,10 @@ from perception.api import Face, Percept
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """Angles (radians) by which a target is to the left and below the aim, and their rates (rad/s)."""
+    """Angles (radians) by which a target is to the left of the aim and below it, and their rates (rad/s).
+
+    The aim is the direction in which the head is to look.
+    """
 
     left: float = 0.0
     down: float = 0.0
@@ -30,7 +33,7 @@ class Offset:
 
 
 class OffsetSource(Protocol):
-    """Source of a target's offset: a prediction, or the newest picture."""
+    """Source of the offset of a target from the aim: a prediction, or the newest picture."""
 
     def offset(self, target: Percept, *, time: float, base: TurnState, aim: HeadPose) -> Offset:
         """Return the offset of the target from ``aim`` at ``time``, for a base in the state ``base``.
@@ -98,7 +101,7 @@ MAX_STEP_TIME = 0.1
 """Maximum seconds that one step counts, so that the head does not jump after a late tick."""
 
 RESTART_TIMEOUT = 0.5
-"""Seconds without a step after which the follower restarts, since something else may have moved the head."""
+"""Seconds without a step after which a ``Follower`` starts again from the head's pose, since it may have been moved."""
 
 HEAD_LAG = 0.01
 """Seconds from a head command to its effect: servos need some milliseconds per degree."""
@@ -115,14 +118,14 @@ A turning base helps to catch up, but by an amount that is unknown until its com
 
 @dataclass(frozen=True, slots=True)
 class FollowCommand:
-    """Pose for the head (radians) and turn rate for the base (rad/s)."""
+    """Command of a ``Follower``: pose for the head (radians) and turn rate for the base (rad/s)."""
 
     head: HeadPose
     turn: float
 
 
 class Follower:
-    """Follows one target. Call ``step`` at every tick while there is one.
+    """Follows one target with head and base. Call ``step`` at every tick while there is a target.
 
     ``limits`` are the head's, None without a head; ``max_turn`` is in rad/s, 0 without a base. ``lag`` estimates the
     command lag of the base and is updated; by default, a new estimator is used.

@@ -91,7 +91,7 @@ METHODS: Mapping[str, tuple[Callable[[str, Any], OutputVariable], str]] = {
 """Constructor of the output and default conjunction of each inference method."""
 
 TABLE_PIECES = 8
-"""Default number of cells of a lookup table between two corners of an input's terms."""
+"""Default number of cells of a lookup table between two neighbouring corners of an input's terms."""
 
 _CONDITION = re.compile(r"(\w+) is (\w+)")
 _SENTENCE = re.compile(r"if (\w+ is \w+(?: and \w+ is \w+)*) then (\w+) is (\w+)")
@@ -184,9 +184,9 @@ class Controller:
         return smooth and whole and len(self.rules) == cases and all(variable.is_partition for variable in self.inputs)
 
     def tabulate(self, pieces: int | None = None) -> LookupTable:
-        """Return the surface as a table, with ``pieces`` cells between two corners.
+        """Return the controller's output as a table, with ``pieces`` cells between two corners of an input's terms.
 
-        The default is 1 for a multilinear surface, else ``TABLE_PIECES``; the table is then off by up to 3 % of the
+        The default is 1 if the output is multilinear, else ``TABLE_PIECES``; the table is then off by up to 3 % of the
         output's range.
         """
         if pieces is None:
@@ -195,7 +195,7 @@ class Controller:
         return LookupTable(axes, tuple(self(*node) for node in product(*axes)))
 
     def firing_strengths(self, values: Sequence[float]) -> Iterator[tuple[str, float]]:
-        """Yield the conclusion and the strength (0..1) of each rule at ``values``."""
+        """Yield the conclusion of each rule and its strength (0..1) for the input ``values``."""
         grades = {variable.name: variable.grades(value) for variable, value in zip(self.inputs, values, strict=True)}
         for rule in self.rules:
             yield rule.conclusion, self.conjunction(grades[name][term] for name, term in rule.conditions.items())
@@ -294,7 +294,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class ControlLaw:
-    """Control law: passes the named ``inputs`` to a ``surface``, in that order, and returns its output."""
+    """Control law: takes inputs by name, passes the ``inputs`` in this order to ``surface``, and returns its output."""
 
     inputs: tuple[str, ...]
     surface: Callable[..., float]

@@ -14,10 +14,10 @@ LAG_GRID = tuple(step * 0.02 for step in range(26))
 """Candidate command lags of a base in seconds."""
 
 PRIOR_SIGMA = 0.1
-"""Standard deviation of the prior of the command lag in seconds."""
+"""Standard deviation in seconds of the command lag before anything has been learnt."""
 
 TURN_RATE_SIGMA = 0.1
-"""Standard deviation in rad/s of reported against simulated turn rates."""
+"""Standard deviation in rad/s of the difference between reported and simulated turn rates."""
 
 MIN_RATE_SPREAD = 0.05
 """Smallest difference in rad/s between the simulated turn rates of the candidates from which a report is used.
@@ -26,13 +26,16 @@ Below it, all candidate lags explain the report equally well.
 """
 
 MAX_SQUARED_ERROR = 9.0
-"""Upper bound of a squared error, in sigmas: a person, a reflex or a wall may have moved the base."""
+"""Largest squared error of a turn rate, in squared standard deviations, that counts against a candidate lag.
+
+An error can also come from a person, a reflex or a wall that has moved the base.
+"""
 
 REPORT_WEIGHT = 0.3
-"""Weight of a report of the base: errors of reports within 20 ms are not independent."""
+"""Weight of one report of the base; it is below 1, since the errors of reports within 20 ms are not independent."""
 
 MEMORY_REPORTS = 500
-"""Number of reports after which evidence has decayed to a third."""
+"""Number of reports after which the weight of an old report has decayed to a third."""
 
 HISTORY_DURATION = 1.0
 """Seconds for which commands are stored."""
@@ -45,7 +48,7 @@ TURN_ACCELERATION = 3.5
 """Default turn acceleration in rad/s^2; the 200 degrees/s^2 of the robot files."""
 
 BRAKING_FACTOR = 1.2
-"""Ratio of deceleration to acceleration, as in the base's driver."""
+"""Ratio of a base's deceleration to its acceleration, as in the base's driver."""
 
 
 NO_COMMAND = (-math.inf, 0.0)
@@ -141,7 +144,10 @@ class LagEstimator:
 
 
 def ramp(rate: float, setpoint: float, max_change: float) -> float:
-    """Return the turn rate after a step towards ``setpoint`` by at most ``max_change``; braking is faster."""
+    """Return the turn rate after a step from ``rate`` towards ``setpoint``, by at most ``max_change`` (all in rad/s).
+
+    Braking may change the rate by ``BRAKING_FACTOR`` times as much.
+    """
     change = setpoint - rate
     max_change *= BRAKING_FACTOR if change * rate < 0 else 1.0
     return rate + math.copysign(min(abs(change), max_change), change)

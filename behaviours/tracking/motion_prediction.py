@@ -23,13 +23,13 @@ from behaviours.tracking.lag_estimator import LagEstimator, TurnState, ramp
 from drivers.api.fast_dataclass import dataclass
 
 MEAN_TIME = 2.0
-"""Seconds over which the slow mean is formed, and for which samples are kept."""
+"""Seconds over which the slow mean of a target's angle is formed, and for which samples are kept."""
 
 LINE_DURATIONS = (0.7, 0.5, 0.35, 0.25)
 """Durations in seconds of the past samples to which a line is fitted; the longest that fits is used."""
 
 MIN_LINE_PICTURES = 4
-"""Minimum number of pictures for a line; with fewer, the filter's rate is better."""
+"""Minimum number of pictures for a line through the samples; with fewer, the rate of the tracking filter is better."""
 
 LINE_TOLERANCE = radians(0.5)
 """Maximum distance of samples from a fitted line in radians: of the newest one, and of nine of ten samples."""
@@ -54,22 +54,23 @@ It is not 0, so that a target that starts and stops often does not make bad mode
 """
 
 MEMORY_TIME = 1.5
-"""Seconds after which the weight of past errors has decayed to a third."""
+"""Seconds after which the weight of a model's past errors has decayed to a third."""
 
 EVIDENCE_SCALE = 4e-4
 """Ridge parameter of the fit of a swing in rad^2: with as much data, the fit is half-way between walk and swing."""
 
 SURPRISE_ERROR = radians(1.5)
-"""Error in radians above which a sample counts less, because no model predicted it."""
+"""Prediction error in radians above which a sample counts less, because none of the models predicted it."""
 
 NOISE_FLOOR = 20 * radians(0.5) ** 2
-"""Sum of squared errors in rad^2 below which models are not distinguished."""
+"""Sum of squared prediction errors in rad^2 below which a difference between models is taken for noise."""
 
 MODEL_PENALTIES = (1.0, 2.0, 1.5)
-"""Factor by which a model must predict better than a walk to get the same weight: walk, swing, rest."""
+"""Factors of the errors of the models walk, swing and rest: a model must be better by its factor for the same weight.
+"""
 
 INITIAL_MODEL_ERRORS = (1.0, 3.0, 3.0)
-"""Initial errors of the models as multiples of NOISE_FLOOR."""
+"""Initial errors of the models walk, swing and rest, as multiples of NOISE_FLOOR."""
 
 MIN_SWING_RATIO = 1.5
 """Ratio of path to range of a target's motion above which it counts as back and forth.
@@ -98,7 +99,10 @@ class _PastSample:
 
 
 class MotionPredictor:
-    """Predicts one angle of one target in radians. ``acceleration`` (rad/s^2) is the limit of head or base."""
+    """Predicts one angle of one target in radians.
+
+    ``acceleration`` (rad/s^2) is that of the head or base which follows the target.
+    """
 
     def __init__(self, acceleration: float) -> None:
         self._acceleration = acceleration
@@ -190,7 +194,7 @@ class MotionPredictor:
         return angle, rate
 
     def _limit(self) -> None:
-        """Update the share of a motion back and forth that can be followed."""
+        """Update the share of a motion back and forth that head or base can follow."""
         angles = [past.angle for past in self._past]
         low, high, time = min(angles), max(angles), self._past[-1].stamp - self._past[0].stamp
         self._middle = (low + high) / 2
@@ -251,7 +255,7 @@ class BasePredictor:
         self._lag = lag
 
     def at(self, time: float, known: TurnState) -> TurnState:
-        """Return heading and turn rate at ``time``, from the last known state."""
+        """Return heading and turn rate at ``time``, predicted from the last known state ``known``."""
         now, heading, rate = known.stamp, known.heading, known.rate
         if time < now:
             return TurnState(heading - rate * (now - time), rate, time)

@@ -101,7 +101,7 @@ class FuzzyVariable:
         return {term: membership(held) for term, membership in self.terms.items()}
 
     def describe(self, value: float) -> str:
-        """Return ``value`` as text with its strongest term."""
+        """Return ``value`` as text, with the name of the term to which it belongs most."""
         grades = self.grades(value)
         return f"{self.name} is {max(grades, key=grades.__getitem__)} ({value:.4g})"
 
@@ -113,7 +113,10 @@ def corners(terms: Iterable[Membership]) -> tuple[float, ...]:
 
 
 def as_numbers(owner: str, value: object) -> list[float]:
-    """Return a number, or a list of numbers, as a list. Raises ValueError, beginning with ``owner``, otherwise."""
+    """Return ``value``, a number or a list of numbers, as a list.
+
+    Raises ValueError, beginning with ``owner``, for any other value.
+    """
     items = value if isinstance(value, list | tuple) else [value]
     found = [item for item in items if isinstance(item, int | float)]
     if len(found) < len(items):
@@ -169,7 +172,7 @@ class OutputVariable(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Singletons:
-    """Output whose terms are single numbers: zero-order Sugeno inference (Takagi and Sugeno 1985).
+    """Output variable whose terms are single numbers: zero-order Sugeno inference (Takagi and Sugeno 1985).
 
     Raises ValueError for no terms, and for a term that is not finite.
     """

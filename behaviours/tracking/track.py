@@ -28,7 +28,7 @@ from drivers.api import COMMAND_TIMEOUT, ZERO_VELOCITY, BaseState, HeadPose, Ste
 from perception.api import Face, Marker, Percept, Thing, ThingSpec
 
 COAST_TIME = 0.6
-"""Seconds without a sighting for which head and base keep turning; driving stops earlier."""
+"""Seconds without a sighting of the target for which head and base keep turning; driving stops earlier."""
 
 
 class TrackLeaf(Leaf):
@@ -196,10 +196,10 @@ DISTANCE_TOLERANCE = 0.1
 """Distance error in metres that is ignored, since the distance is estimated from the size of the face and is noisy."""
 
 MIN_DISTANCE = 0.6
-"""Minimum distance to people in metres.
+"""Minimum distance in metres between robot and person.
 
-A TurtleBot 2 (0.18 m) touches a person (0.25 m) at 0.43 m. In the simulated rooms it bumps into people with 0.5 m, but
-not with 0.6 m. Closer by, a face leaves the picture of its camera.
+A TurtleBot 2 (radius 0.18 m) touches a person (radius 0.25 m) at 0.43 m. In the simulated rooms it bumps into people
+with a minimum of 0.5 m, but not with 0.6 m. Closer by, a face leaves the picture of the robot's camera.
 """
 
 MAX_DRIVING_PAN = math.radians(45)

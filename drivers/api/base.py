@@ -178,7 +178,7 @@ FALLEN_REASON = "it has fallen"
 
 
 def _require_mission_source(source: Source) -> Source:
-    """Return ``source``. Raises BadRequest unless it is the mission, which is the only source of a leaf."""
+    """Return ``source``. Raises BadRequest unless it is the mission, which is the only source that a leaf may use."""
     if source is not Source.MISSION:
         raise BadRequest(f"base: a mission's behaviour cannot drive as '{source}'", hint="leave the source out")
     return source
@@ -290,7 +290,10 @@ class Base(Device, Protocol):
 
     @command("after", moves=True)
     def enable(self) -> None:
-        """Release the latch; commands from before stay dropped. A mission cannot release a person's stop."""
+        """Release the latch; commands from before the latch are not resumed.
+
+        A mission cannot release a latch that a person has set.
+        """
         ...
 
     @property

@@ -70,7 +70,7 @@ def capability(member: F) -> F:
 
 
 def direct(member: F) -> F:
-    """Mark a member that is called on the device itself, neither reported nor recorded."""
+    """Mark a member that leaves call on the device itself: its proxy neither reports nor records the call."""
     return _set_mark("direct")(member)
 
 

@@ -87,7 +87,8 @@ class Ros2(Device, Protocol):
     def call(self, service: str, kind: str, values: str) -> int:
         """Call a service and return the number of the request. Raises BadRequest, NotConnected.
 
-        An empty ``kind`` is the type of the server.
+        ``values`` is the request as JSON, ``kind`` its type; if ``kind`` is empty, the type that the server announces
+        is used.
         """
         ...
 
@@ -95,7 +96,8 @@ class Ros2(Device, Protocol):
     def begin(self, action: str, kind: str, goal: str) -> int:
         """Start an action and return the number of the request. Raises BadRequest, NotConnected.
 
-        An empty ``kind`` is the type of the server.
+        ``goal`` is JSON, ``kind`` the type of the action; if ``kind`` is empty, the type that the server announces is
+        used.
         """
         ...
 

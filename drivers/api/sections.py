@@ -123,7 +123,10 @@ class HeadKeys:
 
     @property
     def led_joints(self) -> tuple[str, ...]:
-        """Joints of the arm that the head consists of; moving one of them moves the head."""
+        """Joints of the arm that turn the head, so that moving one of them moves the head.
+
+        Empty for a head with its own servos.
+        """
         return ()
 
 

@@ -253,7 +253,7 @@ class StateLikelihoods:
         ]
 
     def columns(self, states: Integers) -> Integers:
-        """Return the columns of the likelihood table that belong to some states."""
+        """Return the columns of the likelihood table that belong to ``states``."""
         return np.searchsorted(self.states, states)
 
     def __call__(self, features: Floats) -> Floats32:
