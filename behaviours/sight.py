@@ -224,7 +224,7 @@ class FindFace(FacePerceptLeaf, HeadSearch[Face]):
     def counted_since(self) -> float:
         """Time from which a face counts: the start of the leaf, or with ``new`` the head's last arrival.
 
-        With ``new``, people are told apart by their positions, which are not exact while the head moves.
+        With ``new``, people are distinguished by their positions, which are not exact while the head moves.
         """
         if not self.new:
             return self.started_at

@@ -92,10 +92,13 @@ MAX_COLOUR_DISTANCE = 0.35
 """
 
 MAX_PALE_SATURATION = 0.55
-"""Saturation above which a pixel is coloured in any light; a white wall in candle light has 0.5."""
+"""Saturation above which a pixel is coloured in any light, and does not help to estimate the colour of the light.
+
+A white wall in candle light has 0.5.
+"""
 
 MIN_PALE_SHARE = 0.05
-"""Smallest share of pale pixels in a picture for estimating the light."""
+"""Smallest share of pale pixels in a picture from which the colour of the light is estimated."""
 
 GAIN_LIMITS = (0.6, 1.7)
 """Limits of a channel's gain in white balance; beyond them the scene itself has one colour, and not the light."""
@@ -170,16 +173,22 @@ def _nearest_colour_table(places: DiscPlaces) -> Labels:
 
 
 MAX_SPOT_SHARE = 0.5
-"""Share of the picture above which a spot is a wall and not a thing."""
+"""Share of the picture above which a spot of one colour is taken for a wall, not for a thing."""
 
 MAX_MEAN_DISTANCE = 0.22
-"""Largest distance of a thing's mean colour from its target, in the disc of hues and saturations (radius 1)."""
+"""Largest distance of a thing's mean colour from the wanted colour, in the disc of hues and saturations (radius 1)."""
 
 MIN_SURROUND_DISTANCE = 0.2
-"""Distance from the target colour, in the disc of hues and saturations (radius 1), from which a colour is different."""
+"""Smallest distance from the wanted colour at which the surroundings of a thing count as differently coloured.
+
+The distance is in the disc of hues and saturations (radius 1).
+"""
 
 MAX_LEAK_SHARE = 0.3
-"""Largest share of a thing's surroundings with its colour; beyond, the spot is part of something larger."""
+"""Largest share of a thing's surroundings that has the colour of the thing.
+
+With a larger share, the spot is part of something larger.
+"""
 
 SURROUND_PIXELS = 3
 """Width of the surroundings of a thing, in pixels."""

@@ -39,13 +39,13 @@ GRID_MARGIN = 0.02
 """Margin in seconds at the start of ``GRID``: an estimated delay within it may really lie outside, and is not used."""
 
 MAX_USABLE_SPREAD = 0.02
-"""Seconds, one sigma: largest uncertainty of a usable delay."""
+"""Largest uncertainty of an estimated camera delay that is used: seconds, one sigma."""
 
 MAX_STORABLE_SPREAD = 0.015
-"""Largest uncertainty of a delay to be stored, including the jitter: seconds, one sigma."""
+"""Largest uncertainty of a camera delay that may be stored, including the jitter: seconds, one sigma."""
 
 MAX_JITTER = 0.008
-"""Standard deviation in seconds above which time stamps are too irregular for storing the delay."""
+"""Standard deviation of time stamps in seconds above which the camera delay is not stored."""
 
 CONTRADICTION_WINDOW, CONTRADICTION_PROBABILITY = 0.025, 0.01
 """Seconds around a delay, and their total probability, below which the delay is contradicted."""
@@ -61,13 +61,13 @@ Early estimates rest on few pairs, and a delay that wanders makes targets seem t
 """
 
 MAX_KNOWN_SPREAD = 0.005
-"""Seconds, one sigma: uncertainty below which a delay is only rechecked now and then."""
+"""Uncertainty of the camera delay below which it is only checked again now and then: seconds, one sigma."""
 
 MAX_STEADY_JITTER = 0.005
-"""Seconds, one sigma: jitter below which a delay is only rechecked now and then."""
+"""Jitter of time stamps below which the camera delay is only checked again now and then: seconds, one sigma."""
 
 MIN_CHECKED_PAIRS = 20
-"""Pairs of pictures that must confirm the delay before it is only rechecked now and then."""
+"""Number of pairs of pictures that must confirm the camera delay before learning rests."""
 
 ONSET_OFFSETS: Floats = np.array([-0.06, 0.0, 0.1])
 """Times of three poses, in seconds before an exposure, that show whether a turn has just begun; shape (3,), float64."""
@@ -82,7 +82,7 @@ SUSPICION_ODDS = 20 * CHANGE_ODDS
 """Odds of a changed delay above which the delay is suspected, so that learning goes on."""
 
 MAX_REST = 8.0
-"""Seconds that learning rests after a check has confirmed the delay."""
+"""Seconds for which learning of the camera delay rests after a check has confirmed the delay."""
 
 
 class CameraDelay:

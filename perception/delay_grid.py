@@ -21,13 +21,16 @@ Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 DELAY_STEP = 0.01
-"""Seconds between two delays of the grid."""
+"""Seconds between two neighbouring camera delays of ``GRID``."""
 
 GRID: Floats = np.arange(-0.12, 0.2701, DELAY_STEP)
-"""Delays of the grid, in seconds; shape (40,), dtype float64. A negative delay is a stamp before the exposure."""
+"""Camera delays for which probabilities are computed, in seconds; shape (40,), dtype float64.
+
+A negative delay is a time stamp before the exposure.
+"""
 
 JITTERS: Floats = np.array([0.0, 0.004, 0.008, 0.014, 0.022])
-"""Standard deviations of the time stamps in the grid, in seconds; shape (5,), dtype float64."""
+"""Jitters for which probabilities are computed: standard deviations of time stamps in seconds; shape (5,), float64."""
 
 JITTER_PRIOR: Floats = np.array([0.3, 0.25, 0.2, 0.15, 0.1])
 """Prior probabilities of ``JITTERS``; shape (5,), dtype float64."""
@@ -36,7 +39,10 @@ FLOW_NOISE = radians(0.12)
 """Error of the turn measured by the background between two pictures: radians, one sigma."""
 
 FLOW_SCALE = 0.1
-"""Relative error of the turn measured by the background, one sigma: the angle of view is known to a few per cent."""
+"""Relative error of the turn measured by the background, one sigma.
+
+It is the error of the camera's angle of view, which is known to a few per cent.
+"""
 
 POSE_NOISE = radians(0.1)
 """Error of a recorded pose of the camera: radians, one sigma."""
@@ -48,10 +54,10 @@ OUTLIER_SHARE = 0.03
 """Prior share of pictures that fit no delay: a wrong stamp, or a person who walks by close to the camera."""
 
 OUTLIER_RANGE = radians(20)
-"""Radians over which the innovations of outliers are uniformly distributed."""
+"""Width in radians of the uniform distribution that is assumed for pictures that fit no delay."""
 
 LIKELIHOOD_EXPONENT = 0.8
-"""Exponent of the likelihoods, because the errors of successive pictures are correlated."""
+"""Exponent of the likelihood of a picture; it is below 1, since the errors of successive pictures are correlated."""
 
 MEMORY_PICTURES = 150
 """Number of informative pictures after which the weight of an old one has decayed to a third, because clocks drift."""
@@ -72,7 +78,7 @@ The change is measured over the time that the delays of ``GRID`` span.
 """
 
 STEP_RATE_CHANGE = 40.0
-"""Increase of ``MIN_RATE_CHANGE`` for poses in steps: rad/s per radian of roughness."""
+"""Increase of ``MIN_RATE_CHANGE`` if recorded poses change in steps: rad/s per radian of step."""
 
 RATE_WINDOW = 0.04
 """Standard deviation in seconds of the averaging window for turn rates."""
@@ -84,7 +90,7 @@ MAX_POSE_AGE = 0.05
 """Seconds that a base or a head takes to report a pose."""
 
 MIN_WEIGHT = 1e-12
-"""Smallest probability of a cell of the grid."""
+"""Smallest probability of a pair of jitter and delay, so that none is excluded for ever."""
 
 _PAD = 8
 """Padding cells beyond each end of the grid, for the tails of the jitter."""

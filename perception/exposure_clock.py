@@ -16,7 +16,10 @@ The age of a picture is the time from its stamp to its arrival; the transport it
 """
 
 MAX_STEP_BACK = 0.03
-"""Seconds by which an exposure may precede the last one; the jitter of stamps is smaller."""
+"""Seconds by which an exposure may precede the previous one; if it precedes it by more, its stamp is wrong.
+
+The jitter of time stamps is smaller.
+"""
 
 MIN_DELAY = -0.065
 """Smallest plausible camera delay in seconds.

@@ -11,7 +11,7 @@ from perception.image_preparation import GreyImage, check_image, equalise, resiz
 
 CASCADE = "haarcascade_eye.xml"
 FACE_PIXELS = 120
-"""Pixels to which a face is scaled, so that its eyes are at least as large as in the cascade's training."""
+"""Width in pixels to which a face is scaled, so that its eyes are as large as in the training of the cascade."""
 
 EYE_BAND = (0.15, 0.6)
 """Vertical range of the eyes, from the top of a face's box, as shares of its height."""

@@ -15,10 +15,13 @@ READ_TIMEOUT = 0.1
 """Seconds to wait for a frame, and to pause after an error; ``close`` may take that long."""
 
 REST_AFTER = 2.0
-"""Seconds without a query after which eyes that may rest stop reading frames."""
+"""Seconds without a query after which ``Eyes`` that may rest stop reading frames."""
 
 WARM_UP_PICTURES = 3
-"""Pictures to search after a rest until results are valid: near and far faces are searched in turn, as at the start."""
+"""Number of pictures to search after a rest before results are valid.
+
+As at the start, near and far faces are searched in turn, in different pictures.
+"""
 
 WARM_UP_TIMEOUT = 1.0
 """Seconds after which a query no longer waits for the end of the warm-up, because the camera may be disconnected."""
@@ -30,7 +33,7 @@ MAX_PICTURE_INTERVAL = 0.15
 """Maximum seconds between two pictures that are searched, even if few are needed."""
 
 NO_FRAME_PAUSE = 0.005
-"""Seconds to pause without a frame, because a closed camera returns at once."""
+"""Seconds to pause if a camera returned no frame, because a closed camera returns at once."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -139,7 +139,7 @@ RETRY_INTERVAL = 5
 """Frames from a failed search for a known face to the next search."""
 
 MAX_TRUST = 3
-"""Largest trust of a face: one for each confirmed search, minus one for each failure."""
+"""Largest trust of a face; trust rises by one for each confirmed search, and falls by one for each failed search."""
 
 
 @dataclass(slots=True)
@@ -261,13 +261,13 @@ LONG_EMPTY_SEARCH_INTERVAL = 8
 """Frames between two searches after this many frames without a face; twice as many if searches are expensive."""
 
 MAX_ASIDE_SEARCHES = 6
-"""Searches in a row after which a face in profile is no longer tracked."""
+"""Number of consecutive searches that find a face in profile after which it is no longer tracked."""
 
 MIN_CROWD = 3
-"""Number of faces from which on optical flow tracks all but the largest only in every third frame."""
+"""Number of faces from which on optical flow tracks only the largest in each frame, and the others in every third."""
 
 MAX_STEADY_SHIFT = 0.02
-"""Largest motion per frame of a face that stays in place, in widths of the face: 0.1 m/s."""
+"""Largest motion per frame of a face that counts as standing still, in widths of the face: 0.1 m/s."""
 
 
 class FaceDetector(Protocol):

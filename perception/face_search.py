@@ -35,10 +35,13 @@ ANY_FACE = FaceSearch()
 
 
 MIN_CELL_DIFFERENCE = 3.0
-"""Grey levels by which a changed cell differs: five times the noise of a webcam in the mean of a cell."""
+"""Smallest difference in grey levels between a cell in two pictures that counts as a change.
+
+It is five times the noise of a webcam in the mean of a cell.
+"""
 
 MAX_CHANGED_CELLS = 4
-"""Number of cells that may differ in an unchanged picture: the smallest detectable face covers a dozen."""
+"""Largest number of changed cells in a picture that counts as unchanged; the smallest detectable face covers twelve."""
 
 MAX_SKIPPED_SEARCHES = 4
 """Largest number of consecutive searches that are skipped because the picture seems unchanged.

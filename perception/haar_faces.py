@@ -88,10 +88,13 @@ CASCADE = "haarcascade_frontalface_default.xml"
 PROFILE = "haarcascade_profileface.xml"
 
 MAX_SIDE = 640
-"""Pixels of the longer side to which a larger picture is shrunk; all settings were measured for it."""
+"""Pixels of the longer side to which a larger picture is shrunk before the search.
+
+All settings of this module were measured with this size.
+"""
 
 MIN_SIDE = 320
-"""Pixels of the longer side to which a smaller picture is enlarged."""
+"""Pixels of the longer side to which a smaller picture is enlarged before the search."""
 
 PICTURE_SEARCH = 1.2, 4
 """Scale step of the search in single pictures, and number of overlapping detections that make a face.
@@ -110,7 +113,10 @@ CASCADE_WINDOW = 24  # pixels of the smallest face that the cascade knows
 MIN_LEANING_FACE_PIXELS = 35  # pixels to which leaning ones are shrunk
 
 ROLL_STEP = radians(22)
-"""Angle of a rotated search, in radians; the cascade tolerates half of it either way."""
+"""Angle in radians by which the picture is rotated for leaning faces.
+
+The cascade tolerates half of it in either direction.
+"""
 
 SAME_FACE_OVERLAP = 0.3  # overlap from which on two boxes are one face
 REGION_WIDTHS = 1.7  # how much of the picture is searched around a known face, in widths of it

@@ -14,10 +14,10 @@ LOOK_INTERVAL = 0.15
 """Seconds between two looks at a face (comparisons with known people), since consecutive pictures are too similar."""
 
 MAX_FACES = 3
-"""Number of faces per picture that are looked at: the largest."""
+"""Largest number of faces per picture that are compared with known people: the largest ones."""
 
 MAX_KEPT_LOOKS = 8
-"""Number of newest looks at a face that count."""
+"""Number of newest looks (comparisons with known people) at a face that decide on its name."""
 
 MIN_CLEAR_LOOKS, MIN_LOOKS = 3, 5
 """Looks that decide on a name if they are clear, and otherwise."""
@@ -26,7 +26,7 @@ MIN_CLEAR_MARGIN = 0.4
 """Smallest absolute mean margin of the looks at a face that decides on a name after few looks."""
 
 MAX_CONTRARY_LOOKS = 5
-"""Contradicting looks in a row after which the name of a face is dropped."""
+"""Number of consecutive looks with another result after which the name of a face is dropped."""
 
 
 @dataclass(frozen=True, slots=True)

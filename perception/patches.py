@@ -34,7 +34,7 @@ BLUR_SIGMA = 1.5
 DEPTH = PARTS_PER_SIDE * PARTS_PER_SIDE * DIRECTIONS
 
 NOISE_CROPS = 16
-"""Number of crops of noise from which the whitening is computed: 7056 patches."""
+"""Number of artificial noise pictures from which the whitening of patches is computed: 7056 patches."""
 
 VARIANCE_FLOOR = 0.1
 """Addition to the variance of each component before whitening, as a share of the mean variance of all components."""

@@ -17,13 +17,17 @@ MIN_PICTURES = 3
 """Smallest useful number of pictures of a person."""
 
 RECOMMENDED_PICTURES = 6
-"""Pictures of a person, from different sides, after which more of the same day add little (docs/people.md)."""
+"""Recommended number of pictures of a person, from different sides; more of the same day add little (docs/people.md).
+"""
 
 MAX_PICTURES, MAX_PICTURES_TOGETHER = 24, 240
 """Pictures of one person, and of all together, that are used."""
 
 MAX_TEMPLATES = 240
-"""Pictures and variants of all people that are compared: 271 kB each, and the time of a look is proportional."""
+"""Largest number of pictures, with their variants, of all people that are compared with a face.
+
+Each takes 271 kB, and the time of a comparison is proportional to their number.
+"""
 
 MAX_VARIANTS = 4
 """Largest number of variants of a portrait that are compared.

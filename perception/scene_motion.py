@@ -24,7 +24,7 @@ MIN_CORRELATION_PEAK = 0.2
 """Smallest peak (0..1) of the correlation for a valid shift; a cut to another scene has about 0.05."""
 
 MIN_DIFFERENCE = 14.0
-"""Grey levels (of 255) by which a changed spot differs."""
+"""Smallest difference in grey levels (of 255) between two pictures at which a spot counts as changed."""
 
 _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 

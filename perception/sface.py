@@ -22,7 +22,7 @@ MIN_SAME_COSINE = 0.363
 """Smallest cosine between the features (embeddings) of two faces of one person, as the network's authors specify."""
 
 MARGIN_PER_COSINE = 10.0
-"""Margin per unit of cosine: looks at strangers vary by about a tenth (not measured here)."""
+"""Margin of a ``FaceMatch`` per unit of cosine; cosines of strangers vary by about a tenth (not measured here)."""
 
 
 FETCH_HINT = "fetch SFace's file again"

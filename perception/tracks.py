@@ -16,7 +16,10 @@ from perception.api import Box, Detection, Face, Gaze, Marker, Percept, Thing, T
 from perception.geometry import Pinhole, direction_of, wrap_angle
 
 INITIAL_NOISE = radians(0.4)
-"""Initial standard deviation of a measured angle: two or three pixels of 640 over 60 degrees."""
+"""Initial standard deviation in radians of a measured angle of a target.
+
+It is two or three pixels of 640 over 60 degrees.
+"""
 
 MIN_NOISE = radians(0.1)
 """Smallest standard deviation of a measured angle."""
@@ -34,10 +37,10 @@ MAX_STILL_TURN, TURN_DECAY = radians(0.1), 0.5
 """Radians that a camera at rest may turn; and decay of earlier turns per measurement."""
 
 ACCELERATION = 2.0
-"""Standard deviation of rate changes in rad/s^2: a person who walks at 20 degrees/s turns round in 0.35 s."""
+"""Standard deviation in rad/s^2 of changes of a target's rate: at 20 degrees/s, a person turns round in 0.35 s."""
 
 INITIAL_RATE_DEVIATION = 1.0
-"""Standard deviation in rad/s of the rate before the second measurement, and after a manoeuvre."""
+"""Standard deviation in rad/s of a target's rate before its second measurement, and after a manoeuvre."""
 
 MIN_JUMP = radians(4), radians(100)
 """Deviation from the prediction, in radians and in rad/s, that restarts the filter at the new angle.
@@ -48,7 +51,7 @@ The deviation must also exceed ``JUMP_DEVIATIONS`` standard deviations. A jump h
 JUMP_DEVIATIONS = 3.0
 
 MANOEUVRE_DEVIATIONS = 3.0
-"""Standard deviations from the prediction that indicate a new rate, for a camera at rest."""
+"""Standard deviations from the prediction at which a target is assumed to have a new rate, for a camera at rest."""
 
 
 class AngleFilter:
@@ -133,7 +136,7 @@ TRACK_TIMEOUT = 1.0
 """Seconds without a sighting after which a track ends."""
 
 MIN_DETECTIONS = 2
-"""Detections that confirm a track: a detector errs in a few frames of a hundred, seldom twice in one place."""
+"""Number of detections that confirm a track, since a false detection is seldom repeated in the same place."""
 
 CONFIRM_TIMEOUT = 0.5
 """Seconds within which the detections that confirm a track must come."""
@@ -324,7 +327,9 @@ def _measure(sighting: TrackableSighting[P], camera: Pinhole, gaze: Gaze) -> _Me
 # What finders tell of one frame: faces, spots and things of one colour, markers. Plain values, without arrays.
 
 SEARCH_WIDTH = 320
-"""Pixels of width to which a picture is shrunk before the search for things: a quarter of the work, half of the noise.
+"""Width in pixels to which a picture is shrunk before the search for things.
+
+This takes a quarter of the work, and halves the noise.
 """
 
 MIN_SPOT_PIXELS = 8

@@ -20,7 +20,7 @@ MIN_FACE_SHARE = 28 / 640
 """Smallest width of a face, as a share of the picture's longer side."""
 
 MIN_FACE_PIXELS = 14
-"""Pixels of a face's width that the network needs; a picture is shrunk until the smallest face has them."""
+"""Width in pixels that a face must have for the network; a picture is shrunk until the smallest face has this width."""
 
 MIN_SCORE = 0.6
 """Smallest score (0..1) of a face that YuNet accepts."""
@@ -32,7 +32,10 @@ SAME_FACE_OVERLAP = 0.3  # overlap from which on two boxes are one face
 LANDMARK_FACE_PIXELS = 112  # the same for landmarks: the size of SFace's input
 
 SIZE_STEP = 32
-"""Number of pixels of which the sides of the network's input are multiples; smaller pictures get a border."""
+"""Number of pixels by which the width and height of the network's input must be divisible.
+
+Smaller pictures get a border.
+"""
 
 MIN_SIDE = 2 * SIZE_STEP  # pixels of a side at least
 
@@ -40,7 +43,7 @@ MAX_NETWORKS = 4
 """Number of cached networks of different input sizes: changing the size takes as long as searching 90 x 90 pixels."""
 
 HAAR_SIDE_RATIO = 0.97
-"""Side of a face's Haar box over the height of its YuNet box: median of 53 faces, within 0.04."""
+"""Ratio of the side of a face's Haar box to the height of its YuNet box: median of 53 faces, within 0.04."""
 
 FETCH_HINT = "mission robot models fetch yunet"
 

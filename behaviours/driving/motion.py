@@ -143,7 +143,10 @@ DEAD_RECKONING_NOTE = " (dead reckoning)"
 
 
 class MotionDirection(Enum):
-    """Direction of a base's motion: ahead, on the spot, or straight back. It decides which obstacles stop the motion."""
+    """Direction of a base's motion: ahead, on the spot, or straight back.
+
+    It decides which obstacles stop the motion.
+    """
 
     AHEAD = "ahead"
     ROUND = "round"  # on the spot, or back in a curve

@@ -160,7 +160,10 @@ MAX_APPROACH_SPEED = radians(50)
 """Maximum speed in rad/s of a follower that has not caught up with its leader yet."""
 
 FOLLOWING_TOLERANCE = radians(5)
-"""Distance in radians from its goal within which a follower has caught up; from then on it moves at full speed."""
+"""Distance in radians from its goal within which a follower has caught up with its leader.
+
+From then on, it moves at full speed.
+"""
 
 MAX_FOLLOW_GAP = 0.25
 """Seconds without a goal after which a follower must catch up slowly again: its leader may be anywhere by then.

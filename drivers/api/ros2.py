@@ -11,7 +11,7 @@ MapPose = tuple[float, float, float]
 """x and y in metres, and a heading in radians, in a frame that is given separately."""
 
 START_FRAME = "start"
-"""Frame of ``base.x`` and ``base.y``, with its origin at the first reported pose of the base."""
+"""Name of the frame whose origin is the first reported pose of the base; ``base.x`` and ``base.y`` are in it."""
 
 
 class GoalState(StrEnum):

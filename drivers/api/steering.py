@@ -120,7 +120,7 @@ GUARD_FAILED_REASON = "the range guard failed"
 _GUARD_REASONS = (OBSTACLE_REASON, SCANS_LATE_REASON, SCANS_MISSING_REASON, OUT_OF_SIGHT_REASON, GUARD_FAILED_REASON)
 
 MIN_GAP = 0.02
-"""Smallest gap between a base and obstacles that may be set, in metres: the noise of a range finder."""
+"""Smallest gap in metres between base and obstacles that a robot file may set: the noise of a range finder."""
 
 Footprint = float | tuple[tuple[float, float], ...]
 """Radius of a round body about the middle of the base, or the corners of its outline, in metres."""

@@ -17,16 +17,19 @@ MAX_WORD_AGE = 30.0
 """Seconds for which recognised words are kept."""
 
 MAX_WAITING_CLIPS = 8
-"""Largest number of clips that wait for the recogniser, which is ten times as fast as speech unless it has died."""
+"""Largest number of clips that wait for the recogniser.
+
+A recogniser that works is ten times as fast as speech, so more clips wait only if it has died.
+"""
 
 SILENCE_LEVEL = -90.0
 """Level of digital silence in dBFS."""
 
 CLIP_TIMEOUT = 10.0
-"""Seconds to decode a clip, after which the recogniser hangs and is killed."""
+"""Seconds within which the recogniser must decode a clip; otherwise it counts as hanging and is killed."""
 
 START_TIMEOUT = 60.0
-"""Seconds for the recogniser to start: large models of Vosk load slowly."""
+"""Seconds within which the recogniser must start; large models of Vosk load slowly."""
 
 
 class RecogniserState(Enum):

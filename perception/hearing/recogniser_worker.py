@@ -28,7 +28,10 @@ from perception.hearing.features import DECODER_FRAME
 from perception.hearing.sound import Samples, add_noise
 
 LOG_SCALE = 1e4
-"""Factor from natural logarithms to scores: they are logarithms to the base 1.0001, shifted right by 10 bits."""
+"""Ratio of natural logarithms to pocketsphinx's scores.
+
+The scores are logarithms to the base 1.0001, shifted right by 10 bits.
+"""
 
 GRAMMAR_BEAMS = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
 """Search beams for the grammar: it is small, so hardly any path needs to be dropped early."""

@@ -15,7 +15,10 @@ FRAME_SAMPLES = 320
 """Samples per level measurement: 20 ms."""
 
 FULL_SCALE_LEVEL = 20 * np.log10(32768.0)
-"""Level of a full-scale square wave in dB over one of a single step; dBFS is a level minus this."""
+"""Level of a full-scale square wave, in dB over a square wave of one step.
+
+A level in dBFS is a level in dB over one step minus this constant.
+"""
 
 Samples = npt.NDArray[np.int16]
 """Sound: shape (n,), dtype int16, one channel, ``RATE`` samples per second."""
@@ -62,7 +65,7 @@ WINDOW_SAMPLES, HOP_SAMPLES = 512, 128
 """Samples per spectrum, and from one spectrum to the next; the windowed pieces add up to a constant."""
 
 OVERSUBTRACTION = 1.5
-"""Factor of the measured noise that is removed, because residual noise sounds like voices."""
+"""Factor by which more noise is removed than was measured, because residual noise sounds like voices."""
 
 MIN_GAIN = 0.1
 """Smallest gain of a frequency in noise reduction."""
@@ -140,7 +143,7 @@ TAIL_TIME = 0.3
 """Seconds of sound kept after the speech."""
 
 MIN_BACKGROUND_LEVEL = 20.0
-"""Smallest level of the background, in dB over one step: hiss after digital silence is not speech."""
+"""Smallest assumed level of the background, in dB over one step, so that hiss after digital silence is not speech."""
 
 
 @dataclass(frozen=True, slots=True)
