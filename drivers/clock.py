@@ -20,7 +20,7 @@ class SystemClock:
         self._zero = time.monotonic()
 
     def now(self) -> float:
-        """Return the seconds since the creation: all stamps of a run in real time are on this scale."""
+        """Return the seconds since this clock was created: the time scale of all stamps of a run in real time."""
         return time.monotonic() - self._zero
 
 

@@ -15,7 +15,10 @@ DEVELOPER_EXTRA = "dev"
 
 
 def extras() -> dict[str, list[str]]:
-    """Return the required distributions of each extra on this machine; an empty name is MissionTree itself."""
+    """Return the distributions that each extra requires on this machine, by name of the extra.
+
+    The empty name has those that MissionTree requires without any extra.
+    """
     result: dict[str, list[str]] = {}
     for requirement in _requirements():
         match = _REQUIREMENT.match(requirement)
@@ -26,13 +29,13 @@ def extras() -> dict[str, list[str]]:
 
 
 def missing_distributions(names: Iterable[str]) -> list[str]:
-    """Return the given distributions that are not installed."""
+    """Return those of the distributions ``names`` that are not installed."""
     installed = installed_distributions()
     return [name for name in names if _normalized(name) not in installed]
 
 
 def extra_hint(extra: str, *hints: str) -> str:
-    """Return ``hints`` as one line, preceded by the command that installs ``extra`` if a distribution is missing."""
+    """Return ``hints`` as one line, after the command that installs ``extra`` if a part of it is missing."""
     missing = missing_distributions(extras().get(extra, ()))
     return "; ".join(filter(None, [f"pip install 'missiontree[{extra}]'" if missing else "", *hints]))
 

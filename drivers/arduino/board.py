@@ -46,7 +46,7 @@ TRANSITIONS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class WheelRates:
-    """Turn rates of the wheels in rad/s, forward positive."""
+    """Turn rates of the left and the right wheel in rad/s, forward positive."""
 
     left: float
     right: float
@@ -61,36 +61,36 @@ class BoardDevice(Protocol):
         ...
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:
-        """Set the servo angles to ``degrees``, by number, or to the start angles of the sketch; return them.
+        """Set the current servo angles to ``degrees``, by servo number; return the angles of all servos of the device.
 
-        ``has_encoders`` selects the sketch with encoders. Unless the angles are ``known``, the device stays there until
-        it is commanded.
+        A servo that is not in ``degrees`` has the start angle of the sketch; ``has_encoders`` selects the sketch with
+        encoders. If the angles are not ``known``, but assumed, the device does not move until it is commanded.
         """
         ...
 
     def drop_goal(self) -> None:
-        """Drop the goal: the board is offline, or earlier commands must not continue."""
+        """Drop the goal, because the board is offline, or because earlier commands must not be continued."""
         ...
 
     def pause_until(self, now: float) -> bool:
-        """Stay still until time ``now``, since nothing may be sent; return whether setpoints are waiting."""
+        """Stand still until time ``now``, because nothing may be sent; return whether setpoints wait to be sent."""
         ...
 
     def next_angles(self, now: float) -> list[wire.ServoAngle]:
-        """Return the setpoints to send at time ``now``; they count as sent."""
+        """Return the setpoints to send at time ``now``, and record them as sent."""
         ...
 
 
 class ArduinoBoard:
     """Arduino or Teensy with a Rodney sketch, which reconnects by itself: the handler of ``link``.
 
-    Setpoints are sent only while a reset of the board since the last known servo angles is excluded: see
+    Setpoints are sent only while it is certain that the board was not reset after its servo angles were last known: see
     ``drivers.arduino.session``. A board that does not reply when its port is opened is booting, and is probed again
     after ``boot_delay`` seconds. A board that replies has been running: its servos have the last angles of this
     program, or those in ``angle_store``. Without either, the start angles of the sketch are assumed, and the servos
-    stay until they are commanded; an assumed angle is stored only after it was sent. DTR stays on when the port is
-    closed, so that the next program does not reset the board. ``away`` is the reconnect policy. The port is open while
-    any device is.
+    stay where they are until they are commanded; an assumed angle is stored only after it was sent. DTR stays on when
+    the port is closed, so that the next program does not reset the board. ``away`` is the reconnect policy. The port is
+    open while any device is open.
     """
 
     name = "head"
@@ -165,7 +165,7 @@ class ArduinoBoard:
 
     @property
     def can_send(self) -> bool:
-        """Whether setpoints may be sent now: a reset of the board is excluded."""
+        """Whether setpoints may be sent now: it is certain that the board was not reset."""
         session = self._session
         return session is not None and session.boot_state is None and session.detector.is_fresh(self._clock.now())
 
@@ -227,7 +227,10 @@ class ArduinoBoard:
             self._session.on_data(data)
 
     def on_poll(self) -> float | None:
-        """Run the session and send due setpoints; return the idle interval if there are none."""
+        """Run the session and send due setpoints; return the seconds for which the next poll can wait.
+
+        Returns None or 0 if it must not wait longer than usual.
+        """
         session = self._session
         if session is None:
             return None
@@ -265,7 +268,7 @@ class ArduinoBoard:
                 self._angle_store.delete()
 
     def _apply_boot_state(self, boot_state: BootState, session: RosserialSession) -> None:
-        """Set the servo angles after a reply of the board, or latch if they are unknown."""
+        """Set the servo angles of the devices after a reply of the board; latch the board if the angles are unknown."""
         before, self._knowledge = self._knowledge, TRANSITIONS[self._knowledge, boot_state]
         if boot_state is BootState.UNCHANGED and before is not ServoKnowledge.NONE:
             return
@@ -296,7 +299,10 @@ class ArduinoBoard:
         self._save_angles()
 
     def _send(self, session: RosserialSession, topic: int, devices: tuple[BoardDevice, ...]) -> bool:
-        """Send the due setpoints if a reset is excluded; else probe the board. Return whether the devices are idle."""
+        """Send the due setpoints if a reset of the board is excluded; else probe the board if setpoints wait.
+
+        Returns True only if a reset is not excluded and no setpoint is waiting.
+        """
         now = self._clock.now()
         if self._knowledge is ServoKnowledge.NONE:
             return False

@@ -60,7 +60,10 @@ class SecondPanTiltKeys(TwoServoKeys):
 
 
 def check_board_servos(second: SecondPanTiltKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield an error if the head has no such board, and servos that are already in use."""
+    """Yield diagnostics if the robot's head has no such board, and for servos that are already in use.
+
+    ``others`` are the other sections of the robot file, by name.
+    """
     head = others.get("head")
     if not isinstance(head, ArduinoKeys):
         message = "'driver: arduino_second' needs a 'head' with 'driver: arduino'; this robot has none"

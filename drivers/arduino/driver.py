@@ -118,7 +118,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
         return frozenset(axis.index for axis in self._motion.axes)
 
     def set_angles(self, degrees: Mapping[int, int], *, has_encoders: bool, known: bool) -> Mapping[int, int]:
-        """Continue from the current servo angles; move to the start pose the first time that they are known."""
+        """Continue from the given servo angles; move to the start pose the first time that the angles are known."""
         now = self._clock.now()
         axes = self._motion.axes
         self._sent = tuple(
@@ -140,14 +140,16 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
             self._hold()
 
     def pause_until(self, now: float) -> bool:
-        """Stay still until time ``now``; return whether a setpoint is waiting."""
         self._motion.pause_until(now)
         if self._last_pose is not None and self._last_pose.value is not None:
             self._record_pose(self._last_pose.value, now)
         return not self._is_settled
 
     def next_angles(self, now: float) -> list[ServoAngle]:
-        """Advance; return the setpoints whose whole degree has changed, or both at the first goal after a guess."""
+        """Advance to time ``now``; return the setpoints of the servos whose whole degree has changed.
+
+        The first goal after servo angles that were assumed, not known, returns both setpoints.
+        """
         self._is_settled = self._motion.is_still  # the last degree is sent now, and no other without a new goal
         pan, tilt = way = self._motion.advance(now)
         degrees = next_degrees(self._motion, way, self._sent)
@@ -167,13 +169,13 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
             self._changed()
 
     def _hold(self) -> None:
-        """Drop the goal: the servos hold the last setpoints, which may be slightly ahead of the profile."""
+        """Drop the goal: the servos hold the last setpoints, which may be slightly ahead of the motion profile."""
         if self._last_pose is not None and self._last_pose.value is not None:
             sent = self._last_pose.value
             self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
-        """Return the current time, after pausing the profile if nothing may be sent."""
+        """Return the current time; if nothing may be sent to the board now, pause the motion profile until then."""
         now = self._clock.now()
         if not self.board.can_send:
             self._motion.pause_until(now, 0.0)
@@ -186,7 +188,7 @@ OFFLINE_HINT = "flash docs/keeper_head/keeper_head.ino; check its power and cabl
 
 
 def make(keys: ArduinoKeys, context: DriverContext) -> Head:
-    """Return the driver; servo angles are stored, except of a virtual head."""
+    """Return the driver of a head on an Arduino; it stores the servo angles, unless the head is virtual."""
     link = SerialLink(context.part, context.port, keys.baud, report=context.report)
     remembered = None if context.state_folder is None else ServoAngleStore(context.state_folder, context.port)
     if keys.protocol == "lines":

@@ -9,7 +9,7 @@ from drivers.transport import guardian_wire as lines
 from drivers.transport.lines import LineFinder
 
 BAUD_RATES = (57_600, 500_000, 115_200)
-"""Baud rates of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
+"""Baud rates to probe: of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
 
 BOOT_TIME = 2.0
 """Seconds for the boot of a board that was reset as its port was opened."""
@@ -38,7 +38,7 @@ def probe() -> Generator[ProbeRequest, bytes, ProbeResult | None]:
 
 
 def _has_guardian_report(data: bytes) -> bool:
-    """Return whether the data contain a report of MissionTree's own sketch."""
+    """Return whether received bytes contain a report of MissionTree's own sketch."""
     for line in LineFinder(lines.MAX_LINE_LENGTH).feed(data):
         with suppress(ValueError):
             if isinstance(lines.parse_line(line), lines.GuardianReport):

@@ -27,7 +27,7 @@ MAX_PROOF_AGE = 0.05
 """Maximum age in seconds of a proof that the board was not reset: the fastest boards boot in 65 ms."""
 
 ACK_TIMEOUT = 2 * MAX_PROOF_AGE
-"""Seconds in which an ack is waited for before the board is probed instead."""
+"""Seconds for which the acknowledgement of a setpoint is awaited, before the board is probed instead."""
 
 PROBE_TIMEOUT = 0.25
 """Seconds until a probe counts as unanswered: 200 bytes at 57600 baud, plus the latency of the USB adapter."""
@@ -39,10 +39,13 @@ SESSION_TIMEOUT = 10.5
 """Seconds without a reply to a time request until the board may drop the session; rosserial drops it after 11 s."""
 
 SESSION_TIME_REQUESTS = 4
-"""Time requests that a board sends without a reply before it drops the session."""
+"""Number of time requests without a reply after which a board drops the session."""
 
 NO_SESSION_TIME_REQUESTS = 3
-"""Time requests in one answer from which on the board had no session: it sends four, any other board one or two."""
+"""Number of time requests in reply to a probe that shows that the board had no session.
+
+Such a board sends four requests, any other board one or two.
+"""
 
 
 class BootState(Enum):
@@ -81,11 +84,11 @@ TRANSITIONS: Final = {
     (DetectorState.REPROBING, DetectorEvent.PROBE): DetectorState.REPROBING,
     (DetectorState.REPROBING, DetectorEvent.TIMEOUT): DetectorState.SILENT,
 }
-"""Transitions by state and event; others lead to SUSPECT: nothing is sent before the board has answered a probe."""
+"""Next state by state and event. Any other pair leads to SUSPECT: nothing is sent until a probe is answered."""
 
 
 class ResetDetector:
-    """Reset detector of one connection; ``previous`` is that of the connection before.
+    """Detector of resets of a board on one connection; ``previous`` is the detector of the connection before.
 
     Each event of the connection is reported by an ``on_...`` method, with times in seconds on a monotonic clock.
     """
@@ -120,7 +123,7 @@ class ResetDetector:
 
     @property
     def _is_answer_late(self) -> bool:
-        """True if the next answer can only be that to the one probe that timed out."""
+        """True if the next answer must be the late answer to the only probe that has timed out."""
         return self.state is DetectorState.SILENT and self.unanswered_probes == 1
 
     def is_fresh(self, now: float) -> bool:
@@ -141,7 +144,10 @@ class ResetDetector:
         return True
 
     def on_poll(self, now: float) -> None:
-        """Note that the port is being read: call this before data are handled, and in each idle pass of the loop."""
+        """Record that the port is read at time ``now``.
+
+        Call this before received data are handled, and each time that the loop has received nothing.
+        """
         polled_at, self._polled_at = self._polled_at, now
         self._backlog = polled_at is not None and now - polled_at > MAX_PROOF_AGE + self.idle_period
         self._received_after = -inf if polled_at is None or self._backlog else polled_at
@@ -166,12 +172,15 @@ class ResetDetector:
         self._unacked.extend([now] * count)
 
     def on_encoder_message(self) -> None:
-        """Count the message as a proof that the board was not reset, as old as the poll before it."""
+        """Count an encoder message as a proof that the board was not reset before the last poll.
+
+        The message may have been received at any time since that poll.
+        """
         if self.state is DetectorState.TRACKING:
             self._proof_at = max(self._proof_at, self._received_after)
 
     def on_log_line(self) -> None:
-        """Count the log line as the ack of the oldest setpoint: the first sketches log each one."""
+        """Count a log line as the acknowledgement of the oldest setpoint: the first sketches log each setpoint."""
         if self._unacked:
             self._proof_at = max(self._proof_at, self._unacked.popleft())
 
@@ -195,7 +204,10 @@ class ResetDetector:
         return True
 
     def on_answer(self, now: float) -> BootState:
-        """Return the boot state that follows from the answer. As a proof, the answer is as old as its probe."""
+        """Return the boot state that follows from an answer to a probe.
+
+        The answer proves this state only for the time at which the probe was sent.
+        """
         is_late = self._is_answer_late
         probed_at = self._probe_sent_at if self.probe_pending or is_late else now
         # After a timeout it is unclear which probe is answered. An earlier one may have opened a new session, so an
@@ -242,12 +254,12 @@ WARNING_LEVEL = 2
 class RosserialSession:
     """Session with a board, from the opening of the port to the disconnect. For the link's thread.
 
-    ``topic`` is the board's number of ``expected_topic``; None before the board has announced it, after a mismatch of
-    the definitions, and while the board is silent. ``tacho`` is the latest encoder message, in the clock's time; the
-    first sketch sends none. ``boot_state`` is set by each reply that tells whether the board has restarted, and cleared
-    by the caller. ``detector`` excludes resets. Opening the port resets most boards, and a booting board does not reply
-    to the first probe; it is probed again after ``boot_delay`` seconds. Time replies carry the monotonic time of the
-    clock, not the time of day.
+    ``topic`` is the number that the board has given to ``expected_topic``; None before the board has announced it,
+    after a mismatch of the definitions, and while the board does not answer. ``tacho`` is the latest encoder message,
+    in the clock's time; the first sketch sends none. ``boot_state`` is set by each reply that tells whether the board
+    has restarted, and cleared by the caller. ``detector`` decides whether a reset can be excluded. Opening the port
+    resets most boards, and a booting board does not reply to the first probe; it is probed again after ``boot_delay``
+    seconds. Time replies carry the monotonic time of the clock, not the time of day.
     """
 
     def __init__(
@@ -396,7 +408,7 @@ class RosserialSession:
                 self._counters["tachos"] += 1
 
     def _on_subscriber(self, info: wire.TopicInfo) -> None:
-        """Record a topic of the board; accept the expected topic only if its definition matches."""
+        """Record a topic that the board receives; accept the expected topic only if its definition matches."""
         self._topics[info.id] = info.topic
         if info.topic.name != self._expected_topic.name:
             return

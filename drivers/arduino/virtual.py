@@ -19,7 +19,7 @@ from drivers.virtual.guardian import VirtualServos, make_virtual_servos
 # Receiver of a rosserial board: byte by byte, with the checks and the timeout of its library.
 
 FRAME_TIMEOUT = 0.02
-"""Seconds in which a frame must be complete."""
+"""Seconds after its first byte within which a frame must be complete."""
 
 
 class RosserialReceiver:
@@ -68,7 +68,7 @@ EARLY_SKETCH_ANGLES = (90, 40, ATTACHED_ANGLE, ATTACHED_ANGLE)
 """Start angles of a sketch on the project's pages before Part 01."""
 
 UNSENT_SKETCH_ANGLES = (ATTACHED_ANGLE, ATTACHED_ANGLE, ATTACHED_ANGLE, ATTACHED_ANGLE)
-"""Start angles of the oldest sketches, which send no setpoints."""
+"""Start angles of the oldest sketches: at boot they attach the servos, but give them no setpoints."""
 
 TIME_REQUEST_INTERVAL = 2.5  # seconds between two time requests
 SESSION_TIMEOUT = 11.0  # seconds without a reply after which the session expires
@@ -80,13 +80,13 @@ MIN_PULSE_MICROSECONDS, MAX_PULSE_MICROSECONDS = (
 
 
 class SketchState(Enum):
-    """State of a sketch; UNCONFIGURED: it has no session with a computer, and publishes nothing."""
+    """State of a sketch. UNCONFIGURED: it runs without a session with a computer, and publishes nothing."""
 
     BOOTING, UNCONFIGURED, CONFIGURED = range(3)
 
 
 class SketchEvent(Enum):
-    """Event of a sketch; NEGOTIATE: it names its topics, STOP: the computer stops it, or is silent."""
+    """Event of a sketch. NEGOTIATE: it announces its topics. STOP: the computer stops it, or sends no more replies."""
 
     RESET, BOOT, NEGOTIATE, STOP = range(4)
 

@@ -48,7 +48,7 @@ REQUEST_TOPICS = RosserialFrame(PUBLISHER, b"").pack()
 STOP_SENDING = RosserialFrame(STOP, b"").pack()
 REQUEST_TIME = RosserialFrame(TIME, bytes(8)).pack()
 NUDGE = b"\xff\x00"
-"""Invalid header: a board without a session replies with REQUEST_TIME, a board in a session does not reply."""
+"""Invalid header, to which a board without a session replies with REQUEST_TIME, and any other board not at all."""
 
 PROBE = 3 * NUDGE + REQUEST_TOPICS
 """Requests the topics; the reply also shows whether the board was in a session."""
@@ -101,7 +101,10 @@ class RosserialFrameFinder:
                 del self._buffer[: end + 1]
 
     def _seek_header(self) -> bool:
-        """Move the next header to the front of the buffer; its first byte may be the last of the buffer."""
+        """Move the next header to the front of the buffer; return False if none is complete.
+
+        If the buffer ends with the first byte of a header, this byte is kept.
+        """
         at = self._buffer.find(HEADER)
         if at < 0:
             at = len(self._buffer) - self._buffer.endswith(HEADER[:1])

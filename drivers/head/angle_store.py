@@ -11,11 +11,11 @@ MAX_FILE_SIZE = 10_000
 """Maximum size of a stored file in bytes."""
 
 RECORD_SIZE = 256
-"""Bytes of each write: a record is shorter, and padded with spaces."""
+"""Bytes of each write: the record, which is shorter, and spaces up to this size."""
 
 
 class ServoAngleStore:
-    """Servo angles of the board at ``port``, stored in a file of its own in ``folder``.
+    """Servo angles of the board at ``port``, stored in ``folder`` in one file for each port.
 
     The angles are valid only while the device file is the same: the kernel makes a new one when a board with native USB
     restarts, or a device is plugged in again.

@@ -17,8 +17,8 @@ MAX_DEGREES = 180
 SERVO_LAG = 0.0125
 """Seconds by which servos lag behind the recorded pose.
 
-The recorded pose is interpolated linearly between setpoints at 50 Hz, while a servo stays until the next setpoint and
-then needs its time.
+The recorded pose is interpolated linearly between setpoints at 50 Hz. A servo does not move until the next setpoint,
+and then needs time to turn.
 """
 
 ENCODER_SKETCH_STARTS = (90, 120, 90, 90)
@@ -32,9 +32,10 @@ FIRST_SKETCH_STARTS = (90, 120, ATTACHED_DEGREES, ATTACHED_DEGREES)
 
 
 BRAKED_OFFSET = math.radians(0.25)
-"""Radians by which a stopped head is assumed to be short of its last whole degree.
+"""Radians by which a stopped head is assumed to be short of the whole degree that was sent last.
 
-So back and forth takes at most a degree, and repeated starts and stops do not move the head any further.
+With this assumption a move back and forth takes at most a degree, and repeated starts and stops do not move the head
+any further.
 """
 
 
@@ -43,9 +44,10 @@ class ServoAxis:
     """Axis on a hobby servo: its number, range (radians) and mounting; a ``drivers.head.pantilt.HeadAxis``.
 
     As in the pan/tilt node of the Rodney project, ``lower`` and ``upper`` limit the joint angle, and 0 is 90 degrees of
-    the servo. ``flip`` is for a servo that turns the other way. ``trim`` (radians, +-45 degrees) corrects a skewed horn
-    and is added last, in the servo's own direction. ``start`` is the servo's angle in degrees after the boot of the
-    sketch; None is that of the Rodney sketches of Part 01 and later. Raises ValueError for impossible values.
+    the servo. ``flip`` is for a servo that turns the other way. ``trim`` (radians, +-45 degrees) corrects a servo arm
+    that sits askew on its shaft; it is added last, in the servo's own direction. ``start`` is the servo's angle in
+    degrees after the boot of the sketch; if None, it is the angle of the Rodney sketches of Part 01 and later. Raises
+    ValueError for impossible values.
     """
 
     index: int
@@ -92,7 +94,7 @@ class ServoAxis:
 
     @property
     def start_degrees(self) -> int:
-        """Degrees of the servo after the boot of a sketch with encoders."""
+        """Servo angle in degrees after the boot of a sketch with encoders."""
         return self.start_degrees_of_sketch(has_encoders=True)
 
     def start_degrees_of_sketch(self, *, has_encoders: bool) -> int:
@@ -136,8 +138,8 @@ def next_degrees(
 ) -> tuple[int, int]:
     """Return the setpoints of two servos; ``sent`` are their last setpoints, empty or None if there are none.
 
-    ``steps`` are the current steps of ``motion``. A last setpoint may be ahead of the head when it brakes: then the
-    servo does not turn back, and the motion continues from the setpoint.
+    ``steps`` are the current steps of ``motion``. While the head brakes, the last setpoint of a servo may be ahead of
+    the head. The servo then keeps this setpoint, and the motion continues from there.
     """
     pan, tilt = (step.axis.next_degree(step.angle, step.heading) for step in steps)
     if sent:

@@ -35,14 +35,20 @@ REQUEST_INTERVAL = 0.05
 """Seconds between two requests for a report."""
 
 MAX_REPORT_AGE = 0.07
-"""Maximum age of the last report in seconds while setpoints are sent; a restart goes unnoticed for that long."""
+"""Maximum age of the guardian's last report in seconds at which setpoints are still sent.
+
+A restart of the guardian can stay unnoticed for this time.
+"""
 
 OFFLINE_TIMEOUT = 0.5
 """Seconds without a report after which the guardian counts as offline."""
 
 
 class GuardianState(Enum):
-    """State of the guardian behind a port; UNMET and GREETING: no report on this connection yet."""
+    """State of the guardian behind a port.
+
+    UNMET and GREETING: it has not reported on this connection yet; in GREETING a report is still awaited.
+    """
 
     UNMET, GREETING, ONLINE, SILENT = range(4)
 
@@ -59,16 +65,16 @@ TRANSITIONS: Final = {
     (GuardianState.GREETING, GuardianEvent.TIMEOUT): GuardianState.UNMET,
     (GuardianState.ONLINE, GuardianEvent.TIMEOUT): GuardianState.SILENT,
 }
-"""Transitions by state and event; any other pair leads to UNMET, in which the servos are sent nowhere."""
+"""Next state by state and event. Any other pair leads to UNMET, in which no setpoints are sent."""
 
 
 class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
     """Head on its own link, moved in whole degrees as ``drivers.arduino.driver.ArduinoHead``: a ``drivers.api.Head``.
 
-    The guardian reports the last setpoints of its servos, and whether it has restarted. If it has sent none yet, the
-    servos have the last angles of this program, or those in ``angle_store``; else the angles are unknown, which is
-    reported, and nothing is sent before a command. ``offline_reason`` returns why the guardian does not reply, if that
-    is known, and ``hint`` is the fix.
+    The guardian reports the last setpoints of its servos, and whether it has restarted. If it has no setpoints yet, the
+    servos have the last angles of this program, or those in ``angle_store``. Without either, the angles are unknown:
+    this is reported, and nothing is sent before a command. ``offline_reason`` returns why the guardian does not reply,
+    if that is known, and ``hint`` is the fix.
     """
 
     LAG = SERVO_LAG
@@ -185,7 +191,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
                 self._on_report(message)
 
     def on_poll(self) -> None:
-        """Request a report if that is due, move the servos on, and detect silence."""
+        """Request a report if that is due, send the next setpoints, and detect a guardian that no longer reports."""
         now = self._clock.now()
         if now - self._requested_at >= REQUEST_INTERVAL:
             self._send_request(now)
@@ -297,7 +303,7 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
             self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
-        """Return the current time, after pausing the profile if no report is fresh."""
+        """Return the current time; if the last report is too old for setpoints, pause the motion profile until then."""
         now = self._clock.now()
         if not self._is_fresh(now):
             self._motion.pause_until(now, 0.0)

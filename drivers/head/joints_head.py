@@ -79,11 +79,11 @@ J = TypeVar("J", bound=Joints)
 
 
 class JointsHead(ProfiledHead[JointAxis], Generic[J]):
-    """Head of two of the ``joints``, which the owner opens and closes: a ``drivers.api.Head``.
+    """Head that is two of the joints of an arm: a ``drivers.api.Head``. The owner of ``joints`` opens and closes them.
 
     It moves the joints to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: call
     ``step`` every ``STEP_INTERVAL``. The pose is measured by the joints. When the joints are online for the first time,
-    the head moves to ``start``; a goal does not survive the loss of a joint, or its torque being switched off.
+    the head moves to ``start``. The goal is dropped if a joint goes offline, or if its torque is switched off.
     ``changed`` is called by ``step``. Raises BadRequest for an unknown joint, ValueError for impossible values.
     """
 
@@ -138,7 +138,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         return self._motion.look(target, self._clock.now())
 
     def stop(self) -> None:
-        """Brake the head within its acceleration, and hold; a joint that is held back stops where it is."""
+        """Brake the head within its acceleration, and hold; a joint far behind its setpoint stops where it is."""
         super().stop()
         here, now = self._last_pose.value, self._sync_time()
         if self._is_online and here is not None:
@@ -228,7 +228,7 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
         self._report(DeviceStatus(self.name, "online", "both joints are online"))
 
     def _release_limp_joints(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
-        """Continue from the measured angle of a joint that no longer follows: relaxed, shut down, or blocked."""
+        """Stop a joint that no longer follows its goals (relaxed, shut down or blocked) at its measured angle."""
         limp = [was and not now_is for was, now_is in zip(self._were_led, (pan, tilt), strict=True)]
         self._were_led = (pan, tilt)
         if any(limp):
@@ -247,12 +247,11 @@ class JointsHead(ProfiledHead[JointAxis], Generic[J]):
             self._sent = goals
 
     def _blocked_joints(self) -> list[str]:
-        """Return the joints that are blocked."""
         readings = ((axis.joint, self._joints.states()[axis.joint].value) for axis in self._motion.axes)
         return [joint for joint, state in readings if state is not None and state.blocked]
 
     def _retry_blocked(self, target: HeadPose) -> None:
-        """Move blocked joints by one step. Raises DeviceFault for a joint that is blocked in that direction."""
+        """Move blocked joints one small step towards ``target``. Raises DeviceFault for joints blocked that way."""
         blocked, here = self._blocked_joints(), self._last_pose.value
         for axis, goal, angle in zip(self._motion.axes, (target.pan, target.tilt), _angles(here), strict=True):
             if axis.joint in blocked:
@@ -314,7 +313,6 @@ def _with_joint_limits(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
 
 
 def _follows_goals(state: JointState) -> bool:
-    """Return whether a joint follows its goals."""
     return state.torque and not state.blocked
 
 

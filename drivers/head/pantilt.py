@@ -77,7 +77,7 @@ class MotionProfile:
 
     @property
     def heading(self) -> float:
-        """Current target of the motion: the goal, or the stopping position while it moves the other way."""
+        """Position to which the axis moves now: the goal, or the stopping position if it must turn back to the goal."""
         standstill = self._stopping_position()
         return standstill if (self.goal - standstill) * self.velocity < 0 else self.goal
 
@@ -86,7 +86,7 @@ class MotionProfile:
         self.position, self.velocity, self.stamp, self.braking_direction = position, 0.0, now, 0.0
 
     def shift(self, angle: float) -> None:
-        """Add ``angle`` (radians) to the number of the current position, after a change of the trim; the goal stays."""
+        """Add ``angle`` (radians) to ``position`` after a change of the trim; neither the axis nor the goal moves."""
         self.position += angle
 
     def halt(self) -> None:
@@ -100,8 +100,7 @@ class MotionProfile:
     def _phases(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
         """Return the three phases until rest at the goal, each as seconds and acceleration (rad/s^2).
 
-        Computed as if the goal were ahead; if it would be overshot, the direction is reversed. ``peak`` is the maximum
-        speed.
+        If braking at once would overshoot the goal, the motion turns back. ``peak`` is the highest speed on the way.
         """
         ahead = copysign(1.0, self.goal - self._stopping_position())
         way, begin = ahead * (self.goal - self.position), ahead * self.velocity
@@ -120,7 +119,7 @@ class MotionProfile:
 STRAIGHT_AHEAD = HeadPose(0.0, 0.0)
 
 MAX_CATCH_UP = 0.02
-"""Maximum seconds of motion that a head catches up in one step, after a pause without setpoints."""
+"""Maximum seconds of motion that a head makes up for in one step, after a pause in which nothing was sent."""
 
 MAX_TRIM = radians(45)
 """Maximum trim in radians, as in the Rodney project's node."""
@@ -243,7 +242,7 @@ class PanTiltMotion(Generic[A]):
             )
 
     def look(self, target: HeadPose, now: float) -> HeadPose:
-        """Start moving to ``target`` at time ``now``; return the pose accepted after clamping."""
+        """Start moving to ``target`` (radians) at time ``now``; return the pose accepted after clamping."""
         with self._lock:
             accepted = self.limits.clamp(target)
             pan, tilt = self._profiles
@@ -252,7 +251,7 @@ class PanTiltMotion(Generic[A]):
         return accepted
 
     def brake(self, now: float) -> None:
-        """Brake both axes within the acceleration."""
+        """Brake both axes within their acceleration, from time ``now`` on."""
         with self._lock:
             for profile in self._profiles:
                 profile.brake(now)
@@ -270,13 +269,13 @@ class PanTiltMotion(Generic[A]):
                 profile.set_position(angle, now)
 
     def pause_until(self, now: float, catch_up: float = MAX_CATCH_UP) -> None:
-        """Skip the time until ``now``, in which nothing was sent; at most ``catch_up`` seconds of it are caught up."""
+        """Skip the time until ``now``, in which nothing was sent; the axes make up for ``catch_up`` seconds of it."""
         with self._lock:
             for profile in self._profiles:
                 profile.stamp = max(profile.stamp, now - catch_up)
 
     def drop_goal(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> None:
-        """Drop the goal of each given axis, which is at rest at this angle."""
+        """Stop each axis for which an angle is given, at rest at this angle (radians), and drop its goal."""
         with self._lock:
             for profile, angle in zip(self._profiles, (pan, tilt), strict=True):
                 if angle is not None:
@@ -284,7 +283,7 @@ class PanTiltMotion(Generic[A]):
                     profile.halt()
 
     def settle_at(self, angles: Iterable[float | None]) -> None:
-        """Continue from these angles (pan, tilt; None for no change) if the axis has braked and is at rest."""
+        """Continue from ``angles`` (pan, tilt; radians) on each axis that is at rest after a brake; None: no change."""
         with self._lock:
             for profile, angle in zip(self._profiles, angles, strict=True):
                 if angle is not None and profile.braking_direction and profile.position == profile.goal:
@@ -395,7 +394,10 @@ class ProfiledHead(Generic[A]):
         self._has_start = True
 
     def rest(self) -> None:
-        """Stop and hold: hobby servos have no other rest, and the arm decides on the torque of joints."""
+        """Stop the head and hold it.
+
+        Hobby servos cannot be relaxed; the joints of an arm are relaxed by the arm.
+        """
         self.stop()
 
     def _sync_time(self) -> float:

@@ -151,7 +151,7 @@ class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
         self._is_settled = False
 
     def _on_plugged(self) -> None:
-        """Continue from the start angles of a booted sketch; move to the start pose only the first time."""
+        """Continue from the start angles of a booted sketch; move to the start pose only at the first time."""
         now, axes = self._clock.now(), self._motion.axes
         self._reconnect.on_report(now, restarted=True)
         pan, tilt = (axis.to_radians(axis.start_degrees) for axis in axes)

@@ -11,19 +11,22 @@ from typing import Final
 from drivers.errors import DeviceFault
 
 TOLERANCE = radians(10)
-"""Radians from its goal beyond which a joint has not arrived; a proportional controller may rest nearer."""
+"""Radians from its goal within which a joint has arrived; a proportional controller may come to rest there."""
 
 FULL_LOAD, LOADED_TOLERANCE = 0.8, radians(4)
 """Share of the stall torque from which on a joint counts as pushing at full power, and the tolerance in that case."""
 
 BLOCKED_AFTER = 0.8
-"""Seconds without progress after which a joint is blocked: a servo that protects itself lets the limb fall at 1 s."""
+"""Seconds without progress after which a joint is blocked.
+
+A blocked servo that protects itself switches its torque off after 1 s, and lets the limb fall.
+"""
 
 PROGRESS_STEP, RESOLUTION = radians(2), radians(0.6)
 """Sufficient progress within ``BLOCKED_AFTER``, and the least progress that sensors can detect."""
 
 MIN_SPEED_SHARE = 0.25
-"""Share of the commanded speed that also counts as sufficient progress."""
+"""Share of the commanded speed at which a joint makes enough progress, even if it moves only a little."""
 
 SETTLE_TIME = 0.3
 """Seconds near its goal after which a joint has arrived."""
@@ -35,7 +38,7 @@ RETRY_AFTER = 2.0
 """Seconds without a command after which a joint that was given up may be tried again."""
 
 MAX_READING_GAP = 0.25
-"""Maximum seconds between two readings that count: without readings, progress is unknown."""
+"""Maximum seconds between two readings that count as time without progress; in a longer gap, progress is unknown."""
 
 HINT = "free the joint; if nothing holds it, check its cable and its sensor"
 
@@ -50,7 +53,7 @@ class ProgressState(Enum):
 
 
 class ProgressEvent(Enum):
-    """Event of a ``JointProgress``; HERE is a command to the goal where the joint is."""
+    """Event of a ``JointProgress``; HERE is a command to the position at which the joint is."""
 
     COMMAND, HERE, HOLD, RELAX, ARRIVE, BLOCK, TURN_WRONG, RUN_AWAY = range(8)
 
@@ -78,14 +81,17 @@ TRANSITIONS: Final = {
     (ProgressState.WATCHED, ProgressEvent.RUN_AWAY): ProgressState.RUNAWAY,
     (ProgressState.RUNAWAY, ProgressEvent.HOLD): ProgressState.WATCHED,
 }
-"""Transitions by state and event; others change nothing: a joint given up stays so until it is held or relaxed."""
+"""Next state by state and event; any other pair changes nothing.
+
+A joint that is blocked or has turned the wrong way stays in this state until it is held or relaxed.
+"""
 
 
 class JointProgress:
     """Progress of one joint by its readings, in radians and seconds. Not thread-safe.
 
-    ``title`` is the name of the joint in messages. ``blocked`` is the reason for which the joint is given up; empty
-    otherwise.
+    ``title`` is the name of the joint in messages. ``blocked`` is the reason why the joint is no longer moved to its
+    goal; it is empty while the joint is not blocked.
     """
 
     def __init__(self, title: str) -> None:
@@ -104,7 +110,10 @@ class JointProgress:
 
     @property
     def runs_away(self) -> bool:
-        """Whether a joint that turned the wrong way moves on although it is held: switch its torque off."""
+        """Whether a joint that turned the wrong way moves on although it is held.
+
+        Its torque must then be switched off.
+        """
         return self.state is ProgressState.RUNAWAY
 
     @property
@@ -113,9 +122,10 @@ class JointProgress:
         return self.state not in (ProgressState.LIMP, ProgressState.HOLDING)
 
     def permit(self, goal: float, now: float) -> None:
-        """Raise DeviceFault for a goal that is blocked; a goal in the other direction, or after a while, is permitted.
+        """Raise DeviceFault if the joint is blocked on its way to ``goal``.
 
-        A joint that turned the wrong way has no permitted direction.
+        A goal in the other direction ends the blocked state, and so does any goal ``RETRY_AFTER`` seconds after the
+        last one. A joint that turned the wrong way has no other direction.
         """
         if not self.blocked:
             return
@@ -136,9 +146,9 @@ class JointProgress:
         self._goal, self._speed, self._commanded_at = goal, speed, now
 
     def hold(self, place: float | None) -> None:
-        """Expect the joint to stay at ``place``, None for a limp joint; nothing is blocked any more.
+        """Expect the joint to stay at ``place`` (radians; None if it is limp); it no longer counts as blocked.
 
-        A joint that turned the wrong way is still watched: it may run away from there.
+        A joint that turned the wrong way is still checked, because it may run away from ``place``.
         """
         if place is None and self.state is ProgressState.LIMP:
             return  # called with each reading of a limp joint
@@ -149,7 +159,10 @@ class JointProgress:
         self._restart()
 
     def update(self, here: float, load: float, stamp: float) -> str:
-        """Handle a reading; return a new fault: the reason for giving up, or that the joint was pushed away."""
+        """Handle a reading with position ``here``, ``load`` and time ``stamp``; return a new fault, or an empty string.
+
+        The fault is that the joint is blocked, turned the wrong way, runs away, or was pushed away.
+        """
         passed, self._stamp = min(max(stamp - self._stamp, 0.0), MAX_READING_GAP), max(stamp, self._stamp)
         is_held = self.state in (ProgressState.WRONG_WAY, ProgressState.WATCHED)
         if is_held and abs(here - self._left_at) > WRONG_WAY:
@@ -187,7 +200,10 @@ class JointProgress:
         self.state = TRANSITIONS.get((self.state, event), self.state)
 
     def _advance(self, here: float, direction: int, passed: float) -> None:
-        """Update the progress of the joint from a position."""
+        """Update the progress of the joint at position ``here``.
+
+        ``direction`` (1 or -1) leads to the goal; ``passed`` is the time in seconds since the last reading.
+        """
         if direction != self._direction:
             self._direction, self._front, self._front_at, self._mark = direction, here, self._stamp, here
         if (here - self._front) * direction > 0:
@@ -200,7 +216,7 @@ class JointProgress:
         self._stall_share += passed / max(BLOCKED_AFTER, 4 * RESOLUTION / max(self._speed, RESOLUTION))
 
     def _pushed_away(self, here: float) -> str:
-        """Return a message that the joint does not hold its position, once until it is back."""
+        """Return a message if the joint was pushed away, once until it is back; else an empty string."""
         if self._stall_share < 1.0 or self._pushed:
             return ""
         self._pushed = True

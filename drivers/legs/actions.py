@@ -1,7 +1,7 @@
 """Leg actions other than walking: stand, sit, and gaits, each starting and ending in a stable pose.
 
-A gait fades in from the stand over one of its cycles, and fades out over another. So it can be ended at any time
-without a fall that the gait itself would not cause.
+A gait begins in a stand, grows to its full size over one of its cycles, and shrinks back into the stand over another.
+So it can be ended at any time, and ending it causes no fall.
 """
 
 from collections.abc import Iterable, Mapping
@@ -28,13 +28,13 @@ from drivers.legs.pattern_generator import FloorPose, WalkPattern
 # The way of the legs from their pose to a stand or a sit: slow, smooth, and over the soles if possible.
 
 START_TOLERANCE = radians(6)
-"""Radians by which a joint may differ from the start of a walk to begin at once."""
+"""Radians by which each joint may differ from the start pose of a walk, so that the walk can begin at once."""
 
 MAX_START_DISTANCE = radians(62)
 """Radians by which a joint may differ from the stand to be moved there directly."""
 
 MAX_POSE_DISTANCE = radians(20)
-"""Radians by which a joint may differ from a pose between upright and sit, which all keep the balance."""
+"""Radians by which a joint may differ from a pose between upright and sit; all these poses keep the balance."""
 
 MAX_APPROACH_SPEED = radians(35)
 """Maximum joint speed (rad/s) on the way to a stand or a sit."""
@@ -51,7 +51,10 @@ DEFAULT_SIT_SHARE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Timed path through ``poses`` (K, 12) reached at shares ``at_shares`` (K,) of the path; times in seconds."""
+    """Timed path through the leg poses ``poses`` (K, 12); times in seconds.
+
+    ``at_shares`` (K,) are the shares (0..1) of the path's time at which the poses are reached.
+    """
 
     poses: Floats
     at_shares: Floats
@@ -60,7 +63,7 @@ class Approach:
 
     @classmethod
     def start(cls, poses: Floats, now: float) -> "Approach":
-        """Return the path through these poses from time ``now`` on."""
+        """Return the path through ``poses`` (K, 12) from time ``now`` on, at ``MAX_APPROACH_SPEED`` or less."""
         far = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(poses, axis=0)).max(axis=1))))
         shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(poses))
         return cls(poses, shares, now, now + max(MIN_APPROACH_TIME, 1.5 * float(far[-1]) / MAX_APPROACH_SPEED))
@@ -135,7 +138,10 @@ _, Y, _ = np.eye(3)
 
 
 class GaitCycle:
-    """A gait while it is played, from a stand: ``amplitude`` is its share, 0..1."""
+    """A gait while it is played, from a stand: ``cycles`` counts its cycles.
+
+    ``amplitude`` is 0 in the stand, and 1 once the gait has its full size.
+    """
 
     def __init__(self, body: LeggedBody, lean: float, ready: Floats, gait: Gait) -> None:
         self._body, self._lean, self._gait = body, lean, gait
@@ -183,7 +189,10 @@ class ActionRequest:
 
 
 class LegActions:
-    """Executes leg actions other than the walk of ``engine``, as long as they are requested. Angles are in radians."""
+    """Executes leg actions other than walking, as long as they are requested. Angles are in radians.
+
+    ``engine`` is the walking engine of the same legs.
+    """
 
     def __init__(self, engine: WalkingEngine, limits: Mapping[str, JointLimits], torques: Mapping[str, float]) -> None:
         self._engine, self._limits, self._torques = engine, limits, torques
@@ -240,7 +249,8 @@ class LegActions:
     def step(self, here: Floats, now: float, dt: float, *, walk: bool) -> LegPosture | None:
         """Advance by ``dt`` seconds from the legs' position ``here``; return the next posture.
 
-        Returns None to leave the legs alone. To ``walk``, the legs come to a stand first, whatever action is requested.
+        Returns None if no action controls the legs. With ``walk``, the legs come to a stand first, and a requested
+        action is ignored.
         """
         asked = self._request if self._request is not None and self._request.until >= now else None
         act = STAND if walk else "" if asked is None else asked.act
@@ -264,7 +274,7 @@ class LegActions:
         return self._stand_sit_poses
 
     def _begin(self, here: Floats, act: str, request: ActionRequest | None, now: float) -> Approach | None:
-        """Begin the requested action; return the way to a stand or a sit if one is needed."""
+        """Begin the action ``act``; return the path to a stand or a sit, or None if the action needs no path."""
         levels = self._poses()
         to = levels.sit if act == SIT else levels.stand
         there = self.posture is (Poised.SITTING if act == SIT else Poised.STANDING) or act == GAIT
@@ -321,7 +331,10 @@ class LegActions:
 
 
 def make_posture(body: LeggedBody, angles: Floats, on_floor: tuple[bool, bool]) -> LegPosture:
-    """Return the posture of the legs at angles (12,), for the setpoint compensation: pressure below the mass."""
+    """Return the posture of the legs at ``angles`` (12,), with the point of pressure below the centre of mass.
+
+    The setpoint compensation needs it. ``on_floor`` says which soles, left and right, are on the floor.
+    """
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     feet = {}
     for side in SIDES:

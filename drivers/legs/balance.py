@@ -20,14 +20,15 @@ from drivers.legs.pattern_generator import GRAVITY, FloorPose, hull_edges, pendu
 # capture point will be by then.
 
 CAPTURE_DEADBAND = 0.012
-"""Capture point error in metres that the soles absorb by themselves."""
+"""Error of the capture point in metres below which no correction is made, because the soles suffice."""
 
 
 @dataclass(frozen=True, slots=True)
 class BalanceGains:
     """Gains of balance: ``ankle``, ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` per m of capture error.
 
-    In physics the ankles kept walks up that fell without them. Steps have not been shown to help yet, and are off.
+    In the physics engine, corrections by the ankles prevented falls. Corrections of the steps have not helped yet, so
+    their gain is 0.
     """
 
     ankle: float = 0.3
@@ -47,7 +48,7 @@ class BalanceController:
         self._longest, self._widest = stride.longest / 2, stride.widest
 
     def __call__(self, felt: AttitudeEstimate, posture: LegPosture) -> BalanceCorrection:  # noqa: ARG002 - see drivers.legs.engine.BalanceFunction
-        """Return the correction for an attitude in a posture."""
+        """Return the correction for the measured attitude ``felt`` in a posture."""
         gains = self._gains
         lean, rates = (felt.roll, felt.pitch - self._lean), (felt.roll_rate, felt.pitch_rate)
         pushed = [gains.ankle * angle + gains.damping * speed for angle, speed in zip(lean, rates, strict=True)]
@@ -70,13 +71,16 @@ def _clamp(value: float, most: float) -> float:
 
 
 MARGIN_CYCLES = 3
-"""Consecutive cycles for the margins: the middle one has a whole one on either side."""
+"""Consecutive cycles for which margins are computed, so that the middle cycle has a whole one on either side."""
 
 Z = np.array([0.0, 0.0, 1.0])
 
 
 def trunk_path(gait: Gait) -> Floats:
-    """Return the path of the trunk over ``MARGIN_CYCLES`` cycles (x, y, heading), over the supporting foot: (M, 3)."""
+    """Return the path of the trunk (x, y, heading) over ``MARGIN_CYCLES`` cycles, with shape (M, 3).
+
+    It is computed from the foot on the floor, which does not slip.
+    """
     feet, headings, on = (np.concatenate([rows] * MARGIN_CYCLES) for rows in (gait.feet, gait.headings, gait.on_floor))
     found = np.zeros((len(feet), 3))
     for at in range(1, len(feet)):
@@ -114,7 +118,10 @@ def support_margins(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
 
 
 def _support_margin(body: LeggedBody, gait: Gait, trunk: Floats, at: int, point: Floats) -> float:
-    """Return the margin of one sample; minus infinity if no foot is on the floor."""
+    """Return the distance (m) of ``point`` inside the soles that are on the floor at sample ``at``; negative outside.
+
+    ``trunk`` (x, y, heading) is the pose of the trunk. Returns minus infinity if no foot is on the floor.
+    """
     corners, here = [], FloorPose(*trunk.tolist())
     for number, side in enumerate(SIDES):
         if gait.on_floor[at, number]:

@@ -51,9 +51,9 @@ class Leg:
 class LeggedBody:
     """A body of N joints, each of which turns one link, parents before children; parent -1 is the trunk.
 
-    ``offset`` leads from the origin of the parent link to that of the link, on the joint's ``axis``; ``centre`` and
-    ``end`` are the link's centre of mass and the far end of its capsule, from its own origin. ``swap`` and ``sign``
-    mirror a pose: ``sign * q[swap]``.
+    ``offset`` is the vector from the origin of the parent link to the origin of the link, which is on the joint's
+    ``axis``. ``centre`` and ``end`` are the link's centre of mass and the far end of its capsule, from the origin of
+    the link. The mirror image of a pose ``q`` is ``sign * q[swap]``.
     """
 
     joints: tuple[str, ...]
@@ -150,5 +150,5 @@ def _axis(link: LinkKeys, *, flip: bool, turned: float) -> Floats:
 
 
 def _mirror_sign(link: LinkKeys) -> float:
-    """Return the sign of a middle joint in the mirror: turn and roll change theirs."""
+    """Return the factor of a middle joint's angle in a mirror image: -1 for turn and roll, else 1."""
     return 1.0 if link.axis[-1] == "y" else -1.0

@@ -32,13 +32,13 @@ class Compensation:
         self._last_interval = CONTROL_INTERVAL
 
     def reset(self) -> None:
-        """Forget earlier postures: the legs start again."""
+        """Forget earlier postures, because the legs begin a new motion."""
         self._last, self._rate = None, np.zeros(12)
 
     def goals(self, posture: LegPosture, dt: float = CONTROL_INTERVAL) -> Floats:
-        """Return the goals of the legs (12,) for a posture ``dt`` seconds after the previous one.
+        """Return the goals of the legs (12,) when ``posture`` follows the previous one after ``dt`` seconds.
 
-        They lag one posture behind, because the acceleration needs the postures before and after.
+        The goals are those for the previous posture, because its acceleration needs the postures before and after it.
         """
         last, dt = self._last or posture, max(dt, CONTROL_INTERVAL / 2)
         before, after = self._rate, (posture.angles - last.angles) / dt

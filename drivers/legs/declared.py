@@ -1,7 +1,8 @@
 """Driver declaration and robot-file keys of a walking base and its body.
 
 The frame of the trunk has x forward, y left, z up, and its origin between the hips. At angle 0 of all joints the frame
-of every link is parallel to it. Only the left half is written; the right one is its mirror image.
+of every link is parallel to that of the trunk. A robot file describes the left half of the body; the right half is its
+mirror image.
 """
 
 from collections.abc import Iterator, Mapping
@@ -67,7 +68,7 @@ class BodyKeys:
     foot: FootKeys = key(help="The left sole.")
 
     def mirror(self, name: str) -> str:
-        """Return the right joint for a left one; the same name for a joint of the middle."""
+        """Return the name of the right joint for that of a left one, and the same name for a middle joint."""
         return self.right + name.removeprefix(self.left) if name.startswith(self.left) else name
 
     @property
@@ -77,7 +78,7 @@ class BodyKeys:
 
     @property
     def tucked_angles(self) -> Mapping[str, float]:
-        """Angles (rad) of joints in a fall, on both sides."""
+        """Angles (rad) to which joints move when the robot falls, by joint, for both sides."""
         image = -1.0 if self.mirrored == "opposite" else 1.0
         left = {name: link.tucked for name, link in self.links.items() if link.tucked is not None}
         return {self.mirror(name): image * angle for name, angle in left.items()} | left
@@ -125,7 +126,7 @@ class BodyKeys:
                 yield KeyDiagnostic(message, at, about=(("leg",), ("links", name, "from")))
 
     def _leg_axis_mistakes(self) -> Iterator[KeyDiagnostic]:
-        """Yield diagnostics for axes that prevent a closed form of the leg's angles."""
+        """Yield diagnostics for axes of the leg for which its angles cannot be computed in closed form."""
         links = [self.links[name] for name in self.leg]
         for name, link, axis in zip(self.leg, links, "zxyyyx", strict=True):
             if link.axis[-1] != axis:

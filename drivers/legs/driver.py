@@ -56,8 +56,8 @@ class LegsBase(ArbitratedBase):
     """A ``drivers.api.Base`` on the legs of ``joints``, which the caller opens and closes.
 
     Call ``step`` every ``STEP_INTERVAL``. ``read_attitude`` returns the trunk's attitude, or None if it is not
-    measured. A fall latches the legs; ``at_fall`` says whether they relax, and the arms of active legs move to
-    ``tucked`` (radians).
+    measured. A fall latches the legs; ``at_fall`` says whether they relax or hold. If the legs were controlled at the
+    fall, the joints in ``tucked`` also move to its angles (radians).
     """
 
     STEP_INTERVAL = CONTROL_INTERVAL
@@ -190,7 +190,7 @@ class LegsBase(ArbitratedBase):
 
     @property
     def is_walking(self) -> bool:
-        """True while the legs are controlled."""
+        """True while a walk or another leg action controls the legs."""
         return self._actions.is_busy or not self._engine.is_standing
 
     def _update_state(
@@ -234,7 +234,11 @@ class LegsBase(ArbitratedBase):
         self._mux.on_state(state, now)
 
     def _on_fall(self, fallen: bool, *, limp: bool, led: bool) -> None:
-        """Handle a fall: drop the walk, relax or hold the legs as configured, tuck the arms of ``led`` legs."""
+        """Handle a fall: drop the walk, relax or hold the legs as configured, and tuck the arms.
+
+        ``limp`` is True if the trunk's attitude is measured: only then the legs may relax and the arms are tucked. Arms
+        are tucked only if the legs were controlled at the fall (``led``).
+        """
         if fallen and not self._is_fallen:
             self._reset_walk()
             self._mux.latch(FALLEN_REASON)

@@ -78,7 +78,10 @@ class LegPosture:
 
 @dataclass(frozen=True)
 class WalkPlan:
-    """A part of a walk, M samples: ``angles`` (M, 12), ``trunk`` (M, 3), ``heading`` (M,), ``reason`` (M, 2)."""
+    """A part of a walk, M samples: leg ``angles`` (M, 12), ``trunk`` position (M, 3) and ``heading`` (M,).
+
+    ``reason`` (M, 2) is 0 or, if a foot cannot be reached, an index into ``UNREACHABLE_REASONS``.
+    """
 
     times: Floats
     patterns: tuple[WalkPattern, ...]
@@ -93,7 +96,7 @@ BalanceFunction = Callable[[AttitudeEstimate, LegPosture], BalanceCorrection]
 
 @lru_cache(maxsize=16)
 def walk_parameters(body: LeggedBody, stride: StrideKeys) -> WalkParameters:
-    """Return the walk parameters of a body with these strides. Raises BadRequest for an impossible stand."""
+    """Return the walk parameters of ``body`` for the keys ``stride``. Raises BadRequest for an impossible stand."""
     rest = forward_kinematics(body, np.zeros(len(body.joints)))
     left, right = (sole_pose(body, rest, side)[0] for side in SIDES)
     feet = float(left[1] - right[1]) if stride.feet is None else stride.feet
@@ -136,7 +139,11 @@ def standing_angles(body: LeggedBody, stride: StrideKeys, feet: float) -> Floats
 def solve_stands(
     body: LeggedBody, stride: StrideKeys, feet: float, heights: Floats
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Return angles (K, 12) of stands with the trunk at ``heights`` (K,), and why a leg has none (K, 2)."""
+    """Return angles (K, 12) of stands with the trunk at ``heights`` (K,), and a reason for each leg (K, 2).
+
+    The reason is 0 or, if the leg cannot reach the floor, an index into ``UNREACHABLE_REASONS``. ``feet`` is the
+    distance between the feet (m).
+    """
     places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
     lean, trunk = rotation_about(Y, np.array(stride.lean)), np.zeros((len(heights), 3))
     trunk[:, 2] = heights
@@ -152,7 +159,8 @@ def solve_legs(
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Return angles (..., 12) for level soles at ``feet`` (..., 2, 3) with ``headings`` (..., 2), and reasons (..., 2).
 
-    ``trunk`` (..., 3) and ``rotation`` (..., 3, 3) are the pose of the trunk, in the same frame.
+    ``trunk`` (..., 3) and ``rotation`` (..., 3, 3) are the pose of the trunk, in the same frame. A reason is 0 or, for
+    a foot that cannot be reached, an index into ``UNREACHABLE_REASONS``.
     """
     places = (feet - trunk[..., None, :]) @ rotation
     back = np.swapaxes(rotation, -1, -2)[..., None, :, :]
@@ -172,9 +180,9 @@ def whole_body_pose(body: LeggedBody, angles: Floats, rest: Floats | None = None
 class WalkingEngine:
     """Walking engine: each ``step`` returns the next leg posture.
 
-    The trunk moves so that the centre of mass would follow the pendulum if both legs stood: a swinging leg compensates
-    its shift by its momentum, and servos follow a steady trunk better. ``balance`` is called with the attitude, if it
-    is measured. Raises BadRequest for strides that the legs cannot make.
+    The trunk is moved as if both legs always stood, although a swinging leg shifts the centre of mass: the momentum of
+    the leg compensates this shift, and servos follow a steady trunk better. ``balance`` is called with the attitude of
+    the trunk, if it is measured, and returns a correction. Raises BadRequest for strides that the legs cannot make.
     """
 
     def __init__(self, body: LeggedBody, stride: StrideKeys, balance: BalanceFunction | None = None) -> None:
@@ -193,7 +201,7 @@ class WalkingEngine:
 
     @property
     def pose(self) -> tuple[FloorPose, tuple[float, float, float]]:
-        """Pose from its steps, without sway, and speed: ahead, left (m/s), turn (rad/s)."""
+        """Pose by the steps so far, without sway, and velocity: ahead, left (m/s), turn (rad/s)."""
         return self.walker.pose
 
     def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:
@@ -211,7 +219,7 @@ class WalkingEngine:
         self._angles, self._correction = self.ready_angles, BalanceCorrection()
 
     def shift(self, displacement: FloorPose) -> None:
-        """Move the pose by steps of another motion: ahead, left (m), turn (rad)."""
+        """Move the pose by ``displacement``, caused by a motion other than a walk: ahead, left (m), turn (rad)."""
         self.walker.shift(displacement)
 
     def step(self, dt: float = CONTROL_INTERVAL, attitude: AttitudeEstimate | None = None) -> LegPosture:
@@ -245,7 +253,10 @@ class WalkingEngine:
         return turned, np.array([each[:3] for each in soles]), np.array([each[3] for each in soles])
 
     def _compute_com_offset(self, angles: Floats, hip: tuple[float, float]) -> tuple[float, float]:
-        """Return the offset of the centre of mass from the trunk's origin, ahead and to the left."""
+        """Return the offset of the centre of mass from the trunk's origin, ahead and to the left (m).
+
+        ``hip`` is a correction of the trunk's roll and pitch, in radians.
+        """
         centre = centre_over_legs(self.body, angles.reshape(2, 6))
         ahead, left, _ = (_rotation(0.0, hip[0], self.stride.lean + hip[1]) @ centre).tolist()
         return ahead, left
@@ -273,7 +284,7 @@ def _rotation(yaw: float, roll: float, pitch: float) -> Floats:
 
 
 def plan_walk(body: LeggedBody, stride: StrideKeys, command: tuple[float, float, float], seconds: float) -> WalkPlan:
-    """Return a walk of ``seconds`` from a stand, computed at once."""
+    """Return a walk with velocity ``command`` (m/s, m/s, rad/s) that begins in a stand and takes ``seconds``."""
     walker = WalkPatternGenerator(walk_parameters(body, stride))
     walker.command(*command)
     return solve_patterns(

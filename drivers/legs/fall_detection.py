@@ -26,7 +26,7 @@ UPRIGHT_DEBOUNCE_TIME = 0.5
 """Seconds for which a fallen body must be upright to count as standing."""
 
 KNEE_LOAD_INTERVAL = 0.05
-"""Seconds between two computations of the knee load, which need the whole body."""
+"""Seconds between two computations of the knee load, each of which takes the masses of the whole body into account."""
 
 KNEE_LOAD_TIME_CONSTANT = 1.0
 """Time constant of the knee load in seconds.
@@ -44,7 +44,7 @@ MIN_KNEE_LOAD = 0.15
 """Load that both knees together must have reported once; without a load each reports friction, about 0.05."""
 
 MIN_BENT_SHARE = 0.5
-"""Share of the torque in a stand below which the knees are too straight to measure a load."""
+"""Share of the knee torque in a stand below which the knees are too straight to measure a load."""
 
 
 class FallDetector:
@@ -68,7 +68,10 @@ class FallDetector:
     def update(
         self, attitude: AttitudeEstimate | None, joints: Sequence[JointState], now: float, *, legs_led: bool
     ) -> None:
-        """Update with the attitude and the states of both legs' joints; ``legs_led``: the legs are controlled."""
+        """Update with the trunk's attitude (None: not measured) and the states of both legs' joints at time ``now``.
+
+        ``legs_led`` is True while a walk or another action controls the legs.
+        """
         if attitude is None:
             self.lean = None
             self._update_knee_load(joints, now)
@@ -95,7 +98,7 @@ class FallDetector:
             self.fallen, self._since = fallen, now
 
     def _update_knee_load(self, joints: Sequence[JointState], now: float) -> None:
-        """Compare the knee load with its maximum so far, each relative to the pose."""
+        """Compare the knee load with its maximum so far; each is a share of the load computed for its pose."""
         if now - self._knee_load_at < KNEE_LOAD_INTERVAL:
             return
         since, self._knee_load_at = now - self._knee_load_at, now

@@ -24,7 +24,7 @@ TRUNK = "trunk"
 
 @dataclass(frozen=True)
 class Capsule:
-    """A capsule on a link (-1: the trunk): from ``start`` to ``end`` in its frame, with a ``radius``."""
+    """A capsule on the link with index ``link`` (-1: the trunk), from ``start`` to ``end`` in the frame of the link."""
 
     name: str
     link: int
@@ -69,7 +69,10 @@ def collision_pairs(body: LeggedBody) -> tuple[tuple[Capsule, Capsule], ...]:
 
 
 def clearance(body: LeggedBody, placed: LinkPoses) -> tuple[Floats, tuple[tuple[str, str], ...]]:
-    """Return the gap (..., P) of each pair of capsules in metres, negative if they overlap, and their names."""
+    """Return the gap (..., P) of each pair of capsules in metres, negative if they overlap, and their names.
+
+    ``placed`` are the poses of the links.
+    """
     chosen = collision_pairs(body)
     ends = {id(each): _ends(each, placed) for each in capsules(body)}
     gaps = [_segment_distance(*ends[id(one)], *ends[id(other)]) - one.radius - other.radius for one, other in chosen]
@@ -79,7 +82,7 @@ def clearance(body: LeggedBody, placed: LinkPoses) -> tuple[Floats, tuple[tuple[
 
 
 def _are_joined(body: LeggedBody, one: Capsule, other: Capsule) -> bool:
-    """True if two capsules touch where their links are joined, directly or over links without extent."""
+    """True if two capsules are on links that are joined, directly or through links without a radius."""
 
     def solid(link: int) -> int:
         link = body.parent[link]
@@ -127,7 +130,10 @@ def _segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 def gait_errors(
     body: LeggedBody, gait: Gait, limits: Mapping[str, JointLimits], torques: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield the reasons why the body cannot play a gait, one time for each. ``torques`` (Nm) are stall torques."""
+    """Yield the reasons why the body cannot play a gait, each with one time at which it occurs.
+
+    ``torques`` (Nm) are the stall torques of the servos by joint.
+    """
     angles, reason = gait.angles(body)
     for number, side in enumerate(SIDES):
         if reason[:, number].any():
@@ -168,7 +174,10 @@ def gait_errors(
 
 
 def static_leg_torques(body: LeggedBody, gait: Gait, angles: Floats) -> Floats:
-    """Return the torques (M, 12), Nm, that hold the poses: a standing leg carries all above it, a lifted leg itself."""
+    """Return the torques (M, 12), in Nm, that hold the poses of a gait still.
+
+    A leg on the floor carries all of the body above each of its joints; a lifted leg carries only its own links.
+    """
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     axis, masses = joint_axes(body, placed), link_centres(body, placed)
     everything = centre_of_mass(body, placed) * body.total_mass

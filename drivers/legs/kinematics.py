@@ -51,7 +51,10 @@ def forward_kinematics(body: LeggedBody, q: Floats) -> LinkPoses:
 
 
 def sole_pose(body: LeggedBody, placed: LinkPoses, side: Side) -> tuple[Floats, Floats]:
-    """Return the middle of a sole (..., 3) and its orientation (..., 3, 3)."""
+    """Return the middle of the sole on ``side`` (..., 3) and its orientation (..., 3, 3).
+
+    ``placed`` are the poses of the links.
+    """
     leg = body.legs[side]
     last = leg.joints[-1]
     rotation = placed.rotation[..., last, :, :]
@@ -72,7 +75,7 @@ def centre_of_mass(body: LeggedBody, placed: LinkPoses) -> Floats:
 
 
 def carrying_joints(body: LeggedBody, link: int) -> list[int]:
-    """Return the joints that move a link: its own, and those of its ancestors, from the trunk on."""
+    """Return the indices of the joints that move ``link``, in order from the trunk to the joint of the link itself."""
     found = []
     while link >= 0:
         found.append(link)
@@ -113,7 +116,8 @@ def centre_jacobian(body: LeggedBody, placed: LinkPoses) -> Floats:
 class _LegMasses:
     """Masses of the legs, and ``still``, the sum of mass times position of all other links.
 
-    For each joint of the left leg: index and sign of its axis, its offset, its mass and its centre of mass.
+    For each joint of the left leg, ``joints`` has the index (x, y, z) and sign of its axis, its offset, its mass and
+    its centre of mass.
     """
 
     still: Floats
@@ -159,7 +163,7 @@ def centre_over_legs(body: LeggedBody, angles: Floats) -> Floats:
 
 
 def _rotate_along(columns: Sequence[Floats], way: Floats) -> Floats:
-    """Return a vector of a link's frame, rotated by the columns of its rotation."""
+    """Return the vector ``way`` in a link's frame, rotated by the rotation matrix with these ``columns``."""
     found = np.zeros(3)
     for part, column in zip(way.tolist(), columns, strict=True):
         if part:
@@ -201,13 +205,16 @@ class FootOdometry:
 
 
 def _foot_on_floor(pose: Pose2D, foot: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return the pose of a foot on the floor."""
+    """Return the pose of a foot on the floor, for the ``pose`` of the trunk and the foot's pose in its frame."""
     c, s = cos(pose.heading), sin(pose.heading)
     return pose.x + c * foot[0] - s * foot[1], pose.y + s * foot[0] + c * foot[1], pose.heading + foot[2]
 
 
 def _trunk_over_foot(anchor: tuple[float, float, float], foot: tuple[float, float, float]) -> Pose2D:
-    """Return the pose of the trunk from that of the supporting foot, on the floor and in the trunk's frame."""
+    """Return the pose of the trunk on the floor.
+
+    ``anchor`` is the pose of the supporting foot on the floor, ``foot`` its pose in the frame of the trunk.
+    """
     heading = anchor[2] - foot[2]
     c, s = cos(heading), sin(heading)
     return Pose2D(anchor[0] - c * foot[0] + s * foot[1], anchor[1] - s * foot[0] - c * foot[1], heading)

@@ -46,7 +46,7 @@ class LegSolution:
 
 @dataclass(frozen=True)
 class _LegShape:
-    """Geometry of the left leg: signs of its six axes, the meeting points, and the plane of the pitches."""
+    """Geometry of the left leg: signs of its six axes, points where axes meet, and lengths in the plane of the leg."""
 
     sign: Floats
     right: Floats  # signs of the right leg's angles relative to the left
@@ -106,7 +106,10 @@ def _solve(shape: _LegShape, position: Floats, rotation: Floats, sign: Floats) -
 
 
 def _ankle_roll(hip: Floats, across: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Return the ankle's roll about +x, and where it has no solution: the hip must lie ``-across`` beside the plane."""
+    """Return the ankle's roll about +x, and where it has no solution.
+
+    ``hip`` (..., 3) is the position of the hip in the frame of the foot; the roll must bring it to y = ``-across``.
+    """
     y, z = hip[..., 1], hip[..., 2]
     far = np.hypot(y, z)
     beyond = far <= abs(across) + LENGTH_SLACK
@@ -118,9 +121,10 @@ def _ankle_roll(hip: Floats, across: float) -> tuple[Floats, npt.NDArray[np.bool
 def _triangle(
     shape: _LegShape, ahead: Floats, up: Floats, pitch: Floats
 ) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
-    """Return the pitch of hip and knee about +y, and the reason if there is no solution.
+    """Return the pitch of hip and knee about +y, and the index of the reason if there is no solution.
 
-    ``ahead`` and ``up`` are the hip from the ankle, in the plane of the leg, along the axes of the foot.
+    ``ahead`` and ``up`` are the position of the hip from the ankle, in the plane of the leg, along the axes of the
+    foot. ``pitch`` is the sum of the pitches of hip, knee and ankle.
     """
     thigh, shank = shape.thigh, shape.shank
     a, b = float(np.hypot(*thigh)), float(np.hypot(*shank))
@@ -140,7 +144,7 @@ def _triangle(
 
 
 def _bearing(way: Floats) -> Floats:
-    """Return the angle of vectors (..., 2) in x and z from z, rising as a turn about +y does."""
+    """Return the angle of vectors ``way`` (..., 2), with components x and z, from z; positive as a turn about +y."""
     found: Floats = np.arctan2(way[..., 0], way[..., 1])
     return found
 

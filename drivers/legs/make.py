@@ -103,7 +103,7 @@ def stall_torques(engine: WalkingEngine, joints: Joints) -> dict[str, float]:
 
 
 def attitude_reader(imu: Any) -> Callable[[], AttitudeEstimate | None]:
-    """Return a function that reads the trunk's attitude; it returns None without an IMU, or while that is silent."""
+    """Return a function that reads the trunk's attitude: None without an IMU, or without a recent reading."""
     part: Imu | None = imu
 
     def felt() -> AttitudeEstimate | None:

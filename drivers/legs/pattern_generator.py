@@ -31,13 +31,19 @@ def pendulum_rate(height: float) -> float:
 
 
 def capture_before_stand(end: Point, p: Point, w: float, seconds: float) -> Point:
-    """Return the capture point xi ``seconds`` before it reaches ``end``, with constant pressure at ``p``."""
+    """Return the capture point ``seconds`` before it reaches ``end``, with constant pressure at ``p``.
+
+    ``w`` is the pendulum rate (1/s).
+    """
     decay = exp(-w * seconds)
     return p[0] + (end[0] - p[0]) * decay, p[1] + (end[1] - p[1]) * decay
 
 
 def capture_before_shift(end: Point, p0: Point, p1: Point, w: float, seconds: float, left: float) -> Point:
-    """Return xi at ``left`` seconds before it reaches ``end``, while p moves from p0 to p1 in ``seconds``."""
+    """Return the capture point ``left`` seconds before it reaches ``end``, while the pressure moves.
+
+    The pressure moves from ``p0`` to ``p1``, which takes ``seconds``; ``w`` is the pendulum rate (1/s).
+    """
     decay, done = exp(-w * left), 1.0 - left / seconds
     slope = (p1[0] - p0[0]) / seconds / w, (p1[1] - p0[1]) / seconds / w
     x = p0[0] + (p1[0] - p0[0]) * done + slope[0] + (end[0] - p1[0] - slope[0]) * decay
@@ -59,9 +65,11 @@ def advance_pendulum(c: Point, xi: Point, p: Point, w: float, dt: float) -> tupl
 
 
 def sway_share(w: float, step: float, double_support: float) -> float:
-    """Return the sway of c as a share of the sway of p, for steps of ``step`` seconds from side to side.
+    """Return the sway of the centre of mass as a share of the sway of the pressure, for steps from side to side.
 
-    p is constant except in double support: where it moves c follows a sinh, where it is constant a cosh.
+    A step takes ``step`` seconds, of which ``double_support`` is the share on both feet; ``w`` is the pendulum rate
+    (1/s). The pressure moves only in double support, in which the centre of mass follows a sinh; else it follows a
+    cosh.
     """
     half = w * step * double_support / 2
     return 1.0 - sinh(half) / (half * cosh(w * step / 2))
@@ -203,8 +211,8 @@ OUTWARD_SIGN: Mapping[Side, float] = {"left": 1.0, "right": -1.0}
 class _Step:
     """A step: ``double_support_time`` seconds on both feet, then ``single_support_time`` seconds of swing.
 
-    ``swing`` moves from ``origin`` to ``target``. A step that ``is_closing`` puts a foot beside the other before a
-    stand.
+    ``swing`` is the side of the foot that moves from ``origin`` to ``target``; None if only the weight shifts. A step
+    that ``is_closing`` puts a foot beside the other before a stand.
     """
 
     swing: Side | None
@@ -227,8 +235,9 @@ class _Step:
 
 
 def sole_inset(stride: StrideKeys, feet: float, width: float, height: float) -> float:
-    """Return the distance of the pressure inwards from a sole's middle for the configured sway.
+    """Return how far inwards from a sole's middle the pressure must be for the configured sway, in metres.
 
+    ``feet`` is the distance between the feet, ``width`` that of a sole, ``height`` that of the centre of mass (m).
     Raises BadRequest for a sway that presses outside of the soles.
     """
     if stride.sway is None:
@@ -304,7 +313,7 @@ class WalkPatternGenerator:
         )
 
     def _advance_pendulum(self, dt: float) -> tuple[Point, float]:
-        """Advance the pendulum by ``dt`` seconds over one point of pressure; return that, and its margin (m)."""
+        """Advance the pendulum by ``dt`` seconds over one point of pressure; return this point, and its margin (m)."""
         step = self._step
         if step is None:
             pressure, support = self._middle.point, self._support_polygon(*(self.feet[side] for side in SIDES))
@@ -330,7 +339,7 @@ class WalkPatternGenerator:
         return self._make_step(swing, self._middle, self._middle.point, WEIGHT_SHIFT_TIME)
 
     def _next_step(self, done: _Step) -> _Step | None:
-        """Return the step after ``done``; None if the robot stands then."""
+        """Return the step that follows ``done``; None if the robot stands after it."""
         self._middle = done.end_pose
         if done.swing is None:
             if hypot(*(a - b for a, b in zip(self.capture, self._middle.point, strict=True))) > SETTLE_TOLERANCE:
@@ -347,7 +356,10 @@ class WalkPatternGenerator:
         return self._make_step(swing, done.end_pose, done.p1, WEIGHT_SHIFT_TIME)  # it was about to stand
 
     def _make_step(self, swing: Side, middle: FloorPose, p0: Point, both: float) -> _Step:
-        """Return a step with foot ``swing``, from the current pressure ``p0``."""
+        """Return a step of foot ``swing``, which begins with the pressure at ``p0`` and ``both`` seconds on both feet.
+
+        ``middle`` is the pose between the feet when the step begins.
+        """
         manner, stand = self.manner, self.feet[OTHER_SIDE[swing]]
         after = self._pose_after_step(middle, swing, self.velocity_command)
         closing = not (any(self.velocity_command) or any(self.landing_offset))
@@ -368,7 +380,10 @@ class WalkPatternGenerator:
         return _Step(None, middle, middle, WEIGHT_SHIFT_TIME, 0.0, p0, point, point, middle, middle, support, support)
 
     def _pose_after_step(self, middle: FloorPose, swing: Side, wanted: tuple[float, float, float]) -> FloorPose:
-        """Return the middle after a step; sideways and turning, it moves with the foot of that side only."""
+        """Return the pose between the feet after a step of ``swing`` with velocity ``wanted`` from the pose ``middle``.
+
+        Only the foot on the side of the motion moves the pose sideways, or turns it.
+        """
         ahead, left, turn = (each * self.manner.step_time for each in wanted)
         left, turn = (2 * each if each * OUTWARD_SIGN[swing] > 0 else 0.0 for each in (left, turn))
         return middle.offset(0.0, 0.0, turn / 2).offset(ahead, left, turn / 2)
@@ -377,7 +392,11 @@ class WalkPatternGenerator:
         return spot.offset(0.0, -OUTWARD_SIGN[side] * self.manner.inset).point
 
     def _capture_target(self, swing: Side, to: FloorPose, after: FloorPose, p1: Point, *, closing: bool) -> Point:
-        """Return the capture point for the end of a step, from the next steps and a stand."""
+        """Return the capture point at which a step must end, planned backwards from the next steps and a stand.
+
+        Foot ``swing`` lands at ``to``; ``after`` is then the pose between the feet, and ``p1`` the pressure on the
+        other foot. With ``closing`` the robot stands after this step.
+        """
         manner = self.manner
         spots, middle, side = [p1, self._pressure_point(swing, to)], after, OTHER_SIDE[swing]
         for _ in range(0 if closing else PREVIEW_STEPS):
@@ -437,7 +456,7 @@ class WalkPatternGenerator:
 
     @property
     def pose(self) -> tuple[FloorPose, tuple[float, float, float]]:
-        """Pose from its steps, without sway, and speed."""
+        """Pose by the steps so far, without sway, and velocity: ahead, left (m/s), turn (rad/s)."""
         step = self._step
         if step is None or step.swing is None:
             return self._middle, (0.0, 0.0, 0.0)
@@ -448,6 +467,6 @@ class WalkPatternGenerator:
         return pose, ((x * c + y * s) / long, (y * c - x * s) / long, turn / long)
 
     def _support_polygon(self, *spots: FloorPose) -> list[Edge]:
-        """Return the edges of the polygon of soles at ``spots``."""
+        """Return the edges of the convex hull of soles with the poses ``spots``."""
         long, wide = self.manner.sole_length / 2, self.manner.sole_width / 2
         return hull_edges([spot.offset(u * long, v * wide).point for spot in spots for u in (-1, 1) for v in (-1, 1)])

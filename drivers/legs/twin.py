@@ -11,7 +11,7 @@ from drivers.sim.context import SimContext
 
 
 class LegsTwin(LegsBase):
-    """A ``LegsBase`` without a thread. Its place in the world is that of its steps from its ``start``."""
+    """A ``LegsBase`` without a thread. Its true pose in the world follows from its steps, beginning at ``start``."""
 
     start = Pose2D(0.0, 0.0, 0.0)
 

@@ -13,7 +13,7 @@ from drivers.virtual.device import VirtualDevice
 
 
 def make(keys: LegsKeys, stage: SimContext) -> VirtualDevice:
-    """Return a virtual walking base on joints of the arm and on its bus; the true servo angles move it."""
+    """Return a virtual walking base, moved by the true angles of the arm's virtual servos. It has no port."""
     arm: DynamixelKeys = stage.part_keys["arm"]
     bus: VirtualServoBus = stage.parts["arm"].device
     body = body_of(keys.body)

@@ -41,7 +41,11 @@ class ServoIdentity:
 
 @dataclass(slots=True, eq=False)
 class _PendingRead:
-    """A read and its attempts: the requested block, the wider block that is read instead, and the start time."""
+    """A read of registers, with its attempts: the wanted block, the requested block, and the start time.
+
+    The requested block can be wider than the wanted one, so that a late reply to another read is not mistaken for its
+    reply.
+    """
 
     block: RegisterBlock
     requested_block: RegisterBlock
@@ -52,19 +56,20 @@ class _PendingRead:
 
 
 class ServoBus(ServoTransport):
-    """Servos of one line, addressed by register. Reads are retried; writes are sent once."""
+    """Servos on one serial line, whose registers are read and written. Reads are retried; writes are sent once."""
 
     # --- one servo ----------------------------------------------------------------------------------------------------
 
     def ping(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> int:
-        """Return the model number of a servo. Raises NoReply if it is not there."""
+        """Return the model number of the servo ``at``. Raises NoReply if it answers none of ``tries`` requests."""
         return self.identify(at, tries=tries).number
 
     def identify(self, at: ServoAddress, *, tries: int = MAX_READ_ATTEMPTS) -> ServoIdentity:
-        """Return the identity of a servo. Raises NoReply if it is not there.
+        """Return the model and firmware of the servo ``at``. Raises NoReply if it answers none of ``tries`` requests.
 
-        In protocol 1.0 a ping has no data, and its reply equals its echo, so the table is read instead. The table also
-        tells a Dynamixel from an STS, which uses the same frames: the returned address may have protocol "STS".
+        A reply to a ping of protocol 2.0 contains both. In protocol 1.0 it has no data, and can have the same bytes as
+        an echo of the request, so the start of the control table is read instead. The table also tells a Dynamixel from
+        an STS, which uses the same frames: the returned address may have protocol "STS".
         """
         if at.protocol != 2:
             return _parse_table_head(at, self.read_block(at, 0, _IDENTITY_SIZE, tries=tries))
@@ -110,7 +115,7 @@ class ServoBus(ServoTransport):
         self._send_command(at, "reboot", self._codec_for(at).reboot(at.id))
 
     def reset(self, at: ServoAddress, keep: KeptSettings) -> None:
-        """Reset a servo to factory settings except for ``keep``. Raises as ``write``."""
+        """Reset a servo to factory settings, except for the settings that ``keep`` names. Raises as ``write``."""
         self._send_command(at, f"factory reset that keeps {keep}", self._codec_for(at).reset(at.id, keep))
 
     # --- many servos --------------------------------------------------------------------------------------------------
@@ -118,9 +123,10 @@ class ServoBus(ServoTransport):
     def read_many(
         self, targets: Mapping[ServoAddress, RegisterBlock], *, mode: Literal["bulk", "sync"]
     ) -> dict[ServoAddress, bytes]:
-        """Read a block of each servo with one request; ``mode`` "sync" needs equal blocks. Tried once.
+        """Read one block of registers of each servo in ``targets`` with a single request, which is sent once.
 
-        Returns the blocks of the servos that answered. Raises BadRequest and NotConnected.
+        With ``mode`` "sync" all blocks must be equal, with "bulk" they may differ. Returns the bytes of each servo that
+        answered. Raises BadRequest and NotConnected.
         """
         if not targets:
             self._require_line()
@@ -220,7 +226,10 @@ class ServoBus(ServoTransport):
         raise self._no_reply_error(at, operation, tries, tally.corrupt - damaged)
 
     def _read_once(self, at: ServoAddress, pending: _PendingRead) -> ServoReply | None:
-        """Send one read request; widen the block if a late reply could be mistaken for this one."""
+        """Send one read request; return the reply, or None if none came.
+
+        A wider block is read if a late reply to an earlier request would look the same as the reply to this one.
+        """
         codec, block = self._codec_for(at), pending.block
         with self._lock:
             wide = pending.requested_block = self._late_replies.widen(
@@ -234,7 +243,7 @@ class ServoBus(ServoTransport):
         return reply._replace(data=reply.data[start : start + block.size])
 
     def _send_once(self, at: ServoAddress, request: Packet, size: int) -> ServoReply | None:
-        """Send any other request once."""
+        """Send a request other than a read once; return the reply with ``size`` bytes of data, or None if none came."""
         wanted = ExpectedReply(request, size, self._clock.now())
         return self._transact(self._codec_for(at), request, {at.id: wanted}).get(at.id)
 
@@ -281,9 +290,10 @@ def _parse_identity(at: ServoAddress, data: bytes) -> ServoIdentity:
 
 
 def _parse_table_head(at: ServoAddress, data: bytes) -> ServoIdentity:
-    """Return the identity from the first bytes of a table, whose layout differs between protocol 1.0 and STS.
+    """Return the identity in the first bytes of a control table, with the layout of protocol 1.0 or of an STS.
 
-    The layout that has the right ID, and a known model of that protocol, wins.
+    Both layouts are tried. A layout counts more if it shows the ID of ``at``, and if it shows a known model; if both
+    count the same, the protocol of ``at`` decides.
     """
     number, firmware = int.from_bytes(data[3:5], "little"), int.from_bytes(data[:2], "little")
     found = (

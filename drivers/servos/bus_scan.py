@@ -59,9 +59,9 @@ def scan_bus(
 
 
 MAX_PING_IDS = 32
-"""Largest scan in which every ID without a reply to a read is also pinged.
+"""Number of IDs up to which a scan pings every ID that did not answer a read.
 
-In larger scans that have found a servo, only the IDs below this number are pinged.
+A scan of more IDs that has found a servo pings only those of them below this number.
 """
 
 
@@ -89,7 +89,7 @@ def _scan_ids(bus: ServoBus, protocol: Protocol, ids: Sequence[int]) -> Iterator
 
 
 def _find_ping_only(bus: ServoBus, silent: Iterable[ServoAddress]) -> Iterator[ScannedServo]:
-    """Yield the servos that answer a ping but no read, and those that answered late."""
+    """Yield the servos at the addresses ``silent`` that answer a ping but no read, or that answer a second read."""
     for at in silent:
         damaged = bus.statistics(at.id).corrupt
         if not bus.answers_ping(at, tries=1):
@@ -102,7 +102,7 @@ def _find_ping_only(bus: ServoBus, silent: Iterable[ServoAddress]) -> Iterator[S
 
 
 def _identify(bus: ServoBus, at: ServoAddress) -> ServoIdentity | None:
-    """Return the identity of one servo, retried if bytes were received; None if there is none."""
+    """Return the identity of one servo, or None. A failed request is repeated only if it received any bytes."""
     before = bus.statistics(at.id).corrupt, bus.noise_bytes()
     with suppress(NoReply, BadRequest):
         return bus.identify(at, tries=1)

@@ -23,7 +23,7 @@ from drivers.servos.register import Register
 
 _TABLE = MODELS["STS3215"].table
 LAST_STEP = MODELS["STS3215"].last_tick
-"""Highest position step of a servo's turn."""
+"""Highest position step in one turn of an STS3215."""
 
 HALF_TURN = 2047
 """Step that LeRobot maps to the middle of a joint."""
@@ -53,7 +53,7 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
 
 
 OLD_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
-"""Keys of LeRobot's calibration files until June 2025, in which the motors are parallel lists."""
+"""Keys of LeRobot's calibration files until June 2025, in which each key had a list with one value for each motor."""
 
 OLD_FORMAT_MESSAGE = "LeRobot's format from before June 2025, whose offsets are not stored in the servos: not supported"
 

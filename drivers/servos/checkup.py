@@ -15,11 +15,14 @@ LOW_VOLTAGE_SHARE = 0.83
 """Share of the nominal voltage below which a warning is due: 10 V of 12 V."""
 
 HOT_MARGIN = 10
-"""Degrees Celsius below its temperature limit from which on a servo counts as hot."""
+"""Margin in degrees Celsius below a servo's temperature limit within which the servo counts as hot."""
 
 
 def checkup(keys: DynamixelKeys, site: DriverContext) -> Iterator[Finding]:
-    """Yield the findings on each servo of the robot file."""
+    """Yield the findings on each servo of an arm.
+
+    ``keys`` is the section of the arm in the robot file; ``site`` has the port and the clock.
+    """
     patience = VIRTUAL_REPLY_TIMEOUT if site.is_virtual else REPLY_TIMEOUT
     bus = ServoBus(site.port, site.clock, baud=keys.baud, name=site.part, reply_timeout=patience, framing=keys.framing)
     try:
@@ -69,7 +72,7 @@ def _check_servo(bus: ServoBus, joint: Joint) -> Iterator[Finding]:
 
 
 def _for_robot(cure: str) -> str:
-    """Return a hint with the check-up's own placeholder for the robot, ROBOT."""
+    """Return the hint ``cure`` with ``--robot ROBOT``, as the check-up writes it, in place of ``--robot FILE``."""
     return cure.replace("--robot FILE", "--robot ROBOT")
 
 

@@ -72,7 +72,7 @@ class Codec:
         return Packet(servo, Protocol2Instruction.WRITE, self._encode_number(address) + data)
 
     def max_sync_servos(self, size: int) -> int:
-        """Return the number of servos that one sync write of ``size`` bytes each can address."""
+        """Return the number of servos that one sync write can address if each servo gets ``size`` bytes."""
         return (self.max_parameters - 2 * self.address_size) // (size + 1)
 
     def sync_write(self, address: int, size: int, blocks: Mapping[int, bytes]) -> Packet:
@@ -139,11 +139,11 @@ CODECS: Mapping[Protocol, Codec] = MappingProxyType(
         "STS": Codec("STS", wire.LAST_ID, 6, 1, wire.MAX_PACKET_BYTES - 6, wire.request, wire.PacketParser),
     }
 )
-"""Codecs with our own packet code, by protocol."""
+"""Codecs with the packet code of MissionTree, by protocol."""
 
 
 def codecs_for(framing: Framing) -> Mapping[Protocol, Codec]:
-    """Return the codecs with our packet code ("own") or with that of ROBOTIS ("sdk")."""
+    """Return the codecs by protocol, with the packet code of MissionTree (``framing`` "own") or of ROBOTIS ("sdk")."""
     if framing == "own":
         return CODECS
     from drivers.servos.sdk import SDK_CODECS  # noqa: PLC0415 - few ask for it
@@ -158,23 +158,27 @@ def codecs_for(framing: Framing) -> Mapping[Protocol, Codec]:
 # widened to another size; a write, whose reply has no data, has to wait.
 
 MAX_REPLY_LATENESS = 0.05
-"""Seconds by which a reply can be late and be overtaken by another. No adapter holds bytes back for longer."""
+"""Maximum seconds by which a reply is late and can still arrive after the reply to a newer request.
+
+No USB adapter holds bytes back for longer.
+"""
 
 MAX_SIZE_ERROR = 2
-"""Bytes by which a reply can look longer than it is.
+"""Maximum number of bytes by which a damaged reply can seem longer than it is.
 
-In protocol 1.0, if its length is wrong by so much, the header of the next packet makes its checksum right.
+In protocol 1.0 a reply with a wrong length byte can pass the checksum, if the header of the next packet follows in
+place of the missing bytes.
 """
 
 LATE_REPLY_TIMEOUT = 1.0
-"""Seconds after which a reply no longer arrives, from a servo that has not answered any other request either."""
+"""Seconds after which a late reply is no longer expected, if the servo has not answered any newer request."""
 
 
 class ExpectedReply(NamedTuple):
-    """Reply that a servo owes: ``size`` bytes of data.
+    """Reply that a servo is expected to send to ``request``: ``size`` bytes of data.
 
-    Replies to equal requests are interchangeable: those to the attempts of one read, which share ``requested_at``, and
-    those to equal writes.
+    Replies to equal requests are interchangeable. All attempts of one read are equal and share ``requested_at``, the
+    time of the first attempt. Equal writes are equal requests, too.
     """
 
     request: object
@@ -194,12 +198,12 @@ class LateReplies:
         self._late: dict[int, list[_LateReply]] = {}
 
     def add(self, servo: int, expected: ExpectedReply, now: float) -> None:
-        """Record that ``servo`` has not answered."""
+        """Record at time ``now`` that the ``expected`` reply of ``servo`` has not arrived in time."""
         kept = [owed for owed in self._late.get(servo, ()) if now - owed.since < LATE_REPLY_TIMEOUT]
         self._late[servo] = [*kept, _LateReply(expected, now)]
 
     def pop(self, servo: int, size: int) -> bool:
-        """Remove a late reply of this size that has arrived; return False if none was recorded."""
+        """Remove a late reply with ``size`` bytes of data that has come from ``servo``; False if none was recorded."""
         for owed in self._late.get(servo, ()):
             if owed.expected.size == size:
                 self._late[servo].remove(owed)
@@ -207,12 +211,15 @@ class LateReplies:
         return False
 
     def on_reply(self, servo: int, expected: ExpectedReply) -> None:
-        """Remove late replies to older requests, which cannot arrive any more after a reply to ``expected``."""
+        """Remove the late replies of ``servo`` that cannot arrive any more once the ``expected`` reply has arrived."""
         if owed := self._late.get(servo):
             self._late[servo] = [o for o in owed if o.since > expected.requested_at - MAX_REPLY_LATENESS]
 
     def blocked_until(self, servo: int, expected: ExpectedReply, seconds: float = MAX_REPLY_LATENESS) -> float:
-        """Return when no late reply can be mistaken for ``expected``: ``seconds`` after each was recorded."""
+        """Return the time from which on no late reply of ``servo`` can be mistaken for the ``expected`` reply.
+
+        That is ``seconds`` after the last similar late reply was recorded; 0 if there is none.
+        """
         if not self._late.get(servo):
             return 0.0
         return max(
@@ -226,11 +233,14 @@ class LateReplies:
         )
 
     def is_clear(self, servo: int, expected: ExpectedReply, now: float) -> bool:
-        """True if no late reply could be mistaken for ``expected``."""
+        """True if at time ``now`` no late reply of ``servo`` can be mistaken for the ``expected`` reply."""
         return now >= self.blocked_until(servo, expected, LATE_REPLY_TIMEOUT)
 
     def widen(self, servo: int, block: RegisterBlock, request: object, now: float) -> RegisterBlock:
-        """Return the smallest block around ``block`` whose reply cannot be mistaken for a late one."""
+        """Return the smallest block around ``block`` whose reply cannot be mistaken for a late reply of ``servo``.
+
+        ``request`` identifies the read that the block is for, and ``now`` is the time at which it began.
+        """
         wide = block
         while self._late.get(servo) and not self.is_clear(servo, ExpectedReply(request, wide.size, now), now):
             wide = RegisterBlock(max(0, wide.address - 1), wide.size + 1)
@@ -244,10 +254,11 @@ class LateReplies:
 class Exchange:
     """Replies to one request, sorted as they arrive.
 
-    ``replies`` holds data or refusals by ID; ``damaged`` the servos whose reply or request arrived damaged; ``missing``
-    the servos that may still answer. ``has_damaged_packet`` is True after a packet that may have been such a reply.
-    ``duplicates`` holds the IDs of surplus replies. ``on_stray`` is called with each unexpected intact reply and
-    returns True for a late one. A packet equal to one of ``recent_requests`` is an echo of the adapter.
+    ``replies`` holds the replies with data, and refusals, by ID of the servo. ``damaged`` holds the servos that sent a
+    damaged reply, or reported that the request was damaged. ``missing`` holds the servos that may still answer.
+    ``has_damaged_packet`` is True after a packet that may have been a damaged reply. ``duplicates`` holds the IDs of
+    surplus replies. ``on_stray`` is called with each unexpected intact reply and returns True for a late one. A packet
+    equal to one of ``recent_requests`` is an echo of the adapter.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ from drivers.servos.units import Framing
 # Two servos on one joint would work against each other; recognised by the names of their joints.
 
 SECOND_SERVO_WORDS = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
-"""Words in the name of a joint that mark it as the second servo of another joint: `shoulder_mimic`, as in ROS files."""
+"""Words in a joint's name that mark it as the second servo of another joint, as in ROS files: `shoulder_mimic`."""
 
 
 def find_second_servos(joints: Collection[str]) -> Iterator[KeyDiagnostic]:
@@ -47,7 +47,7 @@ DYNAMIXEL_MODELS = tuple(name for name, model in MODELS.items() if model.protoco
 """Dynamixel models that the driver supports."""
 
 UNSUPPORTED_HINT = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
-"""Hint for a servo model that is not supported."""
+"""Hint for an unsupported servo model: the end of a sentence that begins with the supported models."""
 
 DEFAULT_REACH = 2.6
 """Largest angle (rad) in either direction of a joint without limits, if its servo reaches it."""
@@ -55,7 +55,10 @@ DEFAULT_REACH = 2.6
 
 @keys
 class Ticks:
-    """Servo positions (steps) of a joint at 0 and at both ends; ``min`` above ``max`` reverses the joint."""
+    """Servo positions (steps) with the joint at 0, at its lowest and at its highest angle.
+
+    A ``min`` above ``max`` means that the servo is mounted the other way round.
+    """
 
     init: int = key(low=0, high=4095, help="Servo position (steps) with the joint at 0.")
     min: int = key(low=0, high=4095, help="Servo position (steps) at the joint's lowest angle.")
@@ -135,7 +138,7 @@ class JointKeys:
 
     @property
     def reachable_angles(self) -> tuple[float, float]:
-        """Joint angles that the servo can reach from the joint's zero, in radians."""
+        """Lowest and highest joint angle that the servo can reach, in radians."""
         way = -1 if self.reverse else 1
         least, most = sorted((self.servo_model.angle(end) - self.zero) * way for end in (0, self.servo_model.last_tick))
         return least, most
@@ -202,12 +205,12 @@ class DynamixelKeys(ArmKeys, SerialKeys):
 
     @property
     def servos(self) -> Mapping[str, JointKeys]:
-        """Joints as the driver uses them, with calibration."""
+        """Configuration of each joint by name, as the driver uses it. Subclasses add data of a calibration file."""
         return self.joints
 
     @property
     def offsets(self) -> Mapping[str, int]:
-        """Position offsets (steps) that the servos must have, by joint, if known."""
+        """Position offset (steps) that each servo must have, by joint; empty if no calibration file defines them."""
         return {}
 
     def resolution(self, joint: str) -> float:
@@ -215,7 +218,7 @@ class DynamixelKeys(ArmKeys, SerialKeys):
         return self.joints[joint].servo_model.tick
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield duplicate IDs, second servos, and the diagnostics of ArmKeys."""
+        """Yield diagnostics for IDs of two joints and for second servos of a joint, and the diagnostics of ArmKeys."""
         owners: dict[int, str] = {}
         for name, joint in self.joints.items():
             owner = owners.setdefault(joint.id, name)
@@ -249,7 +252,7 @@ class NeckKeys(HeadKeys):
 
     @property
     def led_joints(self) -> tuple[str, ...]:
-        """Joints of the arm that the head consists of; moving one of them moves the head."""
+        """Names of the two joints of the arm that turn the head; a command to one of them moves the head."""
         return self.pan.joint, self.tilt.joint
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
@@ -260,7 +263,10 @@ class NeckKeys(HeadKeys):
 
 
 def check_neck_joints(neck: NeckKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield axes of a head that are no joints of the arm, or whose range exceeds that of the joint."""
+    """Yield diagnostics for axes of a head that are not joints of the arm, or that exceed the range of their joint.
+
+    ``others`` are the other sections of the robot file, by name.
+    """
     arm = others.get("arm")
     limits = arm.limits if isinstance(arm, ArmKeys) else {}
     for axis, its in (("pan", neck.pan), ("tilt", neck.tilt)):

@@ -45,7 +45,10 @@ SLOW_ADAPTER_LATENCY = 0.004
 
 
 def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: JointMonitor, *, runs: bool) -> Health:
-    """Return the health of an arm: online if the port is open, the thread runs and at least one servo answers."""
+    """Return the health of an arm: online if the port is open, the thread runs and at least one servo answers.
+
+    ``watch`` is the monitor of the joints; ``runs`` is True if the driver's thread runs.
+    """
     try:
         bus.require_open()
     except NotConnected as error:
@@ -64,7 +67,7 @@ def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: Joi
 def arm_counters(
     bus: ServoBus, joints: Mapping[str, Joint], pace: RoundSchedule, *, connections: int
 ) -> dict[str, int]:
-    """Return counters of the bus and of each servo."""
+    """Return counters of the bus, of the read rounds (``pace``), of ``connections`` and of each servo, by name."""
     counters = {"connections": connections, "rounds": pace.rounds, **bus.exchanges.counters("exchange")}
     counters |= {"achieved rate (Hz)": round(pace.achieved_rate), "utilisation (%)": round(100 * pace.utilisation)}
     tallies = {name: bus.statistics(joint.spec.id) for name, joint in joints.items()}
@@ -89,21 +92,24 @@ RETRY_INTERVAL = 0.5
 """Seconds between attempts to open the port."""
 
 STALE_AFTER = 0.25
-"""Seconds after which a reading is stale; ``RESTING_INTERVAL`` later for a client that does not keep polling."""
+"""Seconds after which a reading is stale for a client that keeps polling the joint states.
+
+For any other client it is ``RESTING_INTERVAL`` more, because resting joints are then read less often.
+"""
 
 SETPOINT_INTERVAL = 0.01
 """Minimum seconds between two updates of the setpoints of moving joints."""
 
 COMMAND_PRIORITY_TIMEOUT = 0.2
-"""Maximum seconds for which readings wait while another thread holds or relaxes joints, joint by joint."""
+"""Maximum seconds for which the reading thread waits while another thread holds or relaxes joints."""
 
 
 class DynamixelJoints(ServoJoints):
-    """Joints of an arm. It owns ``bus``: opens it, and closes it at the end.
+    """Joints of an arm with servos on ``bus``, which this driver opens and closes.
 
     ``rate`` (Hz) is the poll rate of joints that lead or follow, as far as the bus allows; ``drivers.servos.poll_rate``
-    sets that of others. Callbacks run mostly on the driver's thread, which ``loop`` creates. Raises BadRequest that
-    lists all invalid joints.
+    sets the rate of all other joints. Callbacks run mostly on the driver's thread, which ``loop`` creates. Raises
+    BadRequest that lists all invalid joints.
     """
 
     def __init__(
@@ -170,7 +176,7 @@ class DynamixelJoints(ServoJoints):
             joint.may_have_torque = joint.is_unconfirmed = False  # no longer ours to report
 
     def rest(self) -> None:
-        """Hold or relax the arm, as configured; report the servos that did not confirm it. Never raises."""
+        """Hold or relax all joints, as ``at_rest`` says; report the servos that did not confirm it. Never raises."""
         why = ""
         with self._lock:
             try:
@@ -260,9 +266,9 @@ class DynamixelJoints(ServoJoints):
         return replace(health, counters=counters, reconnected_at=self._reconnect.reconnected_at)
 
     def _require_ready(self, requested_at: float) -> None:
-        """Raise NotConnected while servos are being found, or for a command requested before the reconnect.
+        """Raise NotConnected while servos are being found, or for a command that was requested before the reconnect.
 
-        Raises DeviceFault while the arm is latched.
+        ``requested_at`` is the time of the request. Raises DeviceFault while the arm is latched.
         """
         self._bus.require_open()
         absent = self._reconnect.is_silent(self._clock.now()) or self._reconnect.is_from_before(requested_at)
@@ -271,7 +277,6 @@ class DynamixelJoints(ServoJoints):
         self._reconnect.require_unlatched(self.name)
 
     def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
-        """Hold or relax joints; report those without confirmation, which the monitor retries."""
         self._no_command_pending.clear()
         try:
             with self._lock:
@@ -313,7 +318,7 @@ class DynamixelJoints(ServoJoints):
         return pause
 
     def _next_due(self) -> float:
-        """Return the time of the next reading or confirmation."""
+        """Return when the next joint must be read, or the next unconfirmed hold or relax must be repeated."""
         joints, now = self._joints.values(), self._clock.now()
         return min(
             self._poll_schedule.next_due(joints, self._couplings.coupled_joints | self._fast_joints, now),
@@ -362,9 +367,10 @@ class DynamixelJoints(ServoJoints):
             )
 
     def _send_setpoints(self) -> None:
-        """Send the next setpoints of moving joints; on a slow bus a round takes longer than the lookahead allows.
+        """Send the next setpoints of moving joints, unless some were sent within ``SETPOINT_INTERVAL``.
 
-        A thread that holds or relaxes joints meanwhile gets the bus first, because a lock is not fair.
+        It is called several times in a round of readings, because a round on a slow bus takes longer than the lookahead
+        allows. A thread that holds or relaxes joints meanwhile gets the bus first: a lock alone does not ensure that.
         """
         self._no_command_pending.wait(COMMAND_PRIORITY_TIMEOUT)
         now = self._clock.now()

@@ -27,7 +27,7 @@ class FeetechJointKeys(JointKeys):
     )
 
     def with_calibration(self, calibration: MotorCalibration) -> "FeetechJointKeys":
-        """Return the joint completed by a calibration; keys of the robot file override it."""
+        """Return these keys with missing values taken from ``calibration``; keys of the robot file override it."""
         if self.ticks is not None:
             return self
         model, turned = (
@@ -71,7 +71,7 @@ class FeetechKeys(DynamixelKeys):
         return {name: each.homing_offset for name, each in self.calibrations.items() if name in self.joints}
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield diagnostics of DynamixelKeys, of the calibration file, and of joints beyond their calibrated range."""
+        """Yield the diagnostics of DynamixelKeys, errors of the calibration file, and limits beyond its ranges."""
         at = ("calibration",)
         try:
             found = self.calibrations

@@ -22,10 +22,13 @@ from drivers.servos.models import ServoModel, find_model
 from drivers.servos.transport import SECOND_REPLY_DELAY
 
 FULL_READS = 10
-"""Reads of a servo's whole table: of two servos that reply alternately, only one is seen in 1 of 512 proofs."""
+"""Number of reads of a servo's whole table in a proof that its ID is unique.
+
+If two servos reply in turn at random, all these reads come from the same servo in 1 of 512 proofs.
+"""
 
 LISTENED_READS = 3
-"""Number of reads after which a second servo's reply is awaited."""
+"""Number of reads at the start of a series after each of which a second servo with the same ID has time to reply."""
 
 MIN_DUPLICATE_REPLIES = 2
 """Surplus replies that prove a second servo; a single one may be a late reply."""
@@ -37,13 +40,19 @@ DRIVER_FULL_READS, DRIVER_QUICK_READS, DRIVER_MIN_DAMAGED_SHARE = 2, 8, 0.8
 """Reads of the whole table, and of its readings only, by a driver; and the share of damage that it tolerates."""
 
 DOUBTED_QUICK_READS = 30
-"""Reads of a servo's readings if it has shared its ID before; it is checked again every second."""
+"""Number of reads of position and temperature in one check of a servo that has shared its ID before.
+
+The check is repeated every second.
+"""
 
 MIN_JUMPS = 2
-"""Jumps of a reading that prove a second servo: there, and back."""
+"""Jumps of position or temperature that prove a second servo: from one servo's value to the other's, and back."""
 
 MIN_READ_ADDRESS = 8
-"""Lowest address of a control table that is read: the bytes before it leave room to widen a repeated read."""
+"""Lowest address of a control table that is read in a proof.
+
+A repeated read may need a wider block, which begins at an earlier address.
+"""
 
 MAX_HAND_SPEED_FACTOR = 3.0
 """Largest speed of a servo turned by hand, in multiples of its motor's speed."""
@@ -127,7 +136,7 @@ def ping_only_error(at: ServoAddress, options: str = " --port PORT") -> DeviceFa
 
 @dataclass(slots=True)
 class _ReadComparison:
-    """Replies of one servo, compared with each other."""
+    """Comparison of all replies to reads of one ID, which finds values that cannot come from a single servo."""
 
     model: ServoModel
     first: tuple[int, bytes] | None = None  # address and bytes
@@ -154,7 +163,7 @@ class _ReadComparison:
         self._narrow_clock_offset(start, data, sent, now)
 
     def _count_jumps(self, start: int, data: bytes, now: float) -> None:
-        """Count changes of position and temperature that are impossible for one servo."""
+        """Count changes of position and temperature since the last read that one servo cannot make in this time."""
         table = self.model.table
         place, heat = (table[name].decode(data, start) for name in ("present_position", "present_temperature"))
         if self.last is not None:
@@ -167,7 +176,11 @@ class _ReadComparison:
         self.last = now, place, heat
 
     def _narrow_clock_offset(self, start: int, data: bytes, sent: float, now: float) -> None:
-        """Narrow down when the servo's clock was 0, in milliseconds; it wraps after 32 768."""
+        """Narrow down the offset of the servo's millisecond clock from the bus clock.
+
+        The servo's clock was read in the table bytes ``data``, between the times ``sent`` and ``now`` (s). It wraps at
+        32 768.
+        """
         clock = self.model.table.registers.get("realtime_tick")
         if clock is None or clock.address < start:
             return
@@ -192,7 +205,7 @@ class _ReadComparison:
 
 
 class _UniqueIdTest:
-    """Traces of a second servo at ``at``, collected over several reads."""
+    """Test whether a single servo answers at ``at``: it reads the servo and collects traces of a second one."""
 
     def __init__(self, bus: ServoBus, at: ServoAddress) -> None:
         self._bus = bus
@@ -222,9 +235,9 @@ class _UniqueIdTest:
         start: int = MIN_READ_ADDRESS + 2,
         extra_time: float = SECOND_REPLY_DELAY,
     ) -> None:
-        """Read the table ``count`` times, each time from another address near ``start``, so that the checksums differ.
+        """Read the servo's table ``count`` times, from several addresses up to ``start``, so that checksums differ.
 
-        ``extra_time`` (s) is how much later than one servo a second one may reply.
+        ``extra_time`` (s) is how much later than a single servo a second one may reply.
         """
         bus, at = self._bus, self._at
         self._readings = self._readings or _ReadComparison(model)
@@ -264,7 +277,10 @@ class _UniqueIdTest:
         return bool(self._duplicate_count or self._damaged_count or self._missed_count or odd)
 
     def evidence(self, damaged_share: float = MIN_DAMAGED_SHARE) -> list[str]:
-        """Return the traces of a second servo, or of an equally bad line."""
+        """Return the traces of a second servo, as text; a bad cable that damages replies leaves the same traces.
+
+        ``damaged_share`` is the share of damaged replies from which on they count as a trace.
+        """
         found = [] if self._readings is None else list(self._readings.evidence())
         if self._refused_count >= MIN_JUMPS and self._refused_count < self._read_count:
             found.append(f"refuses {self._refused_count} of {self._read_count} equal reads")

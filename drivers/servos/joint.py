@@ -18,10 +18,13 @@ from drivers.servos.register import Register, RegisterBlock
 from drivers.servos.wire import LASTING_FAULTS, ServoFault
 
 DISPLACEMENT_TOLERANCE = radians(5)
-"""Radians from its expected position beyond which a returning joint was moved, or its servo replaced."""
+"""Radians from its expected position beyond which a joint that is back counts as moved, or its servo as replaced."""
 
 OVERVOLTAGE_FACTOR = 1.1
-"""Multiple of the highest allowed voltage (EEPROM) at which a servo is not driven; a charged battery stays below it."""
+"""Supply voltage at which a servo is not driven, as a multiple of its highest allowed voltage (EEPROM).
+
+The voltage of a charged battery stays below it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +77,13 @@ class JointSpec:
 
 @dataclass(slots=True, eq=False)
 class Joint:
-    """A joint with its servo, and the driver's current knowledge of it.
+    """A joint with its servo, and the driver's current knowledge of both.
 
-    ``undriven_reason`` is empty while the servo is driven; ``hint`` is its remedy. ``torque_request`` is None until
-    hold, relax or a move was requested. ``is_shut_down`` is True after the servo has shut itself down. ``table`` is a
-    copy of the control table, as far as it was read. ``may_have_torque`` is True once this driver may have switched the
-    torque on: then the joint must be brought to rest. ``is_unconfirmed`` is True after a hold or relax without
-    confirmation.
+    ``undriven_reason`` is empty while the servo is driven; ``hint`` says how to remove that reason. ``torque_request``
+    is True if the torque is to be on (hold or move), False if it is to be off (relax), and None before any request.
+    ``is_shut_down`` is True after the servo has shut itself down. ``table`` is a copy of the servo's control table, as
+    far as it was read. ``may_have_torque`` is True once this driver may have switched the torque on: then the joint
+    must be brought to rest. ``is_unconfirmed`` is True after a hold or relax that the servo has not confirmed.
     """
 
     name: str
@@ -127,7 +130,7 @@ class Joint:
 
     @property
     def configured_limits(self) -> JointLimits:
-        """Limits of the robot file; ``limits`` may be narrower temporarily."""
+        """Angle and speed limits from the robot file; the limits in force, ``limits``, may be narrower for a time."""
         return JointLimits(self.spec.lower, self.spec.upper, min(self.spec.speed, self.model.top_speed))
 
     @property
@@ -177,7 +180,7 @@ class Joint:
 
     @property
     def active_faults(self) -> ServoFault:
-        """Current faults: protocol 1.0 and STS send them in every reply, 2.0 in a slow register."""
+        """Current faults of the servo, from its newest reply; with protocol 2.0 read about once a second."""
         return (
             self.reply_faults & LASTING_FAULTS
             if self.address.protocol != 2
@@ -186,10 +189,10 @@ class Joint:
 
     @property
     def reports_shutdown(self) -> bool:
-        """True if the servo was shut down when its slow registers were read last.
+        """True if the servo was shut down when its slow registers were last read, which is about once a second.
 
         In protocol 1.0 a shutdown sets the torque limit to 0. In 2.0 it switches the torque off until a reboot. An STS
-        reports it in its status, and loses most of its force.
+        reports it in its status register, and loses most of its torque.
         """
         if self.address.protocol == 1:
             return self.value("torque_limit") == 0
@@ -199,7 +202,7 @@ class Joint:
 
     @property
     def has_lost_setpoint(self) -> bool:
-        """True if a servo with torque held another goal than its setpoint when its slow registers were read last."""
+        """True if the servo has torque, and the goal in its last read slow registers is not the setpoint sent to it."""
         if self.setpoint is None or self.is_shut_down or not self.torque:
             return False
         return self.value(self.model.table.goal) != self.setpoint
@@ -226,9 +229,10 @@ class Joint:
         return state.position + min(covered, way, key=abs)
 
     def expected_position(self, position: float) -> float | None:
-        """Return the nearest possible position after an absence; None if ``position`` (radians) is near it.
+        """Return the expected position of a joint that is back (radians); None if ``position`` is near it.
 
-        A joint with torque may have moved on to its last setpoint. Without torque it may be anywhere: None.
+        A joint with torque may have moved on to its last setpoint, so any position on that way is expected. A joint
+        without torque may be anywhere: None.
         """
         state = self.reading.value
         if state is None or not self.torque:
@@ -252,7 +256,7 @@ class Joint:
         return low, high
 
     def clamp_ticks(self, ticks: int) -> int:
-        """Return ``ticks`` clamped to the limits: a servo refuses goals outside of its own."""
+        """Return position ``ticks`` clamped to the joint's limits: a servo refuses goals beyond its own limits."""
         low, high = self.tick_limits
         return min(max(ticks, low), high)
 
@@ -271,13 +275,13 @@ class Joint:
         return self._cap(self.model.torque_ticks(self.spec.torque_limit), self.model.table.torque_ceiling)
 
     def _cap(self, steps: int, ceiling: str) -> int:
-        """Return ``steps``, at most the value of register ``ceiling``, which is 0 until it was read."""
+        """Return ``steps``, limited to the value of register ``ceiling`` if the servo has one and it was read."""
         most = self.value(ceiling) if ceiling in self.model.table else 0
         return min(steps, most) if most else steps
 
 
 def check_joints(who: str, specs: dict[str, JointSpec]) -> None:
-    """Raise BadRequest that lists all errors in a set of joints."""
+    """Raise BadRequest that lists all errors in the joints ``specs``; ``who`` is the name of their part."""
     found = [f"{name}: {fault}" for name, spec in specs.items() for fault in spec.errors()]
     owners: dict[int, str] = {}
     for name, spec in specs.items():

@@ -26,7 +26,7 @@ REQUIRED_SETTINGS = (
     ("phase", 0b1_0100, 0b100, "has other units of speed or turns"),
     ("angular_resolution", 0xFF, 1, "has another resolution"),
 )
-"""Settings that a servo must have: register, mask of its relevant bits, required value, and the fault otherwise."""
+"""Settings that a servo must have: register, mask of its bits that count, required value, and message if it differs."""
 
 CALIBRATION_REGISTERS = ("homing_offset", "operating_mode", "drive_mode")
 """Registers of a Dynamixel that LeRobot sets when it calibrates an arm."""
@@ -59,9 +59,9 @@ def find_mismatch(bus: ServoBus, joint: Joint) -> str:
 
 
 def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
-    """Return the fault of a servo that does not answer: it may use the other protocol. Raises NotConnected.
+    """Return why a servo does not answer, such as another protocol or an ID that it shares. Raises NotConnected.
 
-    ``corrupt`` is its count of damaged replies before the request. Sets the joint's ``hint``.
+    ``corrupt`` is its number of damaged replies before the request. Sets the joint's ``hint``.
     """
     joint.hint = ""
     if joint.reading.value is not None:
@@ -86,10 +86,10 @@ def diagnose_no_reply(bus: ServoBus, joint: Joint, corrupt: int) -> str:
 
 
 def restore_settings(bus: ServoBus, joint: Joint, *, now: float) -> None:
-    """Restore torque limit and speed, and the last requested torque; keep the torque as found without a request.
+    """Restore torque limit, speed, and the last requested torque state of a servo that was just identified.
 
-    Its slow registers have just been read. A servo that has shut down stays so. Raises NoReply, NotConnected,
-    BadRequest.
+    If no hold, move or relax was requested yet, the torque stays on or off as it is. A servo that has shut down stays
+    shut down. The slow registers must have been read just before. Raises NoReply, NotConnected, BadRequest.
     """
     table = joint.model.table
     joint.may_have_torque = True
@@ -120,12 +120,12 @@ def restore_settings(bus: ServoBus, joint: Joint, *, now: float) -> None:
 
 
 def read_table_block(bus: ServoBus, joint: Joint, block: RegisterBlock, *, tries: int = MAX_READ_ATTEMPTS) -> None:
-    """Read a block of the servo's table into the joint's copy. Raises NoReply, NotConnected, BadRequest."""
+    """Read a block of the servo's control table into ``joint.table``. Raises NoReply, NotConnected, BadRequest."""
     joint.store(block, bus.read_block(joint.address, block.address, block.size, tries=tries))
 
 
 Mismatch = tuple[str, str]
-"""A reason for which a servo is not driven, and a hint."""
+"""Reason why a servo is not driven, and a hint how to remove that reason."""
 
 
 def _set_command(joint: Joint, register: str, value: int) -> str:
@@ -134,7 +134,7 @@ def _set_command(joint: Joint, register: str, value: int) -> str:
 
 
 def _power_faults(bus: ServoBus, joint: Joint) -> list[Mismatch]:
-    """Return a mismatch if the supply voltage is too high. Raises NoReply, NotConnected."""
+    """Return a mismatch if the supply voltage is too high for the servo. Raises NoReply, NotConnected."""
     volts = bus.read(joint.address, joint.model.table["present_voltage"]) / 10
     highest = joint.value("highest_voltage") / 10
     if volts <= OVERVOLTAGE_FACTOR * highest:
@@ -164,7 +164,10 @@ def _range_faults(joint: Joint) -> list[Mismatch]:
 
 
 def _range_hint(joint: Joint, low: int, high: int) -> str:
-    """Return the hint for a servo whose range is smaller than the joint's; a calibrated servo must stay unchanged."""
+    """Return the hint for a servo with a smaller range, ``low`` to ``high`` (steps), than its joint has.
+
+    If LeRobot has calibrated the servo, the hint names the calibration file, so that the user keeps its settings.
+    """
     ends = sorted(degrees(joint.angle(end)) for end in (low, high))
     limits = f"write limits: [{ceil(ends[0])} deg, {floor(ends[1])} deg]"
     if joint.address.protocol != "STS":

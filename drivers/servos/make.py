@@ -16,7 +16,7 @@ REPLY_TIMEOUT = 0.005
 """Response timeout: seconds that a servo's reply may be late, beyond its time on the wire."""
 
 VIRTUAL_REPLY_TIMEOUT = 0.1
-"""Reply timeout for virtual servos, which share one interpreter with perception and the renderer."""
+"""Reply timeout in seconds for virtual servos, whose process also runs perception and the renderer."""
 
 
 def arm(keys: DynamixelKeys, site: DriverContext) -> DynamixelJoints:
@@ -35,7 +35,7 @@ def arm(keys: DynamixelKeys, site: DriverContext) -> DynamixelJoints:
 
 
 def neck(keys: NeckKeys, site: DriverContext) -> Head:
-    """Return the driver of a head that is two joints of the arm; the caller opens and closes the arm."""
+    """Return the driver of a head that is two joints of the arm; it does not open or close the arm."""
     from drivers.head.joints_head import NeckDriver  # noqa: PLC0415 - few heads are joints of an arm
 
     led: Joints = site.needed_parts["arm"]

@@ -32,7 +32,7 @@ from drivers.servos.tables_sts import TABLE_SCS, TABLE_STS
 from drivers.servos.units import RPM, Protocol
 
 ReadMode = Literal["single", "bulk", "sync"]
-"""Best way to read several servos: one by one, by one bulk read, or by one sync read."""
+"""Fastest way to read several servos of a model: one by one, by one bulk read, or by one sync read."""
 
 Wiring = Literal["TTL", "RS-485", "either"]
 
@@ -75,7 +75,7 @@ class ServoModel:
 
     @property
     def robot_file_hint(self) -> str:
-        """Hint for a robot file that names another model than this one, which has answered."""
+        """Hint to the user if a servo of this model has answered, but the robot file names another model."""
         return (
             f"write model: {self.name}" if self.is_driven else f"take another servo: an {self.name} is not driven here"
         )
@@ -123,7 +123,10 @@ def find_model(number: int) -> ServoModel | None:
 
 @dataclass(frozen=True, slots=True)
 class _Family:
-    """Common data of a servo family: ``degrees`` divided into ``ticks``, and speeds in steps of ``rpm``."""
+    """Common data of a servo family: ``degrees`` of its range, divided into ``ticks``, and ``rpm``.
+
+    ``rpm`` is the value of one step of speed, in turns per minute.
+    """
 
     protocol: Protocol
     read_mode: ReadMode
@@ -290,10 +293,16 @@ BACKLASH = radians(0.25)
 """Backlash of a servo's output in radians: 15 arc minutes, as ROBOTIS specifies for most models."""
 
 INERTIA_SHARE = 0.011
-"""Rotor inertia behind the gears, in kg m2 per Nm of stall torque: 0.045 of an XM430-W350 with 4.1 Nm."""
+"""Rotor inertia behind the gears, in kg m2 per Nm of stall torque.
+
+Measured at an XM430-W350: 0.045 kg m2 with 4.1 Nm.
+"""
 
 FRICTION_SHARE = 0.0073
-"""Dry friction of the gears as a share of the stall torque: 0.03 Nm of the same servo."""
+"""Dry friction of the gears as a share of the stall torque.
+
+Measured at an XM430-W350: 0.03 Nm of 4.1 Nm.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,10 +322,11 @@ class MotorPhysics:
 
 
 def motor_physics(model: ServoModel, torque_limit: float = 1.0) -> MotorPhysics:
-    """Return the physical model of a servo, with its factory gain.
+    """Return the physical model of a servo with its factory gain; ``torque_limit`` is a share of the stall torque.
 
-    AX, RX and EX reach full torque at an error of ``cw_compliance_slope`` steps; MX and X by their proportional gain.
-    Rotor and gears, which no maker specifies, are scaled from a measured servo.
+    AX, RX and EX servos reach full torque at an error of ``cw_compliance_slope`` steps. The torque of MX and X servos
+    grows with the error by their proportional gain. The makers do not specify inertia and friction; both are scaled
+    from a measured servo.
     """
     stall = model.stall_torque
     return MotorPhysics(

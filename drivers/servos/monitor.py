@@ -24,7 +24,7 @@ CHECK_INTERVAL = 1.0
 """Seconds between reads of slow registers, and between attempts to find a missing servo."""
 
 CONFIRMATION_RETRY_INTERVAL = 0.05
-"""Seconds after which an unconfirmed hold or relax is repeated."""
+"""Seconds after which a hold or relax that the servo has not confirmed is repeated."""
 
 MISSED_READ_PAUSE = 0.2
 """Seconds for which a servo is not read after two missed readings, so that it does not delay the others."""
@@ -35,10 +35,11 @@ CONFIRMATION_TIMEOUT = 1.0
 
 
 class JointMonitor:
-    """Keeps the state of the joints up to date. Not thread-safe.
+    """Finds the servos of an arm, reads them, and keeps the state of its joints up to date. Not thread-safe.
 
-    ``connected`` is True once every servo was looked for on an open port. ``lock`` is the driver's, held while torque
-    or goal of a servo changes. ``absence`` is that of the arm; one servo alone may cause it.
+    ``connected`` is True once every servo was looked for on an open port. ``lock`` is the lock of the driver; it is
+    held while torque or goal of a servo changes. ``absence`` tracks how long the arm was disconnected; a single servo
+    that is gone counts as well.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class JointMonitor:
         return "; ".join(cures)
 
     def connect(self) -> None:
-        """Open the port and look for every servo; report all missing or different ones in one notice.
+        """Open the port and look for every servo; report all that are missing or not as configured in one notice.
 
         Raises NotConnected.
         """
@@ -111,9 +112,9 @@ class JointMonitor:
             after_each()
 
     def run_checks(self) -> bool:
-        """Look for one missing servo, and check the slow registers of a few others.
+        """Look for one missing servo, and check the slow registers of those servos whose check is due.
 
-        Return True if a servo is back after a long absence, so that older commands must be dropped. Raises
+        Returns True if a servo is back after so long an absence that older commands must be dropped. Raises
         NotConnected.
         """
         now, returned = self._clock.now(), False
@@ -133,7 +134,10 @@ class JointMonitor:
         return returned
 
     def _find_missing(self, joint: Joint) -> bool:
-        """Look for a servo that is not driven, and report a changed reason; return as ``run_checks``."""
+        """Look for a servo that is not driven; report it if the reason has changed, or if the servo is driven now.
+
+        Returns True if it is back after a long absence, as ``run_checks`` does.
+        """
         before, seen = joint.undriven_reason, joint.reading
         with self._lock:  # no moves before the length of the absence is known
             self.identify(joint)
@@ -193,7 +197,6 @@ class JointMonitor:
             self._report_new_faults(joint)
 
     def _report_new_faults(self, joint: Joint) -> None:
-        """Report new faults of a servo."""
         ailing = joint.active_faults
         risen, joint.faults = ailing & ~joint.faults, ailing
         if risen:
@@ -245,16 +248,15 @@ class JointMonitor:
             self._reporter.report_voltage_dip(joint)
 
     def _repeat_hold_or_relax(self, joint: Joint) -> None:
-        """Repeat an unconfirmed hold or relax."""
         hold_or_relax(self._bus, [joint], stiff=bool(joint.torque_request), now=self._clock.now())
 
     def _has_lost_settings(self, joint: Joint) -> bool:
-        """True if a servo lacks its torque or torque limit without a shutdown."""
+        """True if a servo has not shut down, but lacks the requested torque or has another torque limit."""
         limp = bool(joint.torque_request) and not joint.torque
         return not joint.is_shut_down and (limp or joint.value(joint.model.table.torque_limit) != joint.torque_ticks)
 
     def next_confirmation_at(self) -> float:
-        """Return the time of the next repeated hold or relax; infinity if none is unconfirmed."""
+        """Return the time at which the next unconfirmed hold or relax is repeated; infinity if all are confirmed."""
         return min(
             (
                 joint.checked_at + CONFIRMATION_RETRY_INTERVAL

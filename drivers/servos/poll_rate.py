@@ -1,4 +1,4 @@
-"""Poll rate of each joint, by its motion and by the interest in its state. Pure arithmetic."""
+"""Poll rate of each joint, by its motion and by the clients that poll its state. Pure arithmetic."""
 
 from collections.abc import Collection, Iterable
 from math import inf, radians
@@ -16,10 +16,13 @@ TORQUE_OFF_INTERVAL = 0.05
 """Seconds between readings of a resting joint with torque off, which a hand may turn, while a client keeps polling."""
 
 OBSERVER_TIMEOUT = 0.25
-"""Seconds after its last request until a client counts as gone. Leaves poll at each tick, a record twice a second."""
+"""Seconds after its last request for joint states after which a client no longer counts as polling.
+
+Leaves request the states at each tick, 20 times a second; a record does so only twice a second.
+"""
 
 MOVING_INTERVAL = 0.04
-"""Seconds between readings of a joint on its way to a goal: seven fit into the lookahead of a setpoint."""
+"""Seconds between readings of a moving joint: seven readings within the lookahead of a setpoint, 0.3 s."""
 
 HAND_TURNED_INTERVAL = 0.02
 """Seconds between readings of a joint that is turned by hand.
@@ -31,7 +34,7 @@ MAX_RESTING_SPEED = radians(2)
 """Maximum speed in rad/s of a joint at rest."""
 
 EARLY_SHARE = 1 / 4
-"""Share of its interval by which a joint may be read early, so that one request reads several joints."""
+"""Share of its poll interval by which a joint may be read early, so that one request reads several joints."""
 
 
 class PollSchedule:
@@ -43,7 +46,11 @@ class PollSchedule:
         self._requested_at = self._observed_since = -inf
 
     def note_request(self, now: float) -> bool:
-        """Record a request for joint states; return True if requests have kept coming for ``OBSERVER_TIMEOUT``."""
+        """Record a request for joint states at time ``now``; return True while a client keeps polling.
+
+        A client keeps polling if its requests have come without a gap of ``OBSERVER_TIMEOUT`` seconds, for longer than
+        that.
+        """
         if now - self._requested_at > OBSERVER_TIMEOUT:
             self._observed_since = now
         self._requested_at = now
@@ -53,9 +60,9 @@ class PollSchedule:
         return self._requested_at > self._observed_since and now - self._requested_at <= OBSERVER_TIMEOUT
 
     def due_joints(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> list[Joint]:
-        """Return the ``joints`` to read now; ``coupled`` names those that lead or follow.
+        """Return those of ``joints`` that are due to be read; ``coupled`` names the joints that lead or follow.
 
-        A joint is read in the round that is nearest to its due time.
+        A joint is read in the round that is nearest to its due time, which may be a little earlier.
         """
         due = {joint: joint.reading.stamp + self._interval(joint, coupled, now) for joint in joints if joint.is_driven}
         early = round_schedule.EARLY_PERIODS * self._min_interval

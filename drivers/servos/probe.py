@@ -27,7 +27,7 @@ REPLY_TIMEOUT = 0.003
 """Seconds that a servo has to answer, beyond the time of its bytes: return delay and a margin."""
 
 SLOW_REPLY_FACTOR = 30
-"""Factor of the timeout for a servo that has sent bytes: replies may be late on a busy machine."""
+"""Factor of the reply timeout for a servo that has sent any bytes: its reply may be late on a busy machine."""
 
 LISTEN_TIME = 0.03
 """Seconds to listen for a device that sends unrequested, such as a Kobuki."""
@@ -73,7 +73,7 @@ def probe_servos(
 
 
 def _make_answer(found: dict[int, list[BusDevice]]) -> ProbeResult:
-    """Return the probe's answer; its baud rate is the one that most servos have."""
+    """Return the result of the probe: the servos ``found`` by baud rate, and the rate at which most of them answer."""
     baud = max(found, key=lambda rate: len(found[rate]))
     units = tuple(unit for rate in found for unit in found[rate])
     words = [f"{', '.join(f'{unit.id} {unit.model}' for unit in found[rate])} at {rate} baud" for rate in found]
@@ -110,8 +110,9 @@ def _ping_all(baud: int) -> UnitProbe:
 def _ping_each(baud: int, protocol: Protocol, ids: Sequence[int], timeout_factor: float = 1) -> UnitProbe:
     """Ping servos one by one, with a longer timeout if replies arrive while another servo is pinged.
 
-    If some answer, the others are pinged once more: a bad line loses a request now and then. In protocol 1.0 a servo
-    with a voltage fault answers with the bytes of the ping; an adapter's echo comes for most IDs.
+    If some servos answer, the others are pinged once more, because a bad line loses a request now and then. In protocol
+    1.0 a servo with a voltage fault answers with the same bytes as the ping. If such bytes come for most IDs, they are
+    echoes of the adapter.
     """
     codec, found, alike = CODECS[protocol], dict[int, BusDevice](), list[int]()
     for number in chain(ids, (number for number in ids if found and number not in found)):
@@ -131,7 +132,7 @@ def _ping_each(baud: int, protocol: Protocol, ids: Sequence[int], timeout_factor
 
 
 def _identify(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, bytes, BusDevice | None]:
-    """Return the identity of a servo that has sent bytes; None if it is not of this make."""
+    """Return the servo with ID ``number``, which has sent bytes; None if it is of another make than ``codec``."""
     protocol = codec.protocol
     identity = yield from _read(codec, baud, number, IDENTITY_BLOCKS[protocol])
     if identity is None:
@@ -171,7 +172,7 @@ def _model_from_ping(replies: Sequence[ServoReply], protocol: Protocol) -> str:
 
 
 def _answers_twice(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, bytes, bool]:
-    """True if a ping is answered more than once."""
+    """True if a ping of ID ``number`` is answered more than once, so that two servos have the ID."""
     request = codec.ping(number)
     frame = codec.frame(request.id, request.code, request.parameters)
     wait = (len(frame) + 2 * (codec.overhead + 3)) * 10 / baud + REPLY_TIMEOUT
@@ -214,7 +215,7 @@ def _make_request(
 
 
 def _replies(codec: Codec, heard: bytes) -> tuple[list[ServoReply], bool]:
-    """Return the replies in received bytes, and whether some bytes were damaged."""
+    """Return the replies in the received bytes ``heard``, and whether some of the bytes were damaged."""
     parser = codec.parser()
     replies = [codec.reply(packet) for packet in parser.feed(heard) if packet.intact]
     parser.reset()

@@ -70,7 +70,7 @@ class Register:
 
     @property
     def _sign(self) -> int:
-        """Sign bit of the register; 0 if its encoding has none."""
+        """Mask of the bit that holds the sign in the register's encoding; 0 if the encoding has no such bit."""
         if self.coding is _UNSIGNED or self.coding is _TWOS:
             return 0
         return 0x400 if self.coding is _SIGN_BIT else 0x800 if self.coding is _SIGN_11 else 0x8000
@@ -85,12 +85,12 @@ class RegisterBlock(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ControlTable:
-    """A control table: registers by name, in ascending order, and the roles of some of them.
+    """A control table: registers by name in the order of their addresses, and the use of some of them.
 
     ``fast_block`` is read in every round, ``slow_blocks`` about once a second, ``setup_block`` when a servo joins. The
-    other fields name registers: ``speed`` is the speed towards the ``goal``; ``velocity`` and ``effort`` are readings
-    of motion and load; ``torque_limit`` (RAM) is bounded by ``torque_ceiling`` (EEPROM); ``limit_registers`` bound the
-    goal (EEPROM), the lower one first.
+    other fields are names of registers: ``goal`` is the position to reach, ``speed`` the speed on the way; ``velocity``
+    and ``effort`` are the measured speed and load; ``torque_limit`` (RAM) is bounded by ``torque_ceiling`` (EEPROM);
+    ``limit_registers`` hold the lower and the upper bound of the goal (EEPROM).
     """
 
     registers: Mapping[str, Register]
@@ -110,7 +110,6 @@ class ControlTable:
         return self.registers[name]
 
     def __contains__(self, name: str) -> bool:
-        """True if the table has a register ``name``."""
         return name in self.registers
 
     @property

@@ -1,4 +1,7 @@
-"""Simulated arm whose servos carry a body: the driver's rules, angles from the physics engine."""
+"""Simulated arm whose servos carry a robot in the physics engine, which computes the joint angles.
+
+The rules of hold, relax, limits and reconnection are those of the driver.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Literal
@@ -16,7 +19,7 @@ ARRIVAL_TOLERANCE = 0.02
 
 
 class RigidShaft(Shaft):
-    """A shaft in the physics engine: it reaches its goal as far as torque and load allow."""
+    """Output shaft of a servo in the physics engine; load and torque limit can keep it from its goal."""
 
     def __init__(self, scene: PhysicsScene, name: str) -> None:
         super().__init__(scene.angle(name), 0.0, 0.0)
@@ -40,7 +43,6 @@ class RigidServo(ServoTwin):
         self.joint.torque, self.joint.goal = True, 0.0
 
     def move_to(self, goal: float, speed: float, now: float) -> None:
-        """Move to ``goal`` (radians, within the limits) at ``speed`` (rad/s), at most the motor's, from ``now`` on."""
         super().move_to(goal, speed, now)
         self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
@@ -50,24 +52,20 @@ class RigidServo(ServoTwin):
         self._scene.switch_torque_off(self._name)
 
     def stop_at_setpoint(self, now: float) -> None:
-        """Stop at the last setpoint of a real servo: from ``now`` on it gets no new one."""
         super().stop_at_setpoint(now)
         if self.joint.torque:
             self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
     def replace_servo(self, angle: float, now: float) -> None:
-        """Become another servo of the same kind, with torque off and the joint at ``angle`` (radians)."""
         super().replace_servo(angle, now)
         self._scene.turn_limp_joint(self._name, self._shaft.position)
 
     def turn_by_hand(self, angle: float, now: float) -> None:
-        """Turn the joint to ``angle`` (radians) within the servo's range, if its torque is off."""
         super().turn_by_hand(angle, now)
         if not self.joint.torque:
             self._scene.turn_limp_joint(self._name, self._shaft.position)
 
     def state(self, now: float) -> JointState:
-        """Return the measured state at time ``now``."""
         position, joint, scene = self.position(now), self.joint, self._scene
         return JointState(
             position=position,
@@ -85,7 +83,7 @@ class RigidJoints(JointsTwin):
     """A ``drivers.api.Joints`` whose servos carry the body of a ``scene``; see ``JointsTwin``."""
 
     STEP_INTERVAL = 0.01
-    """Seconds between two steps: the control interval of walking."""
+    """Seconds between two steps of the arm, equal to the control interval of the walking engine."""
 
     def __init__(
         self,

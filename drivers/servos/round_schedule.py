@@ -6,18 +6,18 @@ STATISTICS_WINDOW = 1.0
 """Seconds over which the statistics are averaged."""
 
 EARLY_PERIODS = 1 / 2
-"""Periods by which a reading may be early, so that it belongs to the nearest round.
+"""Share of a period by which a reading may be early and still belong to the nearest round.
 
-A reading is stamped on arrival, a few milliseconds into its round. Without this tolerance, each next one would be a
-whole period late.
+A reading is stamped on arrival, a few milliseconds into its round. Without this tolerance, the next reading of the same
+joint would be taken a whole period late.
 """
 
 
 class RoundSchedule:
-    """Absolute schedule of rounds at ``rate`` (Hz), as far as they can be kept, with statistics.
+    """Schedule of read rounds at ``rate`` (Hz), at fixed times as far as the rounds keep up, with statistics.
 
-    ``rounds`` counts them; ``achieved_rate`` (Hz) and ``utilisation`` of the bus (0..1) are those of the last full
-    window.
+    ``rounds`` is the number of rounds so far. ``achieved_rate`` (Hz), and ``utilisation`` of the bus (share of time,
+    0..1), are averages over the last full ``STATISTICS_WINDOW``.
     """
 
     def __init__(self, rate: float) -> None:
@@ -29,14 +29,15 @@ class RoundSchedule:
         self._window = (0.0, 0, 0.0)  # start time, and the rounds and seconds of use until then
 
     def restart(self, now: float, busy: float) -> None:
-        """Restart the schedule after a pause. ``busy`` is the total busy time (s) of the bus."""
+        """Restart the schedule at time ``now``, after a pause; ``busy`` is the busy time of the bus so far (s)."""
         self._next = now
         self._window = (now, self.rounds, busy)
 
     def end_round(self, now: float, busy: float, not_before: float = -inf) -> float:
-        """End a round; return the seconds to the next one, at least a tenth of a period for other users of the bus.
+        """End a round at time ``now``; return the seconds to the next one.
 
-        Rounds before about ``not_before`` are skipped.
+        At least a tenth of a period remains for other users of the bus. ``busy`` is the total busy time of the bus (s).
+        Rounds that would begin more than half a period before ``not_before`` are skipped.
         """
         self.rounds += 1
         began, rounds, used = self._window

@@ -48,7 +48,7 @@ class _BufferPort:
         return found
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
-        """Report the end of the data; only called while a packet is incomplete."""
+        """Return True, the end of the data; the SDK calls this only while a packet is incomplete."""
         self.is_exhausted = True
         return True
 
@@ -74,9 +74,9 @@ def frame(protocol: Literal[1, 2], servo: int, instruction: int, parameters: byt
 
 
 class SdkPacketParser(wire.PacketParser):
-    """Finds replies in a stream by the SDK's code, which starts again until a packet is complete.
+    """Finds replies in a stream with the SDK's packet code, which parses all buffered bytes again for each chunk.
 
-    It ignores requests: in protocol 2.0 all echoes, in 1.0 error bytes above 7F.
+    Requests are ignored: in protocol 2.0 all echoes, in 1.0 packets with an error byte above 7F.
     """
 
     def feed(self, data: bytes) -> list[Packet]:

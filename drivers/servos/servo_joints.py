@@ -61,7 +61,7 @@ class GoalLimiter:
 
 
 class ServoJoints(LatchingPart, ABC):
-    """Named joints that can be held and relaxed. Subclasses have the servo bus, or simulated servos.
+    """Named joints that can be held and relaxed. Subclasses drive real servos on a bus, or simulated ones.
 
     ``at_rest`` says whether the arm holds or relaxes at rest; ``away`` is its reconnect policy. ``report`` receives
     notices; ``changed`` is called after every round of readings.
@@ -89,7 +89,8 @@ class ServoJoints(LatchingPart, ABC):
         self._reporter = ServoReporter(self.name, joints, self._report)
         self._goal_limiter = GoalLimiter(self.name, joints, self._report)
         self.monitors_progress = True
-        """False if the progress towards goals is not checked, as for joints that carry a walking robot."""
+        """Whether the progress of joints towards their goals is checked; False for joints that carry a walking robot.
+        """
         for joint, described in joints.items():
             described.progress.title = f"joint {qualified_joint_name(self.name, joint)}"
 
@@ -149,7 +150,6 @@ class ServoJoints(LatchingPart, ABC):
         return given_up
 
     def _report_runaway(self, finding: str) -> None:
-        """Report a joint that runs away."""
         self._report(DeviceStatus(self.name, "fault", f"{finding}: its torque is switched off", HINT))
 
     @abstractmethod
@@ -192,11 +192,11 @@ class JointCouplings:
         self._following.release(joints)
 
     def pause(self) -> None:
-        """Note a pause: followers approach slowly before they follow at full speed again."""
+        """Record a pause: followers then approach slowly before they follow at full speed again."""
         self._following.mark_paused()
 
     def update_followers(self, *, since: float, now: float) -> None:
-        """Send the followers whose leader was read after ``since`` to their goals. Raises NotConnected."""
+        """Send new goals to followers whose leader was read at or after time ``since``. Raises NotConnected."""
         couplings = self._following.couplings
         if not couplings:
             return

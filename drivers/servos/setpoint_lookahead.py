@@ -10,13 +10,13 @@ from drivers.api.joints import FOLLOWING_TOLERANCE, MAX_APPROACH_SPEED
 from drivers.servos.joint import Joint
 
 LOOKAHEAD_TIME = 0.3
-"""Seconds that a joint takes to its setpoint at the commanded speed; after this time without a new one it stops."""
+"""Seconds that a joint needs to reach its setpoint at the commanded speed; without a newer setpoint it stops there."""
 
 MIN_LOOKAHEAD = radians(1)
 """Shortest lookahead in radians: servos ignore goals within a step or two."""
 
 RENEWAL_SHARE = 2 / 3
-"""Remaining share of the lookahead at which the next setpoint is sent, so that the servo does not slow down."""
+"""Share of the lookahead that is still to go when the next setpoint is sent, so that the servo does not slow down."""
 
 LOADED_LOOKAHEAD = radians(20)
 """Lookahead (radians) of a joint that a load holds back: servos use less force near their goal."""
@@ -57,7 +57,10 @@ def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) 
 
 
 def hold_position(joint: Joint, here: int) -> int:
-    """Return the position (ticks) at which to hold a joint that is at ``here``: there, or back towards its limits."""
+    """Return the position (ticks) at which to hold a joint that is at ``here``: ``here``, or nearer to its limits.
+
+    Beyond its limits, the joint is moved back by one lookahead distance at most.
+    """
     return _limited_step(joint, joint.clamp_ticks(here), here, lookahead_distance(joint, joint.limits.speed))
 
 

@@ -49,7 +49,7 @@ SOFTNESS_REGISTERS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class RegisterChange:
-    """Change of a register from ``before`` to ``after``."""
+    """Change of a register's value from ``before`` to ``after``."""
 
     register: Register
     before: int

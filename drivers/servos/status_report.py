@@ -47,7 +47,7 @@ class ServoReporter:
             self._send_status("online", f"{answering} of {len(self._joints)} servos answer on {port}")
 
     def report_offline(self, reason: str, hint: str) -> None:
-        """Report, once, that the whole arm is gone."""
+        """Report, once, that the whole arm has disconnected, for ``reason``."""
         if self._online:
             self._online = False
             self._send_status("offline", reason, hint)
@@ -65,7 +65,7 @@ class ServoReporter:
             self._send_status("fault", f"{len(wrong)} of {len(self._joints)} servos: {'; '.join(wrong)}", hint)
 
     def report_driven(self, joint: Joint, hint: str) -> None:
-        """Report that a servo is driven again, or not for another reason."""
+        """Report that a servo is driven again or, if it is not, the new reason."""
         if joint.is_driven:
             self._send_status("online", f"{joint.title} is back")
         else:
@@ -89,7 +89,7 @@ class ServoReporter:
         self._send_status("fault", f"{joint.title} reports {new_faults.description} ({felt})", hint)
 
     def report_voltage_dip(self, joint: Joint) -> None:
-        """Report a servo that had lost its settings."""
+        """Report that a servo has lost its settings in a voltage dip, and that they were restored."""
         how = "held again at its position" if joint.torque else "given them back"
         what = f"{joint.title} had lost its settings and was {how}"
         self._send_status("fault", what, "its supply dips: measure it at the last servo while the arm moves")
@@ -120,7 +120,7 @@ class ServoReporter:
         self._send_status("fault", f"{what}, {detail}", f"{cure}, or set a lower rate in the robot file")
 
     def report_excluded(self) -> None:
-        """Report joints that moves newly leave out."""
+        """Report the joints that the newest move has left out, except those that the move before left out as well."""
         left_out = frozenset(joint.name for joint in self._joints.values() if joint.excluded_from_move)
         for name in sorted(left_out - self._reported_excluded):
             joint = self._joints[name]
@@ -129,7 +129,7 @@ class ServoReporter:
         self._reported_excluded = left_out
 
     def report_unconfirmed(self, since: float = inf) -> None:
-        """Report joints whose hold or relax has been unconfirmed since ``since`` or longer."""
+        """Report, once, joints with a hold or relax that has been unconfirmed since time ``since`` or earlier."""
         open_ = [joint for joint in self._joints.values() if joint.is_unconfirmed and joint.unconfirmed_since <= since]
         new = [joint for joint in open_ if joint.name not in self._reported_unconfirmed]
         for stiff in (True, False):
@@ -143,9 +143,9 @@ class ServoReporter:
         }
 
     def report_not_at_rest(self, joints: Iterable[Joint], *, stiff: bool, reason: str = "") -> None:
-        """Report, once, joints that are not at rest, or did not confirm it.
+        """Report joints that are not at rest, or did not confirm it; ``stiff`` is True if they are to hold.
 
-        A run rests its robot, then closes it, which rests it once more.
+        An equal report in a row is omitted: at its end, a run brings the robot to rest twice.
         """
         wanting = _describe_not_at_rest(joints, stiff=stiff)
         if wanting and [*wanting, reason] != self._reported_not_at_rest:

@@ -13,10 +13,10 @@ from drivers.servos.register import RegisterBlock
 from drivers.servos.units import RETURN_DELAY_STEP
 
 GROUP_READ_TIMEOUT = 2.0
-"""Seconds of group reads without any reply, while the servos do answer single reads, after which they are disabled."""
+"""Seconds of unanswered group reads, of servos that do answer single reads, after which group reads are disabled."""
 
 _REQUEST_BYTES = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
-"""Bytes of a request per servo: its own packet, or its part of a common one."""
+"""Bytes of a read request for each servo: a packet of its own, or its share of a common packet."""
 
 
 class GroupReader:
@@ -33,7 +33,7 @@ class GroupReader:
         self._failing_since: dict[ReadMode, float] = {}
 
     def reset(self) -> None:
-        """Forget which group reads failed: the servos may have been replaced."""
+        """Enable all group reads again, because the servos may have been replaced by ones that support them."""
         self._disabled_modes.clear()
         self._failing_since.clear()
 
@@ -58,7 +58,10 @@ class GroupReader:
             yield joint, self._read_single(joint)
 
     def _read_group_or_singly(self, members: Sequence[Joint], mode: ReadMode) -> Iterator[tuple[Joint, bool]]:
-        """Read a group at once, and each servo that did not answer alone."""
+        """Read a group with one request, then each servo that did not answer with a request of its own.
+
+        Yields each joint, and whether it answered.
+        """
         heard = self._read_group(members, mode)
         answered = False
         for joint in members:
@@ -92,7 +95,7 @@ class GroupReader:
 
 
 def round_duration(joints: Sequence[Joint], baud: int) -> tuple[float, float]:
-    """Return the seconds that a round takes on the wire, and the seconds of return delay in it."""
+    """Return the seconds on the wire of a round that reads ``joints``, and the seconds of return delay in it."""
     size, delay = 0, 0
     for joint in joints:
         asked = _REQUEST_BYTES[joint.model.read_mode]

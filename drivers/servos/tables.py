@@ -37,7 +37,10 @@ def as_signed(register: Register, coding: Coding = Coding.TWOS_COMPLEMENT) -> Re
 
 
 def rows(*registers: Iterable[Register] | Register) -> MappingProxyType[str, Register]:
-    """Return registers by name, in ascending order; of two with one address, the later replaces the earlier."""
+    """Return the registers by name, in the order of their addresses.
+
+    Of two registers at one address, the later argument counts.
+    """
     rows: dict[int, Register] = {}
     for entry in registers:
         rows.update({row.address: row for row in ((entry,) if isinstance(entry, Register) else entry)})
@@ -159,7 +162,7 @@ TABLE_MX_CURRENT = replace(
 """Control table of the MX-64 as delivered: it measures its current."""
 
 TABLE_MX_PAIR = replace(TABLE_MX_CURRENT, registers=rows(TABLE_MX_CURRENT.registers.values(), _DRIVE_MODE))
-"""Control table of the MX-106 as delivered: two of them can drive one joint."""
+"""Control table of the MX-106 as delivered, with a drive mode in which two of them move one joint together."""
 
 # Protocol 2.0 ----------------------------------------------------------------------------------------------------
 
@@ -231,11 +234,11 @@ TABLE_X = ControlTable(
     torque_ceiling="pwm_limit",
     limit_registers=("min_position", "max_position"),
 )
-"""Control table of the XL430, which estimates its load from the drive."""
+"""Control table of the XL430, which estimates its load instead of measuring its current."""
 
 
 def with_current(table: ControlTable, unit: str, limit: int) -> ControlTable:
-    """Return the table of a servo that measures its current, in steps of ``unit``, up to ``limit`` of them."""
+    """Return ``table`` with the registers of a current sensor; ``limit`` is its maximum in steps of ``unit``."""
     return replace(
         table,
         registers=rows(

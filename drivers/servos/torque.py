@@ -30,9 +30,9 @@ REBOOT_TIME = 0.5
 
 
 def write_together(bus: ServoBus, writes: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
-    """Write bytes to each servo, in one packet per protocol and address, without acknowledgement.
+    """Write bytes to the servos of several joints: each of ``writes`` has a joint, an address and the bytes.
 
-    Raises NotConnected.
+    One packet per protocol and address is sent, without acknowledgement. Raises NotConnected.
     """
     bus.require_open()
     packets: dict[tuple[Protocol, int], list[tuple[Joint, bytes]]] = {}
@@ -43,7 +43,7 @@ def write_together(bus: ServoBus, writes: Iterable[tuple[Joint, tuple[int, bytes
 
 
 def has_recent_reading(joint: Joint, now: float) -> bool:
-    """True if the newest reading of a joint still gives its position."""
+    """True if the newest reading of a joint is recent enough to be used as its position."""
     return now - joint.reading.stamp <= (
         MAX_RESTING_READING_AGE if joint.torque and not is_in_motion(joint) else MAX_MOVING_READING_AGE
     )
@@ -65,7 +65,7 @@ def stiffen(bus: ServoBus, joint: Joint, *, now: float) -> None:
 
 
 def _stiffen_at(bus: ServoBus, joint: Joint, position: int, *, now: float) -> None:
-    """Switch the torque of a joint on at ``position`` (ticks), which it confirms first. Raises as ``stiffen``."""
+    """Set the goal of a joint to ``position`` (ticks), confirmed, then switch its torque on. Raises as ``stiffen``."""
     _write_confirmed(bus, joint, *joint.goal_write(position, joint.limits.speed))
     set_torque(bus, joint, on=True)
     _note_held_position(joint, position, now=now)
@@ -99,9 +99,9 @@ def _note_held_position(joint: Joint, position: int, *, now: float) -> None:
 
 
 def stop_together(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> dict[Joint, int]:
-    """Set the goals of joints to their estimated positions, in one unacknowledged packet; return these (ticks).
+    """Set the goals of joints to their estimated positions, in one unacknowledged packet; return the goals (ticks).
 
-    Raises NotConnected.
+    Joints without any reading are left out. Raises NotConnected.
     """
     angles = [(joint, joint.estimated_position(now)) for joint in joints]
     places = {joint: hold_position(joint, joint.ticks(angle)) for joint, angle in angles if angle is not None}
@@ -153,10 +153,11 @@ def send_setpoints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> Non
 
 
 def make_ready(bus: ServoBus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
-    """Switch the torque of joints on where it is off; return all that may get a goal. Raises NotConnected.
+    """Switch the torque of joints on where it is off; return all joints that have torque. Raises NotConnected.
 
-    Joints with a recent reading, or that answer a read, are switched together in two packets. Others are tried once
-    more alone, and left out if they do not answer, as are servos that are not driven or have shut down.
+    Joints with a recent reading, and joints that answer a read, are switched on together in two packets. Each of the
+    others is tried once more, alone. Joints that do not answer then are left out, and so are joints that are not driven
+    or have shut down.
     """
     able = [joint for joint in joints if joint.is_driven and not joint.is_shut_down]
     limp = [joint for joint in able if not joint.torque]
@@ -208,7 +209,10 @@ def hold_or_relax(bus: ServoBus, joints: Iterable[Joint], *, stiff: bool, now: f
 
 
 def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, stiff: bool, now: float) -> bool:
-    """Hold or relax a joint at ``position`` (ticks) or at its current position; try again after a miss."""
+    """Hold or relax one joint; return True if it confirmed that. A joint that was answering is tried twice.
+
+    A joint is held at ``position`` (ticks); at its current position if that is None, and in the second try.
+    """
     joint.lacks_confirmation = not joint.is_answering
     if stiff and not joint.is_driven:
         return False  # its position and goal are unknown: torque could make it jump
@@ -235,7 +239,10 @@ def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, sti
 
 
 def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
-    """Yield once per attempt in which the ``failed`` joints may still confirm their rest, while that is possible."""
+    """Yield before each new attempt to bring the ``failed`` joints to rest, while one of them may still confirm it.
+
+    It ends after ``MAX_RELEASE_ATTEMPTS``, after ``RELEASE_TIMEOUT``, and when the bus is closed.
+    """
     until = clock.now() + RELEASE_TIMEOUT
     for _ in range(MAX_RELEASE_ATTEMPTS):
         able = any(joint.is_driven or not joint.is_answering for joint in failed)
@@ -247,7 +254,7 @@ def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> 
 def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
     """Switch the torque of joints that have shut down on again, in place; return those that accept it.
 
-    A servo of protocol 2.0 reboots for that, and the monitor finds it again. Raises NotConnected.
+    A servo of protocol 2.0 is rebooted, after which the monitor has to find it again. Raises NotConnected.
     """
     recovered = []
     bus.require_open()
@@ -270,7 +277,10 @@ def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> lis
 
 
 def _rearm(bus: ServoBus, joint: Joint, *, now: float) -> None:
-    """Restore the force of a servo that needs no reboot. Raises NoReply, NotConnected, BadRequest."""
+    """Switch the torque of a servo on again after a shutdown, if its protocol (1.0 or STS) needs no reboot for this.
+
+    Raises NoReply, NotConnected, BadRequest.
+    """
     table = joint.model.table
     if joint.address.protocol == "STS":
         set_torque(bus, joint, on=False)  # else it stays in its overload

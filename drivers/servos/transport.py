@@ -17,7 +17,7 @@ MAX_RETURN_DELAY = 254 * RETURN_DELAY_STEP
 """Longest return delay that a servo can be set to, in seconds."""
 
 SECOND_REPLY_DELAY = 0.004
-"""Seconds beyond the longest return delay during which a second servo with the same ID may reply."""
+"""Seconds beyond the longest return delay for which the reply of a second servo with the same ID is awaited."""
 
 
 @dataclass(slots=True)
@@ -41,9 +41,9 @@ class ServoStatistics:
 class ServoTransport:
     """Owner of the serial line of a servo bus. Thread-safe: requests of other threads wait.
 
-    ``reply_timeout`` (seconds) is added to the time of a reply's bytes, the longest return delay and the latency of the
-    USB adapter. A transport error closes the port; call ``open`` again. ``dial`` opens the line; ``framing`` selects
-    our packet code or that of ROBOTIS.
+    A reply is awaited for the time of its bytes on the wire, the longest return delay, the latency of the USB adapter
+    and ``reply_timeout`` (seconds). A transport error closes the port; call ``open`` again. ``dial`` is the function
+    that opens the line; ``framing`` selects the packet code of MissionTree ("own") or of ROBOTIS ("sdk").
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class ServoTransport:
         return self._clock.now()
 
     def busy_time(self) -> float:
-        """Return for how many seconds since ``open`` the line was busy with requests, replies or waiting for them."""
+        """Return the seconds since ``open`` in which the line carried requests or replies, or a reply was awaited."""
         return self._busy_time
 
     def noise_bytes(self) -> int:
@@ -138,7 +138,7 @@ class ServoTransport:
         return sum(parser.skipped_bytes for parser in self._parsers.values())
 
     def faults(self, servo: int) -> ServoFault:
-        """Return the faults in the newest reply of ``servo``, without request errors; none before the first reply."""
+        """Return the faults of ``servo`` itself in its newest reply, without refusals; none before the first reply."""
         return self._faults.get(servo, ServoFault(0))
 
     def statistics(self, servo: int) -> ServoStatistics:
@@ -217,7 +217,11 @@ class ServoTransport:
                 over = self._clock.now() >= deadline
 
     def _reply_time(self, exchange: Exchange) -> float:
-        """Return the seconds that the next reply may take: ten bits a byte, return delay, timeout and latency."""
+        """Return the seconds within which the next reply must arrive.
+
+        This is the sum of its time on the wire (ten bits a byte), the longest return delay, the reply timeout and the
+        latency.
+        """
         size = exchange.codec.overhead + next(iter(exchange.missing.values())).size
         return size * 10 / self._baud + MAX_RETURN_DELAY + self._reply_timeout + self.latency
 
@@ -237,7 +241,7 @@ class ServoTransport:
                     self._statistics[reply.id].duplicates += not self._on_stray_reply(reply)
 
     def _on_stray_reply(self, reply: ServoReply) -> bool:
-        """Record a reply that no request expects; return True if it is a late one."""
+        """Record a reply that does not belong to the current request; return True if it is late, for an earlier one."""
         if overdue := self._late_replies.pop(reply.id, len(reply.data)):
             self._statistics[reply.id].late += 1
         return overdue
@@ -264,7 +268,7 @@ class ServoTransport:
             self._late_replies.add(servo, want, now)  # damaged bytes may not have been the reply
 
     def _add_busy_time(self, begin: float, end: float) -> None:
-        """Add ``begin`` to ``end`` to the busy time, without counting an overlap twice."""
+        """Add the time from ``begin`` to ``end`` to the busy time, except for a part that was already counted."""
         self._busy_time += max(0.0, end - max(begin, self._busy_until))
         self._busy_until = max(self._busy_until, end)
 

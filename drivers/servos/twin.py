@@ -46,8 +46,7 @@ STALL_LOAD = 0.9
 """Load of a blocked servo as a share of the stall torque."""
 
 TWIN_FAULTS = ("blocked", "frozen", "reversed", "silent", "pushed")
-"""Faults of a simulated servo: does not turn; reports an old angle; turns the wrong way; is silent; is held by a hand.
-"""
+"""Faults of a simulated servo: shaft blocked, sensor frozen, motor reversed, no replies, joint held by a hand."""
 
 
 class ServoTwin:
@@ -89,18 +88,18 @@ class ServoTwin:
         self.joint.undriven_reason = "does not answer" if fault == "silent" else ""
 
     def push(self, angle: float, now: float) -> None:
-        """Hold the joint at ``angle`` (radians) by an external force, with or without torque, until the fault ends."""
+        """Hold the joint at ``angle`` (radians) by an external force, even against its torque, until ``fail``."""
         self.fail("pushed", now)
         self._shaft.position = self.joint.angle(self.joint.ticks(angle))
 
     def replace_servo(self, angle: float, now: float) -> None:
-        """Become another servo of the same kind, with torque off and the joint at ``angle`` (radians)."""
+        """Simulate a replacement of the servo by an equal one with torque off and the joint at ``angle`` (radians)."""
         self._shaft.advance(now)
         self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
         self._resting_state = None
 
     def stop_at_setpoint(self, now: float) -> None:
-        """Stop at the last setpoint of a real servo: from ``now`` on it gets no new one."""
+        """Stop at the last setpoint, as a real servo does that gets no new setpoint from time ``now`` on."""
         here, far = self._shaft.advance(now), lookahead_distance(self.joint, self.joint.speed)
         goal = min(max(self._shaft.goal, here - far), here + far)
         self.joint.setpoint = self.joint.ticks(goal)
@@ -119,7 +118,7 @@ class ServoTwin:
             self._resting_state = None
 
     def shut_down(self, now: float) -> None:
-        """Switch the torque off until ``recover``, as after an overload; the goal is kept."""
+        """Switch the torque off, as after an overload, until the arm's ``recover``; the goal is kept."""
         goal = self.joint.goal
         self.relax(now)
         self.joint.goal, self.joint.is_shut_down = goal, True
@@ -161,13 +160,17 @@ class ServoTwin:
 class JointsTwin(ServoJoints):
     """A simulated ``drivers.api.Joints``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
 
-    ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints start at 0 with torque off. When
-    unplugged, the servos stop at their last setpoint; plugged in again, those that should have torque hold their
-    position. Each ``step`` updates followers and calls ``changed``. Raises BadRequest that lists all invalid joints.
+    ``joints``, ``at_rest`` and ``away`` are as for ``DynamixelJoints``. All joints start at 0 with torque off. When the
+    arm is unplugged, its servos stop at their last setpoints; when it is plugged in again, servos with requested torque
+    hold their positions. Each ``step`` updates followers and calls ``changed``. Raises BadRequest that lists all
+    invalid joints.
     """
 
     STEP_INTERVAL = 0.025
-    """Seconds between two steps; longer than a real driver's round, as readings are computed on request."""
+    """Seconds between two steps of the simulated arm.
+
+    This is longer than a round of the real driver, because no step is needed for a reading: it is computed on request.
+    """
 
     always_stiff: ClassVar[bool] = False
     """True for joints whose torque cannot be switched off."""
@@ -258,7 +261,7 @@ class JointsTwin(ServoJoints):
         self.plug.open()
 
     def rest(self) -> None:
-        """Hold or relax the arm, as configured; report servos that did not confirm it. Never raises."""
+        """Hold or relax all joints, as ``at_rest`` says; report servos that did not get the command. Never raises."""
         self._reporter.report_not_at_rest(
             self._hold_or_relax(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest
         )
@@ -280,7 +283,7 @@ class JointsTwin(ServoJoints):
         return replace(health, detail=f"{self.name}: {', '.join(shut)} has shut down", hint=SHUTDOWN_HINT)
 
     def step(self) -> None:
-        """Update the followers, and signal new readings, which are computed on request."""
+        """Update the followers, stop blocked joints, and call ``changed``. Readings are computed on request."""
         if self.plug.online:
             self._reconnect.on_report(self._clock.now())
             if self._following:
@@ -323,7 +326,7 @@ class JointsTwin(ServoJoints):
         self._read_at = -inf
 
     def replace_servo(self, joint: str, angle: float) -> None:
-        """Replace the servo of ``joint`` by one at ``angle`` (radians), while unplugged."""
+        """Replace the servo of ``joint``, while unplugged; the joint is then at ``angle`` (radians)."""
         check_move(self.name, {joint: angle}, {}, self._servos)
         self._servos[joint].replace_servo(angle, self._clock.now())
 
@@ -336,11 +339,13 @@ class JointsTwin(ServoJoints):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _make_servo(self, name: str, spec: JointSpec) -> ServoTwin:
-        """Return a simulated servo for a joint."""
         return ServoTwin(name, spec)
 
     def _on_plugged_in(self) -> None:
-        """Restore the requested torque of every servo, in place; keep it as found without a request."""
+        """Restore the requested torque state of every servo, at its current position.
+
+        A servo whose torque state was never requested stays as it is.
+        """
         now = self._clock.now()
         for servo in self._servos.values():
             self._check_displacement(servo.joint, servo.position(now))
@@ -366,7 +371,7 @@ class JointsTwin(ServoJoints):
                 self._reporter.report_displacement(joint, stood, position)
 
     def _require_ready(self) -> None:
-        """Raise NotConnected while unplugged, DeviceFault while latched."""
+        """Raise NotConnected while the arm is unplugged, DeviceFault while it is latched."""
         self.plug.check_online()
         self._reconnect.require_unlatched(self.name)
 
@@ -382,7 +387,7 @@ class JointsTwin(ServoJoints):
         self._read_at = now
 
     def _reading(self, servo: ServoTwin, now: float) -> Reading[JointState]:
-        """Return the newest reading of a servo; an old one if it does not answer."""
+        """Return the newest reading of a servo; with the fault ``silent`` the last one before, which becomes stale."""
         if servo.fault != "silent":
             return Reading(servo.state(now), now, Quality.GOOD)
         before = self._readings.get(servo.joint.name)
@@ -422,7 +427,6 @@ class JointsTwin(ServoJoints):
             self._read_at = -inf
 
     def _update_followers(self, now: float) -> None:
-        """Move every follower to its current goal."""
         pairs = ((coupling.leader, coupling.follower) for coupling in self._following.couplings)
         positions = {name: self._servos[name].position(now) for pair in pairs for name in pair}
         goals = self._goal_limiter.clamp_goals(self._following.goals(positions), now)
@@ -430,12 +434,11 @@ class JointsTwin(ServoJoints):
         self._following.mark_paused([name for name in goals if self._servos[name].joint.excluded_from_move])
 
     def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
-        """Hold or relax joints; report those without confirmation."""
         self._hold_or_relax(names, stiff=stiff)
         self._reporter.report_unconfirmed()
 
     def _hold_or_relax(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
-        """Hold or relax joints; return those that did not receive it, except joints that were never connected."""
+        """Hold or relax joints; return those that did not get the command, except joints that were never connected."""
         check_names(self.name, set(names), self._servos)
         now = self._clock.now()
         self._following.release(names)
@@ -457,7 +460,10 @@ class JointsTwin(ServoJoints):
 
 
 class NeckTwin(JointsHead[JointsTwin]):
-    """A ``JointsHead`` on an arm's twin, with which it shares the plug. Call ``step`` every ``STEP_INTERVAL``."""
+    """Simulated head that is two joints of a simulated arm, and is unplugged with the arm.
+
+    Call ``step`` every ``STEP_INTERVAL``.
+    """
 
     @property
     def plug(self) -> SimulatedPlug:
@@ -470,7 +476,10 @@ class NeckTwin(JointsHead[JointsTwin]):
             self._joints.fail(axis.joint, fault)
 
     def true_pose(self, now: float) -> HeadPose:
-        """Return the head's true pose at time ``now``. The trim from construction counts: a later trim turns it."""
+        """Return the head's true pose at time ``now``, computed with the trims at construction.
+
+        So a trim that is changed later changes the true pose.
+        """
         pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._untrimmed_axes)
         return HeadPose(pan, tilt)
 

@@ -4,9 +4,9 @@ Request: ``FF FF ID LEN INST P1..PN CHK``; reply (status): ``FF FF ID LEN ERR P1
 inverted low byte of the sum of all bytes between header and checksum. Source: ROBOTIS e-Manual, protocol 1.0. ``wire2``
 is protocol 2.0 with the same interface; the common parts are here.
 
-Feetech's STS and SMS servos share the frames of protocol 1.0. They acknowledge every intact request: no error byte
-refuses one. They do not answer a damaged request. Broadcast pings collide. Source: the maker's protocol manual and
-memory table.
+Feetech's STS and SMS servos share the frames of protocol 1.0. They acknowledge every intact request, also one that they
+do not execute. They do not answer a damaged request. Replies to a broadcast ping collide. Source: the maker's protocol
+manual and memory table.
 """
 
 from enum import IntEnum, IntFlag
@@ -22,7 +22,7 @@ BROADCAST = 0xFE
 LAST_ID = 0xFD
 
 PACKET_TIMEOUT = 0.1
-"""Seconds of silence inside a packet after which a servo discards its beginning."""
+"""Seconds of silence inside a packet after which a servo discards the bytes received so far."""
 
 MAX_PARAMETERS = 0xFF - 2
 """Maximum parameters of a packet, in bytes."""
@@ -169,12 +169,12 @@ class PacketParser:
         return found
 
     def reset(self) -> None:
-        """Discard an incomplete packet."""
+        """Discard the incomplete packet in the buffer."""
         if self._buffer:
             self._skip(len(self._buffer))
 
     def _align(self) -> int | None:
-        """Move a possible packet to the front of the buffer; return its size, or None while it is unknown."""
+        """Move the next possible packet to the front of the buffer; return its size, None while that is unknown."""
         while (start := self._buffer.find(self.header)) >= 0:
             if start:
                 self._skip(start)
@@ -211,7 +211,7 @@ _STS_BITS: Final = {
 
 
 def decode_sts_faults(status: int) -> ServoFault:
-    """Return the faults of an STS error byte, or of register 65, ``status``."""
+    """Return the faults in ``status``: the error byte of a reply of an STS, or its register 65."""
     found = ServoFault(0)
     for bit, fault in _STS_BITS.items():
         if status >> bit & 1:

@@ -19,7 +19,7 @@ STATUS = 0x55
 """Instruction in a reply of protocol 2.0."""
 
 ALERT = 0x80
-"""Bit of the error byte for a hardware fault: read register 70."""
+"""Bit of the error byte that reports a hardware fault; register 70 has the fault itself."""
 
 MAX_PARAMETERS = 1000
 """Maximum parameters of our packets, in bytes before stuffing: no control table is longer."""

@@ -39,8 +39,8 @@ def motor_current(speed: float, slip_distance: float = 0.0) -> float:
 BODY_COMMAND_TIMEOUT = 0.4
 """Seconds without a command after which the base stops.
 
-The vendor documents no such limit. This assumption is longer than the deadman timeout of the driver, to be on the safe
-side.
+The vendor documents no such limit; this is our assumption. It is longer than the timeout of the driver, so that the
+simulated base does not hide a driver that fails to stop.
 """
 
 ENCODER_STEP = 0.0000852920905
@@ -70,14 +70,14 @@ _BOTH_SIDES = Sides(left=True, right=True)
 
 
 class BaseBody:
-    """A disc on two ``wheels`` on the floor ``ground``. All methods take the time; not thread-safe.
+    """Simulated base: a disc on two ``wheels`` on the floor ``ground``. All methods take the time; not thread-safe.
 
     The body never enters a solid object: it stops in front of it while its wheels slip, so the encoders go on counting.
-    With a wheel over an edge, or while ``lifted``, it does not move until it is put down elsewhere (``wheels.pose``).
-    It is ``docked`` while its contacts touch the dock of the ground, and anywhere while ``force_docked``. ``bumper``,
-    ``cliff``, ``wheel_drop`` and ``docked`` are as of the last ``advance``. ``backup_limit`` is that of a Create 3.
-    With ``e_stop`` the base ignores all velocities, with ``reversed`` its wheels turn the other way. The default
-    battery never discharges.
+    With a wheel over an edge, or while ``lifted`` is True, it does not move until ``wheels.pose`` puts it down
+    elsewhere. It is ``docked`` while its contacts touch the dock of the ground; ``force_docked`` docks it anywhere.
+    ``bumper``, ``cliff``, ``wheel_drop`` and ``docked`` are updated by ``advance``. ``backup_limit`` is the limit of a
+    Create 3 for driving backwards, or None. While ``e_stop`` is True the base ignores all velocities; while
+    ``reversed`` is True its wheels turn the other way. The default battery never discharges.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class BaseBody:
         return self.wheels.pose
 
     def _command_wheels(self, now: float) -> None:
-        """Send the setpoint to the wheels, after emergency stop, reversal, slope and backup limit."""
+        """Send the setpoint to the wheels, changed by ``e_stop``, ``reversed``, the slope and the backup limit."""
         linear, angular = (0.0, 0.0) if self.e_stop else self._setpoint
         share = -self.speed_factor if self.reversed else self.speed_factor
         linear, angular = share * linear, share * angular
@@ -219,7 +219,7 @@ class BaseBody:
         self.bumper = _bumper_sides(touched, after.heading) if touched else NO_SIDES
 
     def _limit_backing(self, limit: BackupLimit, way: float, now: float) -> None:
-        """Stop once the base has reached its backup limit."""
+        """Add ``way``, the metres driven, to the backup limit, and stop the base once it has reached the limit."""
         before = limit.is_reached
         if self.lifted:
             limit.on_lift()
@@ -229,7 +229,7 @@ class BaseBody:
             self._command_wheels(now)
 
     def _contact_directions(self, pose: Pose2D, now: float) -> Sequence[float]:
-        """Return the directions in which the base touches solids at ``pose``, in radians in the world frame."""
+        """Return the directions in which a base at ``pose`` touches solid objects, in radians in the world frame."""
         return self._ground.contact_directions(pose.x, pose.y, BASE_RADIUS, now)
 
     def _find_contact_pose(self, before: Pose2D, after: Pose2D, now: float) -> Pose2D:
@@ -267,12 +267,18 @@ def merge_sides(first: Sides, second: Sides) -> Sides:
 
 
 def _interpolate(before: Pose2D, after: Pose2D, share: float) -> Pose2D:
-    """Return the place a ``share`` of the way along, with the heading of ``after``: a disc turns freely."""
+    """Return the position a ``share`` (0..1) of the way from ``before`` to ``after``, with the heading of ``after``.
+
+    A base that touches an obstacle can still turn, because it is a disc.
+    """
     return Pose2D(before.x + share * (after.x - before.x), before.y + share * (after.y - before.y), after.heading)
 
 
 def _drives_into(touched: Iterable[float], before: Pose2D, after: Pose2D) -> bool:
-    """Return whether the move leads into one of the touched directions, and not along or away from it."""
+    """Return whether the move from ``before`` to ``after`` leads towards an obstacle in a direction of ``touched``.
+
+    A move along the obstacle, or away from it, does not. Directions are in radians in the world frame.
+    """
     x, y = after.x - before.x, after.y - before.y
     return any(x * cos(direction) + y * sin(direction) > 1e-9 for direction in touched)
 

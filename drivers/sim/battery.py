@@ -4,7 +4,7 @@ FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 """Volts of four lithium cells in series at 100 and at 5 percent, as a Kobuki reports them."""
 
 CAPACITY = 2.2 * 3600
-"""Charge of a full battery in ampere-seconds: the smaller one that the vendor sells."""
+"""Charge of a full battery in ampere-seconds: the smaller one of two batteries that the vendor sells."""
 
 INTERNAL_RESISTANCE = 0.15
 """Internal resistance of the battery in ohms. Our assumption for four cells in series."""
@@ -18,9 +18,9 @@ _PERCENT_PER_VOLT = 95 / (FULL_VOLTAGE - EMPTY_VOLTAGE)
 class Battery:
     """Battery that integrates its charge over the times passed to ``advance``. Not thread-safe.
 
-    ``percent`` (0..100) is the charge and may be set. ``drain`` is how many times as fast as a real battery it
-    discharges and charges. With 0 it never discharges, and charges like a real one. ``resistance`` is in ohms.
-    ``is_charging`` is as of the last ``advance``. Raises ValueError for values out of range.
+    ``percent`` (0..100) is the charge and may be set. ``drain`` is a factor on the speed of a real battery, for
+    discharging and charging; with 0 it never discharges, and charges as fast as a real one. ``resistance`` is in ohms.
+    ``is_charging`` is updated by ``advance``. Raises ValueError for values out of range.
     """
 
     def __init__(self, percent: float = 100.0, *, drain: float = 0.0, resistance: float = 0.0) -> None:
@@ -36,7 +36,10 @@ class Battery:
         self._now: float | None = None
 
     def advance(self, now: float, current: float, *, docked: bool) -> None:
-        """Draw ``current`` amperes until time ``now``, from the dock instead if ``docked``."""
+        """Update the charge until time ``now``: the base draws ``current`` amperes.
+
+        If ``docked``, the dock supplies the base and charges the battery.
+        """
         seconds = 0.0 if self._now is None else max(0.0, now - self._now)
         self._now = now
         self.is_charging = docked and self.percent < 100.0
@@ -47,7 +50,7 @@ class Battery:
 
     @property
     def voltage(self) -> float:
-        """Measured battery voltage: by the line of the vendor's driver, less the drop at the internal resistance."""
+        """Measured battery voltage: linear in the charge as in the vendor's driver, less the drop at the resistance."""
         return EMPTY_VOLTAGE + (self.percent - 5) / _PERCENT_PER_VOLT - self._resistance * self._current
 
     @property

@@ -18,7 +18,11 @@ if TYPE_CHECKING:  # imported only for physics
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """Errors of a simulated base: ``lag`` (s), ``slip`` (0..1) of wheels, ``gyro_noise`` (rad/s), lost reports."""
+    """Errors of a simulated base, and its ``battery``.
+
+    ``lag`` is the delay of the wheels in seconds, ``slip`` the share (0..1) of the wheels' travel that does not move
+    the base, ``gyro_noise`` is in rad/s, ``dropouts`` is the share of lost reports.
+    """
 
     lag: float = 0.0
     slip: float = 0.0

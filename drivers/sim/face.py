@@ -33,7 +33,7 @@ def oval(x: float, y: float, across: float, down: float) -> npt.NDArray[np.float
 
 
 def mirror_outline(points: Points) -> npt.NDArray[np.float64]:
-    """Return a symmetrical outline: ``points`` down the right side, then their mirror image up the left side."""
+    """Return a symmetrical outline: ``points`` of the right side from the top, then their mirror images."""
     right = np.asarray(points, dtype=np.float64)
     return np.concatenate((right, right[::-1] * (-1.0, 1.0)))
 

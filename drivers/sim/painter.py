@@ -176,7 +176,7 @@ def room_panels(room: Room) -> tuple[RoomPanel, ...]:
 
 
 def hole_panels(edges: Iterable[Edge]) -> Iterator[RoomPanel]:
-    """Yield the panels of areas without floor: steps that lead down into the dark, with a light rim."""
+    """Yield the panels of areas without floor: stairs that lead down and become darker, with a light rim."""
     for edge in edges:
         low, high = edge.y - edge.width / 2, edge.y + edge.width / 2
         places = np.linspace(edge.x - edge.length / 2, edge.x + edge.length / 2, _STAIR_COUNT + 1)
@@ -210,7 +210,7 @@ def _wall_panels(room: Room) -> Iterator[RoomPanel]:
 
 
 def _fixture_panels(room: Room, item: Fixture) -> Iterator[RoomPanel]:
-    """Yield the panels of one fixture; positions in it are shares of its width and height, from the lower left."""
+    """Yield the panels of one fixture; ``_PARTS`` has their positions as shares of its width and height."""
     for left, right, low, high, colour in _PARTS[item.kind](item.colour):
         along = (item.along + item.width * (left - 0.5), item.along + item.width * (right - 0.5))
         up = (item.bottom + item.height * low, item.bottom + item.height * high)
@@ -218,7 +218,11 @@ def _fixture_panels(room: Room, item: Fixture) -> Iterator[RoomPanel]:
 
 
 def _wall_rectangle(room: Room, wall: WallName, along: tuple[float, float], up: tuple[float, float]) -> Floats:
-    """Return the corners (4, 3) of a part of a wall: ``along`` to the right from inside, ``up`` from the floor."""
+    """Return the corners (4, 3) of a rectangle on a wall, in metres.
+
+    ``along`` are its left and right edge from the middle of the wall, positive to the right as seen from inside; ``up``
+    are the heights of its lower and upper edge above the floor.
+    """
     (x0, x1), (y0, y1) = room.extent()
     x, y = room.centre
     origin, right = {

@@ -59,7 +59,7 @@ class WaypointPath:
         return atan2(y1 - y0, x1 - x0)
 
     def _leg(self, time: float) -> tuple[int, float]:
-        """Return the index of the last waypoint passed, and the metres since."""
+        """Return the index of the waypoint that was passed last before ``time``, and the metres walked since then."""
         total = self._leg_ends[-1]
         walked = (time - self.start) * self.speed
         if walked <= 0.0 or total == 0.0:
@@ -135,7 +135,7 @@ class Person:
         return self.walk.position_at(time)
 
     def presence_at(self, time: float, actions: Sequence[ScheduledAction], room: Room) -> "Presence | None":
-        """Return the person's state at ``time`` seconds, given the ``actions`` so far; None after a leave."""
+        """Return the person's state at ``time`` seconds, after the given ``actions``; None once the person has left."""
         facing, nod = self.facing, 0.0
         for cue in actions:
             if cue.action.turn is not None:
@@ -147,7 +147,10 @@ class Person:
         return Presence(self, *self.walk.position_at(time), facing, self.height - nod)
 
     def _leaving_presence(self, elapsed: float, here: FloorPosition, room: Room) -> "Presence | None":
-        """Return the state ``elapsed`` seconds after the person set out from ``here``, straight to the nearest wall."""
+        """Return the state of a person who walks from ``here`` to the nearest wall to leave; None once there.
+
+        ``elapsed`` is the time in seconds since the person set out.
+        """
         (x0, y0), (x1, y1) = here, room.nearest_wall(*here)
         away, walked = dist(here, (x1, y1)), elapsed * self.speed
         if walked >= away:

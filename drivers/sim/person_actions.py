@@ -105,7 +105,7 @@ class ActionSchedule:
         return [PersonReply(self._name, cue.action.say, cue.time) for cue in cues if cue.action.say]
 
     def actions_until(self, time: float) -> list[ScheduledAction]:
-        """Return the actions up to ``time`` seconds, in order; none follows a leave."""
+        """Return the actions up to ``time`` seconds, in order; none that come after the person has left."""
         done = []
         for cue in self._schedule:
             if cue.time > time:

@@ -37,7 +37,10 @@ _MIN_SHEET_SIZE = 16  # pixels of the shorter side of a sheet
 
 
 def make_mipmaps(sheet: Sprite) -> tuple[Sprite, ...]:
-    """Return a sheet and smaller copies, each half as large: a large sheet that is sampled sparsely flickers."""
+    """Return a sheet and copies of it, each half as wide and half as high as the one before.
+
+    A large sheet would flicker if it were sampled sparsely for a small image.
+    """
     sizes = [sheet]
     while min(sizes[-1].shape[:2]) >= 2 * _MIN_SHEET_SIZE:
         sizes.append(np.asarray(cv2.pyrDown(sizes[-1]), np.uint8))
@@ -96,7 +99,7 @@ def _translation(x: float, y: float) -> Floats:
 # The order in which solid things are painted: what may be hidden comes before what may hide it.
 
 _OVERLAP_TOLERANCE = 0.01
-"""Metres by which two objects may overlap and still count as separate: a ball lies on a table."""
+"""Metres by which two objects may overlap and still count as separate, such as a ball that lies on a table."""
 
 
 class SolidObject(Protocol):
@@ -151,7 +154,10 @@ def _is_behind(one: UprightBox | UprightCylinder, other: UprightBox | UprightCyl
 
 
 def _is_separated_by(block: UprightBox, other: UprightBox | UprightCylinder, eye: Point3) -> bool | None:
-    """Return whether a side of ``block`` has eye and ``other`` before it; None if no side separates them."""
+    """Return whether the eye and ``other`` are beyond the same side of ``block``.
+
+    None if no side of ``block`` separates it from ``other``.
+    """
     if isinstance(other, UprightCylinder):
         u, v = block.to_local(other.x, other.y)
         spans = ((u - other.radius, u + other.radius), (v - other.radius, v + other.radius))
@@ -246,7 +252,10 @@ def _legs(canvas: SpriteCanvas, look: Appearance, floor: int) -> None:
 # What stands in the room, ready to be painted: boxes, balls, robots with markers, people.
 
 Detail = tuple[float, float, float, float, float]
-"""A rectangle on each side of a box: left, right, low and high as shares of the side; and its shade."""
+"""A rectangle that is painted on each side of a box.
+
+Its left, right, lower and upper edge are shares (0..1) of the side; the last number is its shade.
+"""
 
 _SKIRTING: Detail = (0.0, 1.0, 0.0, 0.035, 0.62)
 _DOORS: tuple[Detail, ...] = ((0.05, 0.48, 0.08, 0.94, 0.92), (0.52, 0.95, 0.08, 0.94, 0.92))
@@ -495,7 +504,7 @@ class Renderer:
 
 @lru_cache(maxsize=12)
 def _figure_mipmaps(look: str, height: float, from_behind: bool) -> tuple[Sprite, ...]:
-    """Return the mipmaps of a person, cached per process: painting one takes as long as 50 pictures."""
+    """Return the mipmaps of a person, cached in this process: painting a person takes as long as 50 pictures."""
     figure = paint_figure(APPEARANCES[look], height, from_behind=from_behind)
     figure.setflags(write=False)
     return make_mipmaps(figure)

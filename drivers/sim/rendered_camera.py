@@ -11,14 +11,17 @@ from drivers.sim.viewpoint import PinholeLens, Viewpoint
 from drivers.sim.world import SimulatedWorld
 
 _POLL_INTERVAL = 0.005
-"""Seconds between two looks at the clock, which may be simulated, so no wait can be computed from it."""
+"""Seconds between two checks whether the next frame is due.
+
+The clock may be simulated, so the seconds to sleep cannot be computed from it.
+"""
 
 
 class RenderedCamera:
     """A ``drivers.api.Camera`` that renders ``world`` from ``viewpoint(time)``, ``rate`` times per second of the clock.
 
-    A frame is exposed when it is read; its stamp is the time of its viewpoint. Frames that fell due in between are
-    dropped, and their numbers are skipped. ``read`` is for one thread at a time.
+    A frame is exposed when it is read; its stamp is the time of its viewpoint. Frames whose time passes between two
+    reads are dropped, and their numbers are skipped. Only one thread may call ``read`` at a time.
     """
 
     def __init__(

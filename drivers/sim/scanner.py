@@ -1,4 +1,4 @@
-"""Simulated range finder (lidar): ray casting of many rays at once, as ``SimulatedWorld.distance`` computes one."""
+"""Simulated range finder (lidar): it casts many rays at once, each with the result of ``SimulatedWorld.distance``."""
 
 from collections.abc import Callable
 from math import cos, inf, sin
@@ -89,7 +89,11 @@ def _box_distances(blocks: list[UprightBox], x: float, y: float, dx: Angles, dy:
 
 
 def _slab_interval(start: Angles, step: Angles, half: Angles) -> tuple[Angles, Angles]:
-    """Return the distances at which rays enter and leave the space between two opposite sides of a box."""
+    """Return the distances at which rays enter and leave the space between two opposite sides of a box.
+
+    All arguments are components perpendicular to these sides: ``start`` is the position of the rays' origin from the
+    middle of the box, ``step`` the direction of each ray, and ``half`` half the distance between the sides.
+    """
     over = 1 / np.where(np.abs(step) > MIN_SIDEWAYS_SHARE, step, MIN_SIDEWAYS_SHARE)
     middle, reach = -start * over, half * np.abs(over)
     return middle - reach, middle + reach
@@ -107,7 +111,10 @@ def _cylinder_distances(discs: list[UprightCylinder], x: float, y: float, dx: An
 
 
 def _nearest_entry(enter: Angles, leave: Angles) -> Angles:
-    """Return the distance to the nearest of several shapes, by the distances of entry and exit."""
+    """Return for each ray the distance to the nearest of several shapes; infinity if it misses all of them.
+
+    ``enter`` and ``leave`` have the distances at which each ray enters and leaves each shape.
+    """
     hit = (enter <= leave) & (leave >= 0)
     nearest: Angles = np.where(hit, np.maximum(0.0, enter), inf).min(axis=0)
     return nearest

@@ -166,7 +166,11 @@ class UprightCylinder:
 
 
 def _overlaps(start: float, end: float, low: float, high: float, enter: float, leave: float) -> bool:
-    """Return whether a line from height ``start`` to ``end`` is between low and high within enter..leave."""
+    """Return whether a part of a line is between the heights ``low`` and ``high``.
+
+    The line goes from height ``start`` to height ``end``; the part begins at the share ``enter`` (0..1) of the line,
+    and ends at ``leave``.
+    """
     if enter >= leave:
         return False
     first, last = start + enter * (end - start), start + leave * (end - start)

@@ -66,7 +66,7 @@ class SimulatedWheels:
 
     @property
     def is_turning(self) -> bool:
-        """True while a wheel turns, or a command is pending."""
+        """True while a wheel turns, or a command has not taken full effect."""
         return self._speeds != (0.0, 0.0) or self._goals != (0.0, 0.0) or bool(self._commands)
 
     def command(self, linear: float, angular: float, now: float) -> None:
@@ -126,7 +126,7 @@ def _accelerate(speed: float, goal: float, acceleration: float, seconds: float) 
 
 
 def _sinc(angle: float) -> float:
-    """Return the ratio of a chord to its arc of twice ``angle``."""
+    """Return the length of a chord as a share of its arc; the arc spans twice ``angle`` (radians)."""
     return sin(angle) / angle if angle else 1.0
 
 
@@ -136,7 +136,7 @@ T = TypeVar("T")
 
 
 class Encoders:
-    """Encoders of two wheels, in metres. ``is_lost``: both stand still; ``is_swapped``: both count backwards."""
+    """Encoders of two wheels, in metres. Each can be lost (it does not count), or swapped (it counts backwards)."""
 
     def __init__(self, wheels: SimulatedWheels) -> None:
         self._wheels = wheels
@@ -198,7 +198,10 @@ class GyroDrift:
 
 
 class DelayLine(Generic[T]):
-    """A queue that releases each item ``delay`` seconds after it was put; the delay may change, the order does not."""
+    """A queue that releases each item ``delay`` seconds after it was put.
+
+    ``delay`` may be changed at any time; the items always leave in the order in which they were put.
+    """
 
     def __init__(self) -> None:
         self.delay = 0.0

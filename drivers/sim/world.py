@@ -63,7 +63,7 @@ class Light:
 
 
 DRIVE_UNDER_HEIGHT = 0.5
-"""Metres above the floor from which on a base drives under an object."""
+"""Minimum height of an object above the floor, in metres, at which a base can drive under it."""
 
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
 """Default start pose of a robot."""
@@ -176,7 +176,10 @@ class SimulatedWorld:
         )
 
     def _is_in_earshot(self, at: FloorPosition, presence: Presence, within: float) -> bool:
-        """Return whether sound travels between a place and a person: near enough, with no inner wall."""
+        """Return whether a robot at ``at`` and a person can hear each other.
+
+        They can if they are at most ``within`` metres apart, with no inner wall between them.
+        """
         robot, head = (*at, MOUTH_HEIGHT), (presence.x, presence.y, presence.eye_height)
         far = presence.distance(*at) > within
         return not far and not any(wall.solid().blocks_sight(robot, head) for wall in self.walls)
@@ -190,7 +193,8 @@ class SimulatedWorld:
     def contact_directions(self, x: float, y: float, radius: float, time: float) -> list[float]:
         """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps a solid.
 
-        For a solid that contains the middle of the disc, the direction of the solid's middle.
+        The direction is that of the nearest point of the solid or, if the solid contains the middle of the disc, of the
+        middle of the solid. Solids that a base can drive under are ignored.
         """
         (x_low, x_high), (y_low, y_high) = self._room_extent
         found = []
@@ -244,7 +248,7 @@ class SimulatedWorld:
         return True
 
     def _presences(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
-        """Yield the state of the people who are still there; people who never move only if ``staying``."""
+        """Yield the state of the people who have not left; with ``staying`` False without people who never move."""
         for person, cues in zip(self.people, self._schedules, strict=True):
             presence = (
                 person.presence_at(time, cues.actions_until(time), self.room)

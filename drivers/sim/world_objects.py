@@ -176,8 +176,8 @@ _BEAM_SECTORS = (
 _RECEIVER_SECTORS = ((radians(15), radians(95)), (radians(-15), radians(15)), (radians(-95), radians(-15)))
 """First and last direction of the left, centre and right receiver of the base, left of its heading.
 
-The centre receiver is so narrow that a base that drives towards its signal reaches the dock, as the vendor's program
-does.
+The centre receiver is so narrow that a base reaches the dock if it drives in the direction of the signal that this
+receiver gets, as the vendor's program does.
 """
 
 _BEAM_HEIGHT = 0.05  # metres above the floor of beams and receivers
@@ -218,7 +218,10 @@ class WorldDock:
         )
 
     def signals(self, base: Pose2D, is_clear: Callable[[Point3, Point3], bool]) -> DockSignals:
-        """Return the beams that the receivers of a base get; ``is_clear`` tests for free sight between two points."""
+        """Return the beams of the dock that reach the receivers of a base with the pose ``base``.
+
+        ``is_clear`` returns whether the line of sight between two points is free.
+        """
         dx, dy = base.x - self.x, base.y - self.y
         away = hypot(dx, dy)
         if away > FAR_RANGE:

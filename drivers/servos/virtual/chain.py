@@ -1,8 +1,8 @@
-"""Virtual servo bus: Dynamixel and Feetech servos of all protocols on one wire. Bytes and time in, bytes out.
+"""Virtual servo bus: Dynamixel and Feetech servos of all protocols on one wire.
 
-Unless it is ``paced``, replies leave at once. Replies of two servos with one ID overlap, or follow each other if their
-return delays differ enough. A servo at another baud rate than the host does not receive, nor does one of another
-protocol.
+It is called with received bytes and the time, and returns the bytes that the servos send. Replies are returned at once,
+unless the bus is ``paced``. Replies of two servos with one ID overlap, or follow each other if their return delays
+differ enough. A servo at another baud rate than the host does not receive, nor does a servo of another protocol.
 """
 
 from collections import Counter
@@ -44,9 +44,9 @@ class FaultInjection(Protocol):
 class VirtualServoBus:
     """A virtual servo bus: a ``WireDevice``, ``TimedDevice`` and ``MultiRateDevice``.
 
-    ``paced`` simulates the time of bytes on the wire and the return delay of each servo. ``injection`` may be replaced
-    at any time, and so may ``contention``: it selects the replies of a slot that drive the wire, where the stronger
-    driver wins; without it all do.
+    With ``paced``, bytes take their time on the wire, and servos wait for their return delay. ``injection`` adds faults
+    to the bytes. ``contention`` selects those of several simultaneous replies that reach the host, because their
+    senders drive the wire more strongly; if it is None, all do. Both may be replaced at any time.
     """
 
     def __init__(
@@ -198,7 +198,10 @@ class VirtualServoBus:
 
 
 def make(keys: DynamixelKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG001
-    """Return a virtual bus of servos with their calibration; its state is the joint angles in radians."""
+    """Return a virtual bus with the servos of an arm and their calibration.
+
+    The state of the device is the joint angles by name, in radians.
+    """
     offsets = keys.offsets
     chain = []
     for name, joint in keys.servos.items():
@@ -218,7 +221,7 @@ def make(keys: DynamixelKeys, stage: SimContext) -> VirtualDevice:  # noqa: ARG0
 
 
 def make_neck(keys: NeckKeys, stage: SimContext) -> VirtualDevice:
-    """Return the virtual head on two joints of the arm, on the arm's bus."""
+    """Return the virtual head on two joints of the arm. It has no port of its own, but uses the bus of the arm."""
     arm: DynamixelKeys = stage.part_keys["arm"]
     bus: VirtualServoBus = stage.parts["arm"].device
 
@@ -229,7 +232,7 @@ def make_neck(keys: NeckKeys, stage: SimContext) -> VirtualDevice:
 
 
 def true_angle(bus: VirtualServoBus, arm: DynamixelKeys, name: str) -> float:
-    """Return the true angle of a joint, in its own scale."""
+    """Return the true angle in radians of the arm's joint ``name``, measured from the joint's zero."""
     joint = arm.servos[name]
     turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(name, 0) * joint.servo_model.tick
     return -turned if joint.reverse else turned

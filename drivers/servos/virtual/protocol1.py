@@ -1,8 +1,8 @@
 """Virtual servos of protocol 1.0: execution of requests, modelled after the e-Manual.
 
-Where the e-Manual is silent: a write to a read-only or locked register is refused with the range bit. A sync write,
-which is not acknowledged, clamps the goal to the angle limits. An AX also executes a factory reset, which the e-Manual
-lists for all of protocol 1.0, though a user reports an AX-12 that refused it.
+The e-Manual leaves some points open. Here a write to a read-only or locked register is refused with the range bit. A
+sync write, which is not acknowledged, clamps the goal to the angle limits. An AX also executes a factory reset, which
+the e-Manual lists for all of protocol 1.0, though a user reports an AX-12 that refused it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ _MIN_RETURN_LEVELS: dict[int, int] = {
     Protocol1Instruction.READ: 1,
     Protocol1Instruction.BULK_READ: 1,
 }
-"""Lowest status return level at which an instruction is answered; 2 for all others."""
+"""Lowest status return level at which a servo answers an instruction; for all other instructions it is 2."""
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
@@ -70,7 +70,7 @@ def _read(servo: VirtualServo, parameters: bytes) -> tuple[ServoFault, bytes]:
 
 
 def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> list[Slot]:
-    """Answer a bulk read in turn. Each servo waits for the one before it, so all after a silent one are silent."""
+    """Return the replies to a bulk read, in order. Each servo waits for the one before it: a missing one ends them."""
     slots: list[Slot] = []
     for start in range(1, len(parameters) - 2, 3):
         count, number, address = parameters[start : start + 3]

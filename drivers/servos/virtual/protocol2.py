@@ -17,7 +17,7 @@ FAST_SYNC_READ, FAST_BULK_READ = 0x8A, 0x9A
 """Instructions that all servos answer in one common packet."""
 
 CLEAR_TURNS = bytes.fromhex("01 44 58 4C 22")
-"""Parameters of CLEAR: the position to clear, and a password."""
+"""Parameters of CLEAR that clear the turns of a position: the code 01, and a fixed password."""
 
 KEPT_REGISTERS: Mapping[int, tuple[str, ...]] = MappingProxyType({0xFF: (), 0x01: ("id",), 0x02: ("id", "baud")})
 """Registers that survive a factory reset, by its parameter."""
@@ -32,7 +32,7 @@ _ERRORS: Mapping[ServoFault, Protocol2Error] = MappingProxyType(
     }
 )
 _MIN_RETURN_LEVELS: dict[int, int] = {Protocol2Instruction.PING: 0, Protocol2Instruction.READ: 1}
-"""Lowest status return level at which an instruction is answered; 2 for all others."""
+"""Lowest status return level at which a servo answers an instruction; for all other instructions it is 2."""
 
 ReadTarget = tuple[int, int, int]
 """Part of a read request for one servo: ID, address, and size."""
@@ -67,7 +67,7 @@ def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) ->
 
 
 def _execute(servo: VirtualServo, packet: Packet) -> tuple[Protocol2Error, bytes]:
-    """Execute a request on one servo; return its error and the reply data."""
+    """Execute a request on one servo; return the error in its reply, and the reply data."""
     if not packet.intact:
         return Protocol2Error.CRC, b""
     address, rest = int.from_bytes(packet.parameters[:2], "little"), packet.parameters[2:]
@@ -123,7 +123,7 @@ def _read(servo: VirtualServo, address: int, count: int) -> tuple[Protocol2Error
 
 
 def _parse_read_targets(packet: Packet) -> list[ReadTarget]:
-    """Return the targets of a sync or bulk read, in order."""
+    """Return the servo, address and size of each part of a sync read or a bulk read, in order."""
     data = packet.parameters
     if packet.code in (Protocol2Instruction.SYNC_READ, FAST_SYNC_READ):
         return [(number, _word(data, 0), _word(data, 2)) for number in data[4:]]
@@ -153,9 +153,9 @@ def _answer_in_turn(targets: Iterable[ReadTarget], servos: Sequence[VirtualServo
 
 
 def _answer_in_one_packet(targets: Sequence[ReadTarget], servos: Sequence[VirtualServo]) -> list[Slot]:
-    """Return a common packet: error, ID and data of each servo, and a CRC of the bytes so far. Nothing is stuffed.
+    """Return the common reply of several servos: error, ID and data of each, and a CRC of all bytes so far.
 
-    The packet ends early if a servo is missing.
+    It is sent without byte stuffing, and ends early if a servo is missing.
     """
     length = 1 + sum(count + 4 for _, _, count in targets)
     frame = HEADER + bytes((BROADCAST, *length.to_bytes(2, "little"), STATUS))

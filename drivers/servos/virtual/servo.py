@@ -27,8 +27,9 @@ STEPS_PER_TURN = 4096
 class VirtualMotor:
     """Motor that turns ``shaft``, in radians from the middle of its range, positive anticlockwise seen facing the horn.
 
-    ``velocity`` is in rad/s; ``stalled_since`` is the time since which it is stalled. While it ``is_disabled`` it has
-    no force, whatever the table says. ``frozen_position`` (ticks) is the reading of a broken sensor.
+    ``velocity`` is in rad/s; ``stalled_since`` is the time at which the current stall began, None without a stall.
+    While ``is_disabled`` is True it has no torque, even if the control table enables it. ``frozen_position`` (ticks) is
+    the reading of a broken sensor.
     """
 
     def __init__(self, memory: VirtualTable, angle: float) -> None:
@@ -80,7 +81,10 @@ class VirtualMotor:
         return self.direction * max(-strength, min(push, strength))
 
     def ticks(self) -> int:
-        """Return the position of the motor's sensor; in protocol 1.0 it stops at the ends, unless turns are counted."""
+        """Return the position (ticks) that the motor's sensor reports.
+
+        In protocol 1.0 it stops at the ends of the sensor's range, except in multi-turn mode.
+        """
         if self.frozen_position is not None:
             return self.frozen_position
         settings = self._table.settings
@@ -97,7 +101,7 @@ class VirtualMotor:
 
     @property
     def direction(self) -> int:
-        """1, or -1 if the servo is configured to count the other way round."""
+        """Sign of the motor's rotation: 1, or -1 if the servo is configured to count positions the other way round."""
         return self._table.settings.direction
 
     @property
@@ -137,7 +141,7 @@ class VirtualMotor:
         return min(wanted or self._model.free_speed, self._model.free_speed)
 
     def _endless_speed(self, mode: ServoMode) -> float:
-        """Return the speed of endless rotation, in rad/s, positive in the direction of rising ticks."""
+        """Return the speed of endless rotation in ``mode``, in rad/s, positive in the direction of rising ticks."""
         get = self._table.get
         if mode is ServoMode.SPEED:
             speed = "goal_velocity" if self._model.protocol == 2 else self._model.table.speed
@@ -156,10 +160,10 @@ SET_MIDDLE = 128
 
 
 def apply_write_rules(memory: VirtualTable, address: int, data: bytes) -> bytes:
-    """Return the content of ``table`` at ``address`` after an STS has accepted a write of ``data``.
+    """Return the bytes of the table in ``memory`` from ``address`` on, after an STS has accepted a write of ``data``.
 
-    Read-only registers keep their value, others are clamped to their bounds, and ``SET_MIDDLE`` changes the offset. The
-    maker does not document the rest.
+    Read-only registers keep their value, other values are clamped to the bounds of their register, and ``SET_MIDDLE``
+    changes the offset. The maker documents no other rules.
     """
     end = address + len(data)
     held = bytearray(memory.table[address:end].ljust(len(data), b"\0"))
@@ -186,17 +190,20 @@ WATCHDOG_STEP = 0.02
 """Seconds per step of the bus watchdog."""
 
 MAX_LAG = 0.005
-"""Seconds by which the simulation of a shaft may lag between writes."""
+"""Maximum seconds by which the simulated shaft may be behind the bus time when its servo is written to."""
 
 
 class VirtualServo(VirtualTable):
     """A virtual servo, with attributes that a test or a simulated world may set at any time.
 
-    ``present``: False without a cable; ``voltage`` in volts; ``temperature`` in degrees Celsius; ``load``, the torque
-    against which it must hold as a share of its stall torque, positive if it must push anticlockwise; ``damage``,
-    hardware faults (ENCODER, SHOCK) of protocol 2.0; ``registered_write``, a write that waits for ACTION;
-    ``reply_skew``, seconds added to its return delay; ``booted_at``, the time at which its clock was 0. ``shaft.grip``
-    is 0 while the shaft is blocked, -1 while it turns the wrong way.
+    - ``present``: False without a cable.
+    - ``voltage`` in volts, ``temperature`` in degrees Celsius.
+    - ``load``: torque on the shaft, as a share of its stall torque; positive if the servo must push anticlockwise.
+    - ``damage``: hardware faults (ENCODER, SHOCK) of protocol 2.0.
+    - ``registered_write``: a write that waits for ACTION.
+    - ``reply_skew``: seconds added to the return delay.
+    - ``booted_at``: the time at which the servo's clock was 0.
+    - ``shaft.motion_factor``: 0 while the shaft is blocked, -1 while it turns the wrong way.
     """
 
     def __init__(self, servo: int = 1, *, model: str = "AX-12A", angle: float = 0.0) -> None:
@@ -250,7 +257,7 @@ class VirtualServo(VirtualTable):
         return self.present and self._starts_at is None
 
     def turn_by_hand(self, angle: float) -> None:
-        """Turn the shaft to ``angle`` (radians) if the torque is off."""
+        """Turn the shaft by hand to ``angle`` (radians); it does not turn while the servo has torque."""
         if self.limp:
             self.shaft.position = self.shaft.goal = angle
 
@@ -315,7 +322,7 @@ class VirtualServo(VirtualTable):
         self._motor.stalled_since = None
 
     def read(self, address: int, size: int) -> bytes:
-        """Return bytes of the table, with readings at the current simulated time; empty beyond its end."""
+        """Return ``size`` bytes of the control table, with current readings; empty if they would exceed the table."""
         if not size or address + size > len(self.table):
             return b""
         if address + size > self._volatile:
@@ -371,7 +378,7 @@ class VirtualServo(VirtualTable):
             self.set("goal_position", self._motor.ticks())
 
     def _protect(self) -> None:
-        """Update the faults, and switch the motor off for those in the shutdown mask."""
+        """Update the faults of the servo, and switch its motor off for those in the register ``shutdown``."""
         settings = self.settings
         found = ServoFault.OVERLOAD if self._is_overloaded else NO_FAULT
         if not settings.voltage_limits[0] <= round(self.voltage * 10) <= settings.voltage_limits[1]:
@@ -394,7 +401,7 @@ class VirtualServo(VirtualTable):
             self._motor.velocity = 0.0
 
     def _latch(self, faults: ServoFault) -> bool:
-        """Latch the faults of a shutdown until a reboot, clear the others; return True if shut down."""
+        """Keep faults that cause a shutdown until a reboot, and clear all others that have ended; True if shut down."""
         mask = self.settings.shutdown
         error = self.get("hardware_error")
         if not (error or faults):

@@ -14,7 +14,7 @@ from drivers.servos.wire import ServoFault
 # The state registers of a servo, filled from the state of the virtual servo.
 
 _NO_CURRENT: Mapping[int, int] = MappingProxyType({56: 512, 68: 2048})
-"""Current readings of protocol 1.0 without current, by address."""
+"""Readings of the current registers of protocol 1.0 that mean 0 A, by address."""
 
 STALL_CURRENT_STEPS = 370
 """Current reading of an STS at its stall torque: 2.4 A."""
@@ -121,9 +121,9 @@ _REVERSED, _TORQUE_BY_GOAL = 1, 8  # bits of the drive mode
 class EepromSettings(NamedTuple):
     """Decoded settings of one servo.
 
-    ``limits`` are the allowed goals (ticks) of a joint; ``direction`` is -1 if it counts the other way round;
-    ``offset`` is added to the sensor's ticks. ``voltage_limits`` are in 0.1 V, ``max_temperature`` in degrees Celsius.
-    ``goal_enables_torque`` says whether a goal switches the torque on.
+    ``limits`` are the lowest and highest allowed goal (ticks) of a joint; ``direction`` is -1 if the servo counts
+    positions the other way round; ``offset`` is added to the sensor's ticks. ``voltage_limits`` are in 0.1 V,
+    ``max_temperature`` in degrees Celsius. ``goal_enables_torque`` is True if a new goal also switches the torque on.
     """
 
     baud: int
@@ -206,9 +206,9 @@ _CURRENT_MODES = (0, 5)
 
 @dataclass(frozen=True, slots=True)
 class TableSpan:
-    """Registers in a span of a table: ``rows`` overlap it.
+    """Registers that overlap a span of bytes of a control table: ``rows``, and their ``names``.
 
-    ``is_mapped``: registers cover all of its bytes; ``is_aligned``: it contains all of its registers completely.
+    ``is_mapped``: the registers cover all bytes of the span; ``is_aligned``: no register extends beyond the span.
     """
 
     rows: tuple[Register, ...]
@@ -237,7 +237,7 @@ class VirtualTable:
         return self._row(register).decode(self.table)
 
     def set(self, register: str | Register, value: int) -> None:
-        """Set a register from inside, without access rules."""
+        """Set a register as the servo itself does, without the checks of a write from the bus."""
         row = self._row(register)
         self.table[row.address : row.end] = row.encode(value)
         if row.eeprom:

@@ -14,11 +14,11 @@ BITS_PER_BYTE = 10
 """Bits of a byte on the wire: start bit (low), eight data bits (lowest first), stop bit (high)."""
 
 Burst = tuple[float, bytes]
-"""Bytes without a pause, and their start in bits after the request."""
+"""Bytes that are sent without a pause, and the time of their start in bits after the request."""
 
 
 def overlay(replies: Sequence[bytes]) -> bytes:
-    """Return the bytes that are received if ``replies`` are sent at the same moment: any sender pulls the wire low."""
+    """Return the received bytes if ``replies`` are sent at the same moment, and any sender can pull the wire low."""
     return b"".join(data for _, data in merge_replies([(0.0, reply) for reply in replies]))
 
 

@@ -1,7 +1,7 @@
 """Virtual STS servos: execution of requests, modelled after the maker's protocol manual and memory table.
 
-Where those are silent: a damaged or unknown request is not answered. In a sync read, all after a missing servo are
-silent, as with Dynamixels.
+Both leave some points open. Here a damaged or unknown request is not answered. In a sync read, the servos after a
+missing one do not answer, as with Dynamixels.
 """
 
 from collections.abc import Iterator, Sequence

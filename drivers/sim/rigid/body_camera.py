@@ -152,7 +152,7 @@ def _strokes(scene: PhysicsScene) -> list[Stroke]:
 
 
 def _edge_strokes(at: Floats, turned: Floats, size: Floats) -> list[Stroke]:
-    """Return a box or similar shape as two lines along its longest sides."""
+    """Return a shape such as a box as two parallel lines in the direction of its longest side."""
     least, middle, most = np.argsort(size)
     radius = float(size[least] or size[most])  # a sphere has one size alone
     reach = turned[:, most] * max(float(size[most]) - radius, 0.0)

@@ -27,8 +27,8 @@ class RigidShape:
 class RigidLink:
     """Link of a robot and its joint of the same ``name``, at ``offset`` from that of ``parent`` (empty: the trunk).
 
-    At joint angle 0, all axes are those of the robot: x forward, y left, z up. ``centre`` is the centre of mass from
-    the joint, and ``spread`` the radius of gyration about it along each axis.
+    At joint angle 0, all axes are those of the robot: x forward, y left, z up. ``centre`` is the position of the centre
+    of mass from the joint. ``spread`` has the radius of gyration about each axis through the centre of mass.
     """
 
     name: str
@@ -56,9 +56,10 @@ class RigidRobot:
 
 @dataclass(frozen=True, slots=True)
 class TrunkPush:
-    """A push on the trunk for ``duration`` seconds from ``at`` on, which would give the free robot ``speed`` (m/s).
+    """A push on the trunk for ``duration`` seconds, beginning at time ``at``.
 
-    ``direction`` is an angle in the world frame, in radians.
+    The force would accelerate the robot to ``speed`` (m/s) if it were free to move. ``direction`` is an angle in the
+    world frame, in radians.
     """
 
     at: float
@@ -71,8 +72,9 @@ class TrunkPush:
 class Floor:
     """Floor of a physics scene, and disturbances of the robot on it.
 
-    ``friction`` is Coulomb's coefficient; ``slope`` (rad) is the rise ahead and to the left. Each mass is wrong by up
-    to the share ``mass_error``, drawn by the seed. ``servo_delay`` (s) is the delay from a goal to the servo.
+    ``friction`` is Coulomb's coefficient; ``slope`` (rad) is the rise ahead and to the left. Each mass of the robot is
+    changed by a random share of at most ``mass_error``, which the scene's seed fixes. ``servo_delay`` (s) is the delay
+    from a goal to the servo. ``pushes`` act on the trunk.
     """
 
     friction: float = 1.0
@@ -130,7 +132,10 @@ def _inertial_element(mass: float, centre: Vector, spread: Vector) -> str:
 
 
 def _shape_elements(shapes: Iterable[RigidShape]) -> str:
-    """Return shapes that touch the floor but not each other: gaits are checked for colliding limbs elsewhere."""
+    """Return shapes in MJCF that touch the floor, but not each other.
+
+    ``drivers.legs.gait_check`` finds gaits in which limbs collide.
+    """
     return "".join(
         f"<geom {_shape_attributes(shape)} "
         + ('contype="2" conaffinity="1"' if shape.solid else 'contype="0" conaffinity="0"')

@@ -39,13 +39,13 @@ def import_mujoco() -> Any:
 
 
 class PhysicsScene:
-    """Robot on a floor, in MuJoCo. ``model`` is MJCF text, or the path of a user's file. For one thread.
+    """Robot on a floor, simulated by MuJoCo. For one thread.
 
-    Time is the simulated clock's. Physics advances in steps of ``TIME_STEP`` on an absolute schedule, so the result
-    does not depend on the calls of ``advance``. The robot starts at ``start`` with all joints at 0 and torque on.
-    ``backlashes`` are those of the servos (rad) by joint name; the model must have each of these joints, with a
-    position actuator. ``energy`` (J) is the work of the motors so far. Raises BadRequest without MuJoCo, and for an
-    invalid model or a missing joint.
+    ``model`` is MJCF text, or the path of a user's file. All times are those of the simulated clock. Physics advances
+    in steps of ``TIME_STEP`` at fixed times, so the result does not depend on how often ``advance`` is called. The
+    robot starts at the pose ``start`` with all joints at 0 and torque on. ``backlashes`` are the backlashes of the
+    servos (rad) by joint name; the model must have each of these joints, with a position actuator. ``energy`` (J) is
+    the work of the motors so far. Raises BadRequest without MuJoCo, and for an invalid model or a missing joint.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class PhysicsScene:
         return Pose2D(float(x), float(y), atan2(turn[3], turn[0]))
 
     def lean(self) -> tuple[float, float]:
-        """Return roll and pitch of the trunk in radians, positive to its right and ahead."""
+        """Return roll and pitch of the trunk in radians; positive if the robot leans to its right, and ahead."""
         turn = self.data.xmat[self._trunk]
         return atan2(turn[7], turn[8]), -asin(min(max(turn[6], -1.0), 1.0))
 
@@ -167,7 +167,7 @@ class PhysicsScene:
         self._steps += 1
 
     def _push_force(self, now: float) -> tuple[float, float]:
-        """Return the force (N) of all pushes at a time, in x and y."""
+        """Return the total force (N) of the pushes at time ``now``, in x and y of the world frame."""
         x = y = 0.0
         for push in self._floor.pushes:
             if push.at <= now < push.at + push.duration:
@@ -208,7 +208,7 @@ class PhysicsScene:
         self._max_torque = np.where(most > 0, most, self._stiffness)
 
     def _apply_disturbances(self, seed: int) -> None:
-        """Set friction, slope and mass errors."""
+        """Set friction, slope, and the mass errors, which are drawn with ``seed``."""
         mine, floor = self.model, self._floor
         chance = Random(f"masses {seed}")  # noqa: S311 - no secret
         for body in range(1, mine.nbody):
