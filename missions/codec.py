@@ -221,7 +221,7 @@ def _type_error(expected: str, value: object) -> CodecError:
 
 
 def _check(expected: str, holds: Callable[[Any], bool]) -> Callable[[Any], Any]:
-    """Return a decoder for data that satisfies ``holds``; it raises CodecError for other data."""
+    """Return a decoder for data that satisfies ``holds``; for other data it raises CodecError with ``expected``."""
 
     def decode(data: Any) -> Any:
         if not holds(data):

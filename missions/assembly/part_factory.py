@@ -135,7 +135,7 @@ def joint_groups(config: RobotConfig, part: str = "arm") -> Mapping[str, tuple[s
 
 
 def camera_position(config: RobotConfig) -> tuple[float, float, float]:
-    """Return the position of the camera on the robot (x, y, z in m); 1 m above the floor if it has none."""
+    """Return the position of the camera on the robot (x, y, z in m); without a camera, 1 m above the floor."""
     return (0.0, 0.0, 1.0) if config.camera is None else config.camera.position
 
 

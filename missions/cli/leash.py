@@ -1,8 +1,8 @@
 """Stops a run when the server that started it ends, or when the program that reads its output ends.
 
 A robot must not drive on without an observer: ``mission run ... | head -1`` closes the pipe, which poll reports at
-once, not only with the next line. A server passes each run the read end of a pipe as ``--leash``; the pipe is closed
-when the server ends. The studio beside a run uses the same method.
+once, not only with the next line. A server, such as the task server, passes each run the read end of a pipe as
+``--leash``; the pipe is closed when the server ends. A studio that belongs to a run ends in the same way.
 """
 
 import json

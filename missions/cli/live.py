@@ -31,7 +31,7 @@ REFRESH_INTERVAL = 0.1
 """Seconds between two updates of the live line."""
 
 READY_NOTICE_DELAY = 2.0
-"""Seconds from the start of a run to its first tick above which the line "ready" is printed."""
+"""If the first tick of a run is later than this, in seconds, the line "ready" is printed."""
 
 STATUS_SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
@@ -161,7 +161,7 @@ class RunDisplay:
             self._print_leaf(event, event.t - began, event.reason if event.status == "failure" else "")
 
     def _print_halted(self, event: Event) -> None:
-        """Print the halted leaves; ``event`` follows them: if it is the failure of a timeout, that has halted them."""
+        """Print the leaves that were halted before ``event``; if that is the failure of a timeout, it halted them."""
         is_timeout = isinstance(event, NodeChanged) and event.kind == "timeout" and event.status == "failure"
         for leaf, seconds in self._halted:
             self._print_leaf(leaf, seconds, "timed out" if is_timeout else "halted")

@@ -10,7 +10,7 @@ _origin: ContextVar[tuple[str, str]] = ContextVar("origin", default=("", ""))
 
 
 def forget_origin() -> None:
-    """Reset the origin, at the start of a command."""
+    """Forget where the name of the robot came from, at the start of a command."""
     _origin.set(("", ""))
 
 
@@ -55,7 +55,10 @@ def chosen_robot(robot: str | None, other: str = OTHER_ROBOT) -> str | None:
 
 
 def robot_file(name: str | None, default: str = DEFAULT_ROBOT, other: str = OTHER_ROBOT) -> Path:
-    """Return the file of the named robot, or of ``default``; then its origin is recorded. Raises UnknownNameError."""
+    """Return the file of the robot ``name``. Raises UnknownNameError.
+
+    Without a name, return the file of ``default``, and record its origin for error messages.
+    """
     if name is None:
         _origin.set((default, f"the robot is '{default}', the default: {other}"))
     elif name == OWN_ROBOT:

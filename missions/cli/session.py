@@ -55,4 +55,7 @@ class RunSession:
 
 
 RunContext = Callable[[RunSession], AbstractContextManager[object]]
-"""Takes part in a run: entered before anything moves, left after the robot is closed. Raises click.UsageError."""
+"""Function of a plug-in that returns a context manager for a run. Raises click.UsageError.
+
+The context is entered before anything moves, and left after the robot is closed.
+"""

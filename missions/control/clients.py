@@ -14,20 +14,20 @@ from missions.control.state_feed import MAX_QUEUED_EVENTS, StateFeed, merge_stat
 from missions.runner import Runner
 
 MAX_QUEUED_ANSWERS = 256
-"""Answers queued for a client; a client that sends more and reads nothing is disconnected."""
+"""Maximum number of answers queued for a client; a client that sends commands but reads no answers is disconnected."""
 
 MAX_UNSEEN_PICTURES = 2
 """Maximum number of pictures that are sent to a client before it confirms that it has shown the first of them."""
 
 SEND_BUFFER_BYTES = 65536
-"""Kernel send buffer of a client; data in it is old when the client reads it."""
+"""Size of the kernel's send buffer of a client; small, since a state that waits in it becomes old."""
 
 BLOCK_BYTES = 1 << 16
 
 WATCH_NOTHING = WatchCommand(state=False)
 
 Encode = Callable[[Mapping[str, object]], bytes]
-"""Encodes a state as a line; the result is shared by all clients."""
+"""Function that encodes a state as a JSON line; the result is shared by all clients."""
 
 
 class ClientQueue:

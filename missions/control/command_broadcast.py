@@ -26,7 +26,7 @@ RUN_END_TIMEOUT = 7.0
 """Seconds that a hanging run has to end after SIGTERM; its lifeline kills it after 5."""
 
 STOP_TRIES = 8
-"""Stop requests to a run until all parts have confirmed; on a busy machine one may take over 0.2 s."""
+"""Maximum number of stop requests to a run until all its parts have confirmed; one may take over 0.2 s."""
 
 GONE_ERRORS = (ConnectionRefusedError, FileNotFoundError)
 """Errors of a connection to a socket without a listener, or a removed one."""
@@ -44,8 +44,8 @@ def send_to_all(
 
     This takes about a second. Without commands, it only lists the runs and commands that move a robot. A stop also ends
     the commands that move a robot without being a run, such as teleop. ``by`` is the person who sends them.
-    ``search_result`` saves the first search. ``is_wanted`` filters runs by their first message. A place that could not
-    be searched is an outcome without success.
+    ``search_result`` is the result of a search just before, if the caller has one. ``is_wanted`` filters runs by their
+    first message. A place that could not be searched is an outcome without success.
     """
     asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
     if asking.is_stop:

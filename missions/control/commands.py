@@ -245,7 +245,7 @@ RUN_COMMANDS: Mapping[str, type[ClientCommand]] = {
 """Commands that a run executes, by word."""
 
 MAX_REFUSED_BYTES = 2 * MAX_COMMAND_BYTES
-"""Maximum bytes of one message that are received; above ``MAX_COMMAND_BYTES`` it is refused, with its id."""
+"""Maximum bytes received of one message; a message above ``MAX_COMMAND_BYTES`` is refused in an answer with its id."""
 
 MAX_ID_TOKENS = 4096
 """Maximum number of tokens searched for the id of a message that is not JSON."""

@@ -94,7 +94,7 @@ def _write_stamp(place: RunFolder, text: str) -> None:
 
 
 def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
-    """Return boot id and clock tick of the stamp in a folder; the tick is None if there is no stamp."""
+    """Return boot id and clock tick of the last stop that is stamped in a folder; the tick is None without a stamp."""
     try:
         values = parse_object(read_regular_text(place.folder / STAMP_FILE))
         return str(values["boot"]), int(values["ticks"])

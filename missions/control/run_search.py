@@ -21,7 +21,7 @@ from missions.control.run_folders import RunFolder, call_all_with_timeout, run_f
 from missions.control.sockets import Address
 
 MANUAL_STOP_HINT = "pgrep -af mission  (lists processes), then kill PID; or the robot's own switch"
-"""Hint if no better command is known."""
+"""Hint how to stop a robot by hand, if no better command is known."""
 
 
 @dataclass(frozen=True, slots=True)

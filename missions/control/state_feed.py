@@ -19,7 +19,7 @@ POSITION_INTERVAL = 0.25
 """Seconds between two stored positions of the base."""
 
 MAX_POSITIONS = 2000
-"""Stored positions of the path; when it is full, every second one is dropped."""
+"""Maximum number of stored positions of the base; when they are full, every second one is dropped."""
 
 MAX_VALUES = 60
 """Maximum number of stored values of each variable of a mission."""
@@ -77,13 +77,13 @@ LOGGED_PARTS = ("voice", "screen")
 """Parts of the robot whose commands are lines of the run's log."""
 
 MAX_LOG_LINES = 500
-"""Log lines stored for new clients, and queued for slow ones."""
+"""Maximum number of log lines that are stored for new clients, and queued for slow ones."""
 
 MAX_QUEUED_EVENTS = 5000
-"""Events queued for a slow client; older ones are dropped."""
+"""Maximum number of events queued for a slow client; older ones are dropped."""
 
 MAX_SCAN_POINTS = 360
-"""Points sent of one revolution of a range finder."""
+"""Maximum number of points that are sent of one revolution of a range finder."""
 
 POSE_INTERVAL = 0.04
 """Seconds between two reads of the pose in simulated time."""

@@ -14,7 +14,7 @@ import time
 from contextlib import suppress
 
 POLL_INTERVAL = 0.25
-"""Seconds between two checks."""
+"""Seconds between two checks of signals and heartbeats."""
 
 
 def main() -> None:

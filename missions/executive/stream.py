@@ -23,13 +23,13 @@ CLOSE_TIMEOUT = 2.0
 """Seconds that slow listeners have at the end of a run."""
 
 BATCH_INTERVAL = 0.03
-"""Seconds between two deliveries; events in between wake no thread."""
+"""Seconds between two deliveries of events to the listeners; events in between are delivered together."""
 
 IDLE_TICK_DELAY = 0.2
 """Seconds by which tick events are delayed if no other event happens, to wake no thread for them alone."""
 
 MAX_QUEUED_EVENTS = 200_000
-"""Events queued for slow listeners; further ones are dropped and counted."""
+"""Maximum number of events queued for slow listeners; further ones are dropped and counted."""
 
 
 class EventStream:

@@ -16,7 +16,7 @@ from missions.executive.events import FaultRaised
 from missions.executive.stream import EventStream
 
 CHECK_INTERVAL = 0.05
-"""Seconds between two checks."""
+"""Seconds between two checks of the tick loop."""
 
 STOP_REPEAT_DELAY = 0.2
 """Seconds until actuators are stopped a second time, since a command may have been in progress."""

@@ -40,7 +40,7 @@ Reading and ticking are recursive, so a deeper tree would overflow the stack.
 
 
 def find_no_mission(name: str, beside: Path) -> Path:
-    """Raise LookupError: used to find sub-missions when a mission is checked that is not in a library."""
+    """Raise LookupError: the default function that finds sub-missions, for texts that have none."""
     raise LookupError(f"cannot be found from {beside}: '{name}'")
 
 
@@ -223,7 +223,7 @@ class CheckContext:
         return False
 
     def _is_never_set(self, name: str) -> bool:
-        """Return True if no step can set the variable ``name``, although a line of the file could not be read.
+        """Return True if no step can set the variable ``name``, in a file with a line that could not be read.
 
         This is so if the name occurs once in the text and there is no sub-mission that could return it.
         """

@@ -53,7 +53,7 @@ NOTHING_UNSET = UnsetVariables(0, {})
 class UnsetAfter(NamedTuple):
     """Variables that may be unset after a step: after its success, and after its failure.
 
-    Each is None if the step cannot end so.
+    Each is None if the step cannot end that way.
     """
 
     success: UnsetVariables | None
@@ -71,7 +71,7 @@ def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None
 def merge_unset(alternatives: Iterable[UnsetVariables | None]) -> UnsetVariables | None:
     """Return the variables that are unset on at least one of several paths, each with the shortest path.
 
-    Paths that are None, as they are never taken, are left out; None if there is no other.
+    None stands for a path that is never taken; return None if all paths are.
     """
     bits: int | None = None
     found: dict[str, EventPath] = {}
@@ -93,7 +93,7 @@ CONDITION_KINDS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items
 """Kinds of nodes that evaluate a condition."""
 
 MAX_TRACED_READS = 100
-"""Reads whose paths are traced: ``config.diagnostics.MAX_DIAGNOSTICS``, the maximum number of reports."""
+"""Maximum number of unset reads whose paths are traced: as many as errors are reported (``MAX_DIAGNOSTICS``)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ def check_answers(context: CheckContext, tree: Step) -> None:
 
 
 def _check_mission_answers(context: CheckContext, tree: Step, params: Collection[str]) -> None:
-    """Report such texts for one mission and its sub-missions, which have variables of their own.
+    """Report texts of one mission and its sub-missions that no ``listen`` of the same mission can return.
 
     ``params`` are the names of the mission's params.
     """

@@ -52,7 +52,7 @@ OPERATOR_WORDS = "(?:and|or|if|else|in|not)"
 """Pattern of the words that can follow an operand in an expression."""
 
 BOLD_A = 0x1D41A
-"""MATHEMATICAL BOLD SMALL A; the bold letters b to z follow it."""
+"""Code point of MATHEMATICAL BOLD SMALL A; b to z follow. Bold letters make a name of a Python keyword."""
 
 UNIT_PATTERN = "|".join(
     sorted(map(re.escape, {unit for units in UNITS.values() for unit in units} - {"%"}), key=len)[::-1]
@@ -127,7 +127,7 @@ def syntax_hint(text: str) -> str:
 TEXT, FLAG, NOTHING = "text", "flag", "nothing"
 
 PERCENT = "percent"
-"""Kind of numbers from 0 to 100, which are numbers and not shares."""
+"""Kind of a value such as ``battery.percent``: a plain number from 0 to 100, not a share from 0 to 1."""
 
 UNSETTLED = "unsettled"
 """Kind of a value that has an error or depends on its own kind; it is not checked."""

@@ -65,9 +65,9 @@ class ModifierKind:
     values if they are few. ``success`` and ``failure`` say what can follow that end of the child: an end of the
     modifier, or ``RESTART``. ``early_ends`` are the ends of the modifier while its child has not ended (for
     ``on_running``, its value selects one of them). ``early_end_text`` describes when this happens; empty if it needs an
-    earlier success. ``every_tick`` is true for a condition that is evaluated at each tick. ``child_ticks`` says when
-    the child is ticked: ``always``, ``sometimes``, or ``afresh`` (from its start). ``relevant_end`` is the end of the
-    child without which the modifier has no effect.
+    earlier success. ``every_tick`` is true for a condition that is evaluated at each tick. ``child_ticks`` says whether
+    each tick of the modifier ticks the child: ``always``, ``sometimes``, or ``afresh`` (once the child has ended, only
+    after a restart). ``relevant_end`` is the end of the child without which the modifier has no effect.
     """
 
     help: str
@@ -85,7 +85,7 @@ class ModifierKind:
 
     @property
     def repeats(self) -> bool:
-        """True if it can restart its child after an end, or evaluate its condition again."""
+        """True if it can start its child again after the child has ended."""
         return RESTART in self.success | self.failure
 
     @property

@@ -91,7 +91,7 @@ def _check_skipped_if(context: CheckContext, step: Step) -> None:
 
 
 def _first_changing_step(step: Step) -> Step:
-    """Return ``step``, or if it is a modifier that passes successes on, the first step below that is not."""
+    """Return the first step inside ``step`` that is not a modifier which succeeds whenever its child does."""
     while step.kind in PASS_SUCCESS_MODIFIERS:
         step = step.children[0]
     return step
@@ -170,7 +170,7 @@ def possible_ends(step: Step) -> Ends:
 
 
 def early_ends(step: Step) -> Ends:
-    """Return the ends of a modifier without an end of its child."""
+    """Return the ends of a modifier that are possible before its child has ended."""
     status = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
     cut = MODIFIERS[step.kind].early_ends
     return cut if status is None or step.kind != "on_running" else cut & {status}
@@ -294,7 +294,7 @@ def _find_running(step: Step) -> Step | None:
 
 
 def _first_that_decides(children: Sequence[Step]) -> Step | None:
-    """Return the step that takes time in the first child of a sequence that does, if all before it succeed.
+    """Return the step that takes time in the first such child of a sequence, if all children before it succeed.
 
     None if an earlier child may fail, or if no child takes time.
     """

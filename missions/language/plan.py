@@ -101,7 +101,7 @@ class Step:
 
     @property
     def named_parts(self) -> Mapping[str, str]:
-        """Names of additional parts (such as a second arm) that the leaf uses as its only part of a kind, by kind."""
+        """Names of additional parts (such as a second arm) that the leaf uses instead of the main part, by kind."""
         return {} if self.leaf is None else self.leaf.named_parts
 
     @property

@@ -132,7 +132,7 @@ def includes_mission(context: CheckContext, path: Path, files: Collection[Path])
 
 
 _SUBMISSION_PATTERN = re.compile(r"""(?<=[ {\[,])mission:\s*['"]?([\w./-]+)""")
-"""References to sub-missions in the text of a mission."""
+"""Pattern that finds the names of sub-missions in the text of a mission."""
 
 
 def _report_unknown_param(
@@ -191,7 +191,7 @@ def _read_submission_params(
 
 
 BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS)
-"""Keys beside a behaviour that do not wrap it."""
+"""Keys that can stand beside a behaviour and are not modifiers."""
 
 OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
 """Keys that can stand beside one kind of behaviour only, each with the word of that behaviour."""
@@ -221,7 +221,7 @@ def read_step(context: CheckContext, node: Node) -> Step:
 
 
 def _report_too_deep(context: CheckContext, node: Node) -> Step:
-    """Report a tree that is too deep, once, although each of a thousand leaves may be; return a placeholder."""
+    """Report that the tree is too deep, once for the whole mission; return a placeholder for ``node``."""
     message = f"nested too deeply: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
     if all(fault.message != message for fault in context.faults):
         context.fault(node.mark, message, certain=True)

@@ -141,7 +141,10 @@ MIN_LONG_LIKENESS = 0.85
 """Minimum similarity (0..1) at which two long words count as one word with up to two typing errors."""
 
 MIN_LONG_WORD = 8
-"""Minimum letters of a word in which a changed letter is a typing error; not so in short ones: wander, wonder."""
+"""Minimum letters of a word in which a changed letter counts as a typing error.
+
+In a shorter word it makes another word: wander, wonder.
+"""
 
 SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 

@@ -28,7 +28,7 @@ from missions.language.switches import impossible_cases
 Kinds = Mapping[str, Kind]
 
 MAX_ROUNDS = 8
-"""Maximum number of times that the kind of a variable can change during type inference, for each setter."""
+"""Maximum number of times that one step can change the kind of a variable during type inference."""
 
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:

@@ -100,7 +100,7 @@ MAX_MEMORY_BYTES = 2_000_000_000
 """Memory limit of the process that reads a workbook, in bytes."""
 
 MAX_ROWS = 100_000
-"""Maximum number of a spreadsheet's rows; of a longer sheet, one more is read."""
+"""Maximum number of a spreadsheet's rows; one more is read, to detect a sheet that is too long."""
 
 
 def main(path: str, sheet: str | None = None) -> None:
