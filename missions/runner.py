@@ -201,7 +201,6 @@ class Runner:
         return run, robot
 
     def _guard(self, config: RobotConfig, robot: Robot) -> BaseGuard | None:
-        """Return the guard of the base, or None without a base."""
         if robot.base_part is None or config.base is None:
             return None
         return BaseGuard(robot.base_part, config.base.reflexes, self._context, self.stream, self.latch.enable)

@@ -37,7 +37,6 @@ def real_voice(factory: "RealPartFactory", section: Section, devices: Mapping[st
 
 
 def _say_aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -> None:
-    """Print ``text`` and let people hear it."""
     out(text)
     hear(text)
 

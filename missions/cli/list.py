@@ -84,7 +84,6 @@ def _user_entries(kind: str) -> Iterator[tuple[str, str]]:
 
 
 def _gestures() -> Iterator[tuple[str, str]]:
-    """Yield each gesture with the robots that can do it."""
     arms = _arms()
     for name, path in shipped_files("gestures").items():
         yield name, f"{load_gesture(path).summary} ({_capable_arms(path, arms)})"

@@ -133,7 +133,6 @@ def names_in_memory() -> list[AbstractName]:
 
 
 def _link_targets(folder: Path) -> Iterator[str]:
-    """Yield the targets of the symbolic links in a folder."""
     for each in folder.iterdir():
         with suppress(FileNotFoundError):  # closed meanwhile
             yield os.readlink(each)  # noqa: PTH115 - it is no path

@@ -226,7 +226,7 @@ class Endpoint:
 
 
 def _listen(place: RunFolder, path: Path) -> ListeningSocket:
-    """Return a listener in a folder. Raises OSError."""
+    """Return a socket that listens at ``path``, in the folder ``place``. Raises OSError."""
     place.prepare()
     found = sockets.listen(path)
     found.setblocking(False)
@@ -445,7 +445,6 @@ class ControlSocket:
             self._wheels.give(client)  # before all else: its drive commands must end
 
     def _handle_line(self, client: ControlClient, line: bytes) -> None:
-        """Execute the command of a client, and send the answer."""
         number: int | None = None
         try:
             command = read_command(line)

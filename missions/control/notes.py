@@ -271,7 +271,6 @@ class RunNotes:
 
 
 def _append_line(path: Path, line: str) -> None:
-    """Append a line to an existing note."""
     number = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW)
     with os.fdopen(number, "w", encoding="utf-8") as note:
         note.write(f"{line}\n")
@@ -334,7 +333,6 @@ def _pid_in(path: Path) -> int:
 
 
 def _is_locked(note: IO[str]) -> bool:
-    """Return whether a process holds the lock of a note."""
     try:
         fcntl.flock(note, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

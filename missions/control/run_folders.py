@@ -241,7 +241,7 @@ _home_cache: dict[int, Path] = {}
 
 
 def _may_exist(folder: Path, seconds: float) -> bool:
-    """Return whether the folder exists, or this is unknown."""
+    """Return False only if the folder certainly does not exist, True also if it does not respond."""
     try:
         return stat.S_ISDIR(call_with_timeout(folder, folder.stat, seconds).st_mode)
     except (FileNotFoundError, NotADirectoryError):

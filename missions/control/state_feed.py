@@ -196,7 +196,7 @@ class StateFeed:
         return [event.as_dict() for event in found], count - len(found)
 
     def _read_pose_state(self) -> Json:
-        """Return pose, joints and new range scan."""
+        """Return the members ``pose`` and ``joints`` of a state, and ``scan`` if the range finder has a new one."""
         pose_state: Json = {}
         robot = self._robot
         if robot.base_part is not None and (base := robot.base_part.state().value) is not None:

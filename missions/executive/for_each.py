@@ -162,7 +162,7 @@ class ForEach(Parent, Decorator):
         return SUCCESS
 
     def _start_member(self) -> None:
-        """Set the variables to the next member, and reset the child."""
+        """Set the variables of the loop to the next member of the list, and reset the child."""
         self.child.reset()
         values = (self.setting.member(self._place), self.setting.number(self._place))
         self.scope.update(zip(self.names, values, strict=False))

@@ -77,7 +77,6 @@ class Parallel(Composite, composites.Parallel):
         return RUNNING
 
     def _fail_with_all_reasons(self, failed: int) -> Status:
-        """Return a failure with the reasons of all failed children."""
         blamed = [child for child in self.members if child.status is FAILURE]
         number = f"{failed} of {len(self.members)} failed: " if failed > 1 else ""
         self.feedback_message = number + "; ".join(dict.fromkeys(child.feedback_message for child in blamed))

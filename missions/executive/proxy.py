@@ -253,7 +253,7 @@ class _ProxySourceWriter:
         yield "return result"
 
     def _convert_arguments(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
-        """Yield the lines that convert arguments before use."""
+        """Yield the source lines that convert the arguments of a command before use."""
         if command.leaf_converters:
             yield "if tell is not None:"
             for parameter, change in command.leaf_converters.items():

@@ -136,7 +136,7 @@ class EventStream:
 
 
 def _expand(told: Event | Change | Reset) -> Iterator[Event]:
-    """Yield the events of a queued item."""
+    """Yield the events that a queued item stands for: itself, or one for each node in it."""
     match told:
         case Event():
             yield told

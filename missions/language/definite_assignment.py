@@ -197,7 +197,7 @@ class _UnsetAnalysis:
         return UnsetVariables(unset.bits & ~self._bits_of(names), ways)
 
     def _with_bit(self, names: Iterable[str], bits: int) -> list[str]:
-        """Return the names whose bits are set."""
+        """Return those of ``names`` whose bit is set in ``bits``."""
         return [name for name in names if bits & self._bits_of((name,))]
 
     def _check_read(self, step: Step, value: Value, unset: UnsetVariables, here: StepContext) -> None:

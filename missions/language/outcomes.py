@@ -318,7 +318,7 @@ def find_once_guards(tree: Step) -> list[Diagnostic]:
 
 
 def _once_hint(once: Step, guard: Step) -> str:
-    """Return the hint how to run only the action once."""
+    """Return a hint how to put ``once`` around the action only, and not around the guard."""
     child = once.children[0]
     while child is not guard and child.kind in MODIFIERS:
         child = child.children[0]

@@ -117,7 +117,6 @@ class Step:
 
     @property
     def _reads(self) -> Iterator[NameReference]:
-        """Names that the expressions of the step read."""
         values = (value.template for value in (*self.arguments.values(), *self.returns.values()))
         return (read for template in values if template is not None for read in template.reads)
 

@@ -374,7 +374,6 @@ def _text(node: Node | None) -> str:
 def _report_unknown_word(
     context: CheckContext, key: Scalar, label: str, *, alone: bool, beside: Collection[str] = ()
 ) -> None:
-    """Report an unknown word, with a suggestion."""
     modifiers, composites = (*MODIFIERS, *BESIDE_KEYS), BRANCHES
     words = [*context.leaves, *composites, *([] if alone else modifiers)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)

@@ -110,7 +110,7 @@ def _setters(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds],
 
 
 def _member_kind(among: Value, kinds: Kinds) -> Kind:
-    """Return the kind of the members of a list."""
+    """Return the kind of the members of the list ``among``."""
     if isinstance(among.constant, ListMembers):
         return kind_of_value(among.constant.values[0]) if among.constant.values else UNSETTLED
     kind = kind_of_result(among, kinds)

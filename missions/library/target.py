@@ -37,14 +37,12 @@ def target_of_parts(robot: Robot) -> TargetRobot:
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
-    """Return the words that the robot cannot listen for."""
     from missions.library.pronunciation import find_unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 
     return find_unpronounceable(config, words)
 
 
 def _confusable(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
-    """Return the pairs of phrases that are easily confused."""
     from missions.library.pronunciation import find_confusable_phrases  # noqa: PLC0415 - ears, a voice, and numpy
 
     return find_confusable_phrases(config, phrases)
