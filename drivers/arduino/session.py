@@ -146,7 +146,7 @@ class ResetDetector:
     def on_poll(self, now: float) -> None:
         """Record that the port is read at time ``now``.
 
-        Call this before received data are handled, and each time that the loop has received nothing.
+        Call this before received data are handled, and in each pass of the loop without data.
         """
         polled_at, self._polled_at = self._polled_at, now
         self._backlog = polled_at is not None and now - polled_at > MAX_PROOF_AGE + self.idle_period
@@ -172,7 +172,7 @@ class ResetDetector:
         self._unacked.extend([now] * count)
 
     def on_encoder_message(self) -> None:
-        """Count an encoder message as a proof that the board was not reset before the last poll.
+        """Count an encoder message as a proof that the board was not reset up to the previous poll of the port.
 
         The message may have been received at any time since that poll.
         """

@@ -56,7 +56,7 @@ class RosserialReceiver:
 
 
 ATTACHED_ANGLE = 92.7
-"""Angle in degrees of a servo that is attached but has no setpoint: pulses of 1500 microseconds."""
+"""Angle in degrees of a servo that is attached but has no setpoint: it gets pulses of 1500 microseconds."""
 
 FIRST_SKETCH_ANGLES = (*FIRST_SKETCH_STARTS[:2], ATTACHED_ANGLE, ATTACHED_ANGLE)
 """Start angles of the first sketch (Parts 01 to 04): it moves servos 0 and 1 to 90 and 120 degrees."""

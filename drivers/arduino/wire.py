@@ -194,7 +194,10 @@ class RosserialTime:
 
 @dataclass(frozen=True, slots=True)
 class ServoAngle:
-    """Message servo_msgs/servo_array: setpoint of servo ``index``, 0..180 degrees (from 544 on microseconds)."""
+    """Message servo_msgs/servo_array: setpoint of servo ``index`` in degrees, 0..180.
+
+    The sketch's Servo library takes values from 544 on as the length of a pulse in microseconds.
+    """
 
     index: int
     angle: int

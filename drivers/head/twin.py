@@ -27,12 +27,12 @@ from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 class ServoHeadTwin(ProfiledHead[ServoAxis], LatchingPart):
     """Simulated head of two hobby servos: a ``drivers.api.Head``. Not thread-safe.
 
-    Call ``step`` every ``STEP_INTERVAL``.
-    ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: after
-    ``open`` it moves from the start angles of the sketch to ``start``. The pose is the last setpoint in whole degrees,
-    ``true_pose`` the simulated angles. The plug powers the board, so each connection is a restart: the goal is dropped,
-    and the head stays until a command. ``away`` is the reconnect policy. ``changed`` is called with each change of the
-    pose. Raises ValueError for impossible values.
+    Call ``step`` every ``STEP_INTERVAL``. ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and
+    ``start`` are as for ``ArduinoHead``: after ``open`` the head moves from the start angles of the sketch to
+    ``start``. The pose is the last setpoint in whole degrees; ``true_pose`` returns the simulated angles. The plug
+    powers the board, so the board restarts at each connection: then the goal is dropped, and the head does not move
+    until a command. ``away`` is the reconnect policy. ``changed`` is called with each change of the pose. Raises
+    ValueError for impossible values.
     """
 
     STEP_INTERVAL = 0.02

@@ -26,7 +26,7 @@ PROGRESS_STEP, RESOLUTION = radians(2), radians(0.6)
 """Sufficient progress within ``BLOCKED_AFTER``, and the least progress that sensors can detect."""
 
 MIN_SPEED_SHARE = 0.25
-"""Share of the commanded speed at which a joint makes enough progress, even if it moves only a little."""
+"""Share of its commanded speed at which a slow joint makes enough progress not to count as blocked."""
 
 SETTLE_TIME = 0.3
 """Seconds near its goal after which a joint has arrived."""

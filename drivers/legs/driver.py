@@ -45,11 +45,13 @@ MAX_TIME_STEP = 0.03
 """Maximum time step of a walk in seconds: after a late step the walk is slower, and does not leap."""
 
 TORQUE_ON_TIMEOUT = 1.0
-"""Seconds that joints without torque have to hold after the first step of a way to a stand; servos may have shut down.
-"""
+"""Seconds for which leg joints may lack torque at the start of a motion, before the legs are latched."""
 
 READING_TIMEOUT = 0.3
-"""Seconds without a reading of a leg joint after which the walk is dropped; not sooner, as it ends in mid-step."""
+"""Seconds without a reading of a leg joint after which the walk is dropped.
+
+The time is not shorter, because a walk that is dropped ends in mid-step.
+"""
 
 
 class LegsBase(ArbitratedBase):

@@ -28,7 +28,7 @@ MIN_COM_HEIGHT = 0.05
 _, Y, Z = np.eye(3)
 
 STAND_ITERATIONS = 2
-"""Iterations that move a stand until its centre of mass is over the middle of the soles."""
+"""Number of iterations that move a stand until its centre of mass is over the middle of the soles."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -150,7 +150,7 @@ def _bearing(way: Floats) -> Floats:
 
 
 def wrap_angles(angle: Floats) -> Floats:
-    """Return angles within one turn: above -pi, up to pi."""
+    """Return angles (radians) within one turn: above -pi, up to pi."""
     found: Floats = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return found
 

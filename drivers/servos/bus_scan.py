@@ -61,7 +61,7 @@ def scan_bus(
 MAX_PING_IDS = 32
 """Number of IDs up to which a scan pings every ID that did not answer a read.
 
-A scan of more IDs that has found a servo pings only those of them below this number.
+A scan of more IDs that has found a servo pings only the IDs below this number.
 """
 
 

@@ -158,7 +158,7 @@ def codecs_for(framing: Framing) -> Mapping[Protocol, Codec]:
 # widened to another size; a write, whose reply has no data, has to wait.
 
 MAX_REPLY_LATENESS = 0.05
-"""Maximum seconds by which a reply is late and can still arrive after the reply to a newer request.
+"""Maximum seconds after its timeout at which a reply can still arrive if the servo has answered a newer request.
 
 No USB adapter holds bytes back for longer.
 """

@@ -196,10 +196,10 @@ class DynamixelJoints(ServoJoints):
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the clamped goals.
 
-        Ends the following of these joints. Clamped goals are reported once per episode. Joints whose servo is silent,
-        shut down or not as configured are left out, with a notice. Raises BadRequest for an unknown joint or a value
-        that is not finite, NotConnected if the bus is gone or has just come back, DeviceFault while latched or if a
-        joint is blocked.
+        Ends the following of these joints. A clamped goal is reported, unless one of the same joint was clamped within
+        ``CLAMP_REPORT_INTERVAL``. Joints whose servo is silent, shut down or not as configured are left out, with a
+        notice. Raises BadRequest for an unknown joint or a value that is not finite, NotConnected if the bus is gone or
+        has just come back, DeviceFault while latched or if a joint is blocked.
         """
         asked, speeds = self._clock.now(), speeds or {}
         check_move(self.name, goals, speeds, self._joints)

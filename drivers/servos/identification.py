@@ -24,11 +24,11 @@ from drivers.servos.transport import SECOND_REPLY_DELAY
 FULL_READS = 10
 """Number of reads of a servo's whole table in a proof that its ID is unique.
 
-If two servos reply in turn at random, all these reads come from the same servo in 1 of 512 proofs.
+If one of two servos, at random, answers each read, the same servo answers all of them in 1 of 512 proofs.
 """
 
 LISTENED_READS = 3
-"""Number of reads at the start of a series after each of which a second servo with the same ID has time to reply."""
+"""Number of reads at the start of a series that are followed by a wait for the reply of a second servo."""
 
 MIN_DUPLICATE_REPLIES = 2
 """Surplus replies that prove a second servo; a single one may be a late reply."""

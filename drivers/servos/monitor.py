@@ -102,7 +102,7 @@ class JointMonitor:
         self._reporter.reset()
 
     def read(self, joints: Sequence[Joint], after_each: Callable[[], None]) -> None:
-        """Read each of ``joints`` once; call ``after_each`` after each. Raises NotConnected."""
+        """Read each of ``joints`` once; call ``after_each`` after each joint. Raises NotConnected."""
         self._bus.require_open()
         for joint, answered in self._group_reader.read(joints):
             if answered:

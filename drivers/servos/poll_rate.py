@@ -48,8 +48,8 @@ class PollSchedule:
     def note_request(self, now: float) -> bool:
         """Record a request for joint states at time ``now``; return True while a client keeps polling.
 
-        A client keeps polling if its requests have come without a gap of ``OBSERVER_TIMEOUT`` seconds, for longer than
-        that.
+        A client keeps polling if it has sent requests for more than ``OBSERVER_TIMEOUT`` seconds, without a gap of this
+        length.
         """
         if now - self._requested_at > OBSERVER_TIMEOUT:
             self._observed_since = now

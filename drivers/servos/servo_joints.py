@@ -35,7 +35,10 @@ class GoalLimiter:
         self._clamped_at: dict[str, float] = {}
 
     def clamp_goals(self, goals: Mapping[str, float], now: float) -> dict[str, float]:
-        """Return ``goals`` (rad) clamped to the limits; report clamped joints once per episode."""
+        """Return ``goals`` (rad) clamped to the limits of their joints; report a clamped goal.
+
+        It is not reported if another goal of the same joint was clamped within ``CLAMP_REPORT_INTERVAL``.
+        """
         accepted = {}
         for name, goal in goals.items():
             joint = self._joints[name]
@@ -89,8 +92,7 @@ class ServoJoints(LatchingPart, ABC):
         self._reporter = ServoReporter(self.name, joints, self._report)
         self._goal_limiter = GoalLimiter(self.name, joints, self._report)
         self.monitors_progress = True
-        """Whether the progress of joints towards their goals is checked; False for joints that carry a walking robot.
-        """
+        """Whether progress towards goals is checked; False for joints that carry a walking robot."""
         for joint, described in joints.items():
             described.progress.title = f"joint {qualified_joint_name(self.name, joint)}"
 

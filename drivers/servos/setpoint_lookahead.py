@@ -57,9 +57,9 @@ def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) 
 
 
 def hold_position(joint: Joint, here: int) -> int:
-    """Return the position (ticks) at which to hold a joint that is at ``here``: ``here``, or nearer to its limits.
+    """Return the position (ticks) at which to hold a joint that is at ``here`` (ticks).
 
-    Beyond its limits, the joint is moved back by one lookahead distance at most.
+    That is ``here`` itself or, beyond the joint's limits, a position at most one lookahead distance back towards them.
     """
     return _limited_step(joint, joint.clamp_ticks(here), here, lookahead_distance(joint, joint.limits.speed))
 

@@ -196,7 +196,10 @@ def _require_free_id(bus: ServoBus, at: ServoAddress, changes: Sequence[Register
 
 
 def _is_id_taken(bus: ServoBus, servo: int) -> bool:
-    """True if any servo answers at an ID, in either protocol: replies of two servos may be unreadable."""
+    """True if any servo answers at an ID, in either protocol.
+
+    Damaged replies count as well, because two servos with this ID would send them.
+    """
     protocols: tuple[Protocol, ...] = (1,) if servo > wire2.LAST_ID else (1, 2)
     return any(bus.answers_ping(ServoAddress(servo, protocol)) for protocol in protocols)
 

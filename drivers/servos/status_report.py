@@ -145,7 +145,7 @@ class ServoReporter:
     def report_not_at_rest(self, joints: Iterable[Joint], *, stiff: bool, reason: str = "") -> None:
         """Report joints that are not at rest, or did not confirm it; ``stiff`` is True if they are to hold.
 
-        An equal report in a row is omitted: at its end, a run brings the robot to rest twice.
+        A report equal to the one before is omitted, because a run brings the robot to rest twice at its end.
         """
         wanting = _describe_not_at_rest(joints, stiff=stiff)
         if wanting and [*wanting, reason] != self._reported_not_at_rest:

@@ -13,7 +13,7 @@ from drivers.servos.register import RegisterBlock
 from drivers.servos.units import RETURN_DELAY_STEP
 
 GROUP_READ_TIMEOUT = 2.0
-"""Seconds of unanswered group reads, of servos that do answer single reads, after which group reads are disabled."""
+"""Seconds after which group reads are disabled, if servos answer none of them, but do answer single reads."""
 
 _REQUEST_BYTES = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
 """Bytes of a read request for each servo: a packet of its own, or its share of a common packet."""

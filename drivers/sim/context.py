@@ -35,11 +35,12 @@ class Physics:
 class SimContext:
     """Context in which a simulated or virtual device is made.
 
-    Without a ``world`` there is open floor without people. ``pose`` returns the true pose of the base at a time,
+    If ``world`` is None there is open floor without people. ``pose`` returns the true pose of the base at a time,
     ``viewpoint`` the position and direction of the camera, whose pictures have ``camera_noise`` in grey levels.
-    ``parts`` are the simulated devices, or virtual devices, that exist already, by name. ``part_keys`` are the sections
-    of the robot file by part name, and ``part_name`` is the part to make. ``listen_address`` is the address for a robot
-    of ROS 2; empty for any free one. ``scene`` is the robot's body in physics, or None.
+    ``parts`` are the simulated or virtual devices that exist already, by name of the part. ``part_keys`` are the
+    sections of the robot file by part name, and ``part_name`` is the name of the part to make. ``listen_address`` is
+    the network address for a robot of ROS 2; if it is empty, any free one is used. ``scene`` is the robot in the
+    physics engine, or None.
     """
 
     clock: Clock

@@ -171,10 +171,10 @@ _BEAM_SECTORS = (
     (radians(-12), radians(12), DockBeam.NEAR_CENTRE, DockBeam.FAR_CENTRE),
     (radians(-45), radians(-4), DockBeam.NEAR_RIGHT, DockBeam.FAR_RIGHT),
 )
-"""First and last bearing of each infrared beam of the dock, left of the heading of the dock."""
+"""First and last bearing (radians) of each infrared beam of the dock, positive to the left of the dock's heading."""
 
 _RECEIVER_SECTORS = ((radians(15), radians(95)), (radians(-15), radians(15)), (radians(-95), radians(-15)))
-"""First and last direction of the left, centre and right receiver of the base, left of its heading.
+"""First and last direction (radians) of the left, centre and right receiver of a base, positive to its left.
 
 The centre receiver is so narrow that a base reaches the dock if it drives in the direction of the signal that this
 receiver gets, as the vendor's program does.

@@ -70,7 +70,10 @@ def _read(servo: VirtualServo, parameters: bytes) -> tuple[ServoFault, bytes]:
 
 
 def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> list[Slot]:
-    """Return the replies to a bulk read, in order. Each servo waits for the one before it: a missing one ends them."""
+    """Return the replies to a bulk read, in order.
+
+    Each servo waits for the reply of the servo before it, so all servos after a missing one do not answer.
+    """
     slots: list[Slot] = []
     for start in range(1, len(parameters) - 2, 3):
         count, number, address = parameters[start : start + 3]

@@ -271,7 +271,7 @@ class VirtualServo(VirtualTable):
         self._is_overloaded = True
 
     def brown_out(self, seconds: float = REBOOT_TIME) -> None:
-        """Dip the supply: no torque and no replies for ``seconds``, then a restart. A reboot is the same."""
+        """Dip the supply: no torque and no replies for ``seconds``, then a restart. A reboot has the same effect."""
         self._starts_at = self.shaft.stamp + seconds
 
     def power_cycle(self) -> None:
