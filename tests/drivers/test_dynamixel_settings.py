@@ -263,7 +263,7 @@ def test_a_servo_whose_torque_stays_on_is_not_written_to(bench: Bench, monkeypat
     bench.servo.set("torque_enable", 1)
     changes = bench.plan(return_delay=0)
     monkeypatch.setattr(bench.bus, "write", lambda *_: None)
-    with pytest.raises(DeviceFault, match="torque does not go off"):
+    with pytest.raises(DeviceFault, match="torque could not be switched off"):
         apply_changes(bench.bus, bench.at, bench.model.table, changes)
     assert bench.servo.get("return_delay") == 250
 

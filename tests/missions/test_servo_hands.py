@@ -35,7 +35,7 @@ def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simu
     elbow = servos.servo(6)
     assert elbow.angle == pytest.approx(radians(30))
     elbow.set("torque_enable", 1)
-    with pytest.raises(ValueError, match=r"elbow \(servo 6\) is stiff"):
+    with pytest.raises(ValueError, match=r"elbow \(servo 6\): its torque is on"):
         hands.run_command("turn elbow 0 deg")
 
 

@@ -65,7 +65,7 @@ def test_two_measurements_at_one_time_are_averaged() -> None:
 
 
 def test_a_measurement_from_the_past_is_refused() -> None:
-    with pytest.raises(ValueError, match="before the last one"):
+    with pytest.raises(ValueError, match="time stamps go back"):
         AngleFilter(0.0).update(0.0, -0.1)
 
 

@@ -114,7 +114,7 @@ def test_a_task_that_needs_approval_begins_once_somebody_has_approved_it(user: U
 
 def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     added = user.add("--at", "2126-12-24 18:00")
-    assert added.out == "task 1: tell at 2126-12-24 18:00:00\n"
+    assert added.out == "task 1: tell runs at 2126-12-24 18:00:00\n"
     assert added.err == "no server is running the tasks: mission task serve\n"
     listed = user.task("list").out.splitlines()
     assert listed[1].split()[:4] == ["1", "waiting", "2126-12-24", "18:00:00"]

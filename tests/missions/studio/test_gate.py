@@ -427,7 +427,7 @@ def test_what_cannot_be_served_is_said_in_words(capsys: pytest.CaptureFixture[st
     wrong = tmp_path / "cert.pem"
     wrong.write_text("no certificate", encoding="utf-8")
     assert str(wrong) in command(capsys, "studio", "--port", "0", "--certificate", str(wrong)).err
-    assert "--key goes with" in command(capsys, "studio", "--key", str(wrong)).err
+    assert "--key needs --certificate" in command(capsys, "studio", "--key", str(wrong)).err
 
 
 def test_tokens_are_kept_where_the_user_wishes_that(tmp_path: Path) -> None:
