@@ -212,7 +212,10 @@ def _relax(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
     with suppress(NoReply):
         bus.write(at, torque, 0)
     if bus.read(at, torque):
-        raise DeviceFault(f"{bus.name}: servo {at.id}: torque could not be switched off; no setting was written")
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id}: torque could not be switched off; no setting was written",
+            hint=f"hold the arm, then: mission servo torque off {at.id} --port {bus.name}",
+        )
     return True
 
 

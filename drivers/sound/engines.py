@@ -76,13 +76,12 @@ class EspeakEngine(WorkerClient):
             self._number += 1
             self._answer = None
         self._worker.send(make_request(self._number, text, espeak_name(manner), self._default_voice, manner.speed))
-        if (
-            self._wait_until(lambda: self._answer is not None, token, SYNTHESIS_TIMEOUT + len(text) / 1000)
-            or token.is_cancelled
-        ):
+        timeout = SYNTHESIS_TIMEOUT + len(text) / 1000
+        if self._wait_until(lambda: self._answer is not None, token, timeout) or token.is_cancelled:
             return None if token.is_cancelled else self._parse_answer()
         self._worker.kill()
-        raise NoReply(f"{self._worker.name}: espeak-ng did not finish the text {text[:40]!r} in time", hint=self._hint)
+        why = f"espeak-ng did not finish the text {text[:40]!r} in {timeout:.1f} s, and is restarted"
+        raise NoReply(f"{self._worker.name}: {why}", hint=self._hint)
 
     def _parse_answer(self) -> Speech | None:
         """Return the worker's answer as speech; None without one.

@@ -97,7 +97,8 @@ def _load_driver(points: Sequence["EntryPoint"]) -> Driver:
     description = describe_entry_point(point)
     if others:
         raise BrokenDriver(
-            f"{' and '.join(map(describe_entry_point, points))} declare drivers of the same name: uninstall one"
+            f"{' and '.join(map(describe_entry_point, points))} declare drivers of the same name: uninstall one "
+            f"(pip uninstall {owner_of(others[-1]) or 'PACKAGE'})"
         )
     try:
         found = load_entry_point(point)

@@ -204,7 +204,7 @@ def test_a_synthesiser_that_hangs_is_told_of_and_the_next_words_are_spoken(
         hurried.setattr(engines, "SYNTHESIS_TIMEOUT", 0.2)
         wait_until(room.voice.say("one two three").done)
     assert room.printed == ["one two three"]
-    assert "voice: espeak-ng did not finish the text 'one two three' in time" in [
+    assert "voice: espeak-ng did not finish the text 'one two three' in 0.2 s, and is restarted" in [
         notice.message for notice in room.notices
     ]
     wait_until(room.voice.say("back again").done)

@@ -86,7 +86,8 @@ class JointRecording:
         moved = _moving_range(table, steps)
         if moved is None:
             raise BadRequest(
-                f"{name}: no joint moved during the recording", hint="record again, and move the joints by hand"
+                f"{name}: no joint moved during the recording",
+                hint="record again, and move the joints by hand before you press Enter",
             )
         snapshots, table = self.snapshots[moved], table[moved]
         times = np.array([snapshot.time - snapshots[0].time for snapshot in snapshots])

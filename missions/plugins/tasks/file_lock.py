@@ -58,9 +58,9 @@ def _acquire(number: int, path: Path, timeout: float, clock: Clock) -> None:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             if clock.now() >= until:
-                raise LockHeldError(
-                    f"{path}: in use by {f'process {holder}' if (holder := lock_holder(path)) else 'another process'}"
-                ) from error
+                holder = lock_holder(path)
+                by = f"process {holder}" if holder else "another process"
+                raise LockHeldError(f"{path} is in use by {by}: end that one first") from error
             pause.wait(RETRY_INTERVAL)
         else:
             return

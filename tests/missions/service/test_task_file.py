@@ -240,7 +240,7 @@ def test_a_lock_is_held_by_one(tmp_path: Path) -> None:
     assert not is_locked(path)
     with hold_lock(path):
         assert is_locked(path)
-        taken = pytest.raises(LockHeldError, match=r"serve\.lock: in use by process \d+")
+        taken = pytest.raises(LockHeldError, match=r"serve\.lock is in use by process \d+")
         with taken, hold_lock(path, timeout=0.1):
             pass
     assert not is_locked(path)

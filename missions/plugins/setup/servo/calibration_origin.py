@@ -90,7 +90,7 @@ def _validate(content: Any) -> RegisterValues:
         if not isinstance(each, dict) or not all(type(value) is int for value in each.values()):
             raise ValueError(f"'{name:.40}' has no settings of a servo")
         if missing := [word for word in IDENTITY_REGISTERS if word not in each]:
-            raise ValueError(f"'{name:.40}' has no {', '.join(missing)}")
+            raise ValueError(f"joint '{name:.40}' lacks {', '.join(missing)}")
     return content
 
 

@@ -101,7 +101,10 @@ def act_on_servo(verb: str, joint: Joint, servo: VirtualServo, value: str) -> No
         case "turn" if servo.limp:
             servo.turn_by_hand(joint.spec.zero + joint.spec.direction * si_value(value, "angle"))
         case "turn":
-            raise ValueError(f"{joint.title}: its torque is on, so it cannot be turned by hand")
+            raise ValueError(
+                f"{joint.title}: its torque is on, so it cannot be turned by hand; "
+                "off: `mission servo torque off --port PORT`"
+            )
         case "burden":
             servo.load = si_value(value, "share") * joint.spec.direction
         case "heat":
