@@ -91,7 +91,7 @@ def take(served: Served, browser: Browser, folder: Path) -> None:
     page.go("Drive")
     page.wait_for("With head and camera")
     page.tab.evaluate("document.querySelector('.alone .main').click()")
-    wait_until(lambda: page.enabled("Take control"))
+    wait_until(lambda: page.enabled("Release control"))
     page.go("Robot")
     page.wait_for("Trims and limits", "head pan", "Base")
     keep(page, folder, "robot")

@@ -77,7 +77,6 @@ export class Camera extends HTMLElement {
     watcher.addEventListener("which", () => this.#clear());
   }
 
-  /** Set whether the view is shown. */
   set shown(shown) {
     this.#is_view_shown = shown;
     this.#update_rate();

@@ -34,7 +34,7 @@ export class Stop extends HTMLElement {
   #unreached = ""; // reason why a stop may not reach something
   #press = "";
   #timer = 0;
-  #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar (in a text field: Esc)"));
+  #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar, in text Esc"));
   #message = el("p", { class: "said", role: "alert" });
   #release = button("Hold to release", null, { class: "release", hidden: true });
 
