@@ -4,6 +4,7 @@ Loading the types takes a tenth of a second, and the first message of a type tak
 when they open.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, Literal
@@ -314,6 +315,9 @@ def _field_types(fields: Sequence[Any]) -> list[str]:
     return [of for what, of in inner if what == Nodetype.NAME]
 
 
+_INTEGER_KIND = re.compile(r"(u?)int(8|16|32|64)")
+
+
 def _convert_basic(kind: str, value: Any, at: str) -> object:
     if kind == "string":
         if value is not None and not isinstance(value, str):
@@ -328,6 +332,11 @@ def _convert_basic(kind: str, value: Any, at: str) -> object:
         return float(number)
     if number != int(number):
         raise ValueError(f"{at}: needs a whole number, got {value!r}")
+    if (found := _INTEGER_KIND.fullmatch(kind)) is not None:
+        bits = int(found[2])
+        low, high = (0, 2**bits - 1) if found[1] else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        if not low <= number <= high:
+            raise ValueError(f"{at}: must be from {low} to {high}, not {value!r}")
     return int(number)
 
 

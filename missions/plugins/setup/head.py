@@ -34,7 +34,8 @@ from missions.plugins.setup.head_connection import (
     pause,
     robot_options,
 )
-from perception.delay import MAX_STEADY_JITTER
+from perception.delay import MAX_STEADY_JITTER, MAX_STORABLE_SPREAD
+from perception.exposure_clock import MAX_DELAY, MIN_DELAY
 
 # Trimming with arrow keys.
 
@@ -235,7 +236,9 @@ def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: floa
     if delay.jitter > MAX_STEADY_JITTER:
         click.echo(f"their stamps jitter by {1000 * delay.jitter:.0f} ms (one sigma)")
     if not delay.is_known:
-        click.echo("the delay is too uncertain, or implausible, and is not stored", err=True)
+        ends = f"{1000 * MIN_DELAY:.0f} to {1000 * MAX_DELAY:.0f} ms"
+        limits = f"{ends}, one sigma at most {1000 * MAX_STORABLE_SPREAD:.0f} ms"
+        click.echo(f"the delay is too uncertain, or implausible, and is not stored ({limits})", err=True)
         click.echo(
             "  try: more light, a view with edges in it, --seconds 20, with fewer other programs on this computer",
             err=True,

@@ -105,6 +105,11 @@ def test_values_of_a_wrong_type_are_refused_with_their_field(values: dict[str, o
     assert told in str(caught.value)
 
 
+def test_whole_number_out_of_range_is_refused_with_its_field() -> None:
+    with pytest.raises(BadRequest, match=r"LedColor.red: must be from 0 to 255, not 300"):
+        types().encode("irobot_create_msgs/msg/LedColor", {"red": 300})
+
+
 def test_unknown_type_lists_the_known_packages() -> None:
     with pytest.raises(BadRequest, match="'my_msgs/msg/Mine' of ROS 2 is not known") as caught:
         types().encode("my_msgs/msg/Mine", {})

@@ -285,11 +285,25 @@ def test_a_report_that_cannot_be_written_is_told(folder: Path, capsys: pytest.Ca
     assert "nowhere/report.xml: there is no folder" in outcome.err
 
 
-def test_the_first_example_of_the_docs_passes_as_printed_there(
+KITCHEN = """# Test of the greeting in the kitchen.
+tests: greet
+with: {eyes: truth}
+
+cases:
+  - case: it says good-bye
+    expect:
+      result: success
+      said: Good-bye!
+"""
+
+
+def test_the_examples_of_the_docs_pass_and_fail_as_printed_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     docs = (Path(__file__).parents[3] / "docs" / "testing.md").read_text(encoding="utf-8")
-    file, printed = docs.split("```yaml\n", 1)[1].split("```")[0], docs.split("```text\n", 1)[1].split("```")[0]
-    write(tmp_path, {"greet.test.yaml": file})
+    file = docs.split("```yaml\n", 1)[1].split("```")[0]
+    passed, failed = (block.split("```")[0] for block in docs.split("```text\n")[1:3])
+    write(tmp_path, {"greet.test.yaml": file, "kitchen.test.yaml": KITCHEN})
     monkeypatch.chdir(tmp_path)
-    assert printed in command(capsys, "test", "greet.test.yaml", "--jobs", "1").out
+    assert passed in command(capsys, "test", "greet.test.yaml", "--jobs", "1").out
+    assert failed in command(capsys, "test", "kitchen.test.yaml", "--jobs", "1").out
