@@ -211,7 +211,7 @@ class DecideTask(FleetRequest):
 
     word: ClassVar[str] = "decide"
     task: str
-    decision: Literal["hand-on", "give-up"]
+    decision: Literal["reassign", "give-up"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -213,7 +213,7 @@ class Operator:
                 break
         return FleetTaskList(list(found.values()), frozenset(map(str, before)), frozenset(silent))
 
-    def decide(self, number: str, what: Literal["hand-on", "give-up"]) -> FleetAnswer:
+    def decide(self, number: str, what: Literal["reassign", "give-up"]) -> FleetAnswer:
         """Send a person's decision about a task whose robot no longer answers; return the allocator's answer.
 
         ``number`` is the task's ID. Raises TaskError if the allocator of the task does not answer.

@@ -270,7 +270,7 @@ class TaskAllocator:
         elif not task.robot:
             return FleetAnswer(ok=False, reason=f"task {ask.task} is already waiting for a robot")
         else:
-            changes = {"state": "WAITING", "robot": "", "confirmed": False, "reason": f"handed on by {ask.by}"}
+            changes = {"state": "WAITING", "robot": "", "confirmed": False, "reason": f"reassigned by {ask.by}"}
             self._change(task, changes)
         return FleetAnswer(reason="done")
 

@@ -271,7 +271,7 @@ def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_do
     assert anna.begin()
     anna.cut, bob = True, fleet.robot("bob", "0000000b")
     fleet.turn(60.0)
-    answer = fleet.keeper.answer(DecideTask(task=TASK, decision="hand-on", by="me"))
+    answer = fleet.keeper.answer(DecideTask(task=TASK, decision="reassign", by="me"))
     assert answer is not None
     assert answer.ok
     fleet.turn()

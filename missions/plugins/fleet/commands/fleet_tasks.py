@@ -165,16 +165,16 @@ def _row(task: FleetTaskInfo) -> list[str]:
     return [task.id, task.state, task.mission, task.on, task.robot.partition("/")[0] or "-", task.reason]
 
 
-@click.command(cls=SharingCommand, epilog="Example: mission fleet decide 3f9a hand-on")
+@click.command(cls=SharingCommand, epilog="Example: mission fleet decide 3f9a reassign")
 @click.argument("number", metavar="TASK")
-@click.argument("what", type=click.Choice(["hand-on", "give-up"]))
+@click.argument("what", type=click.Choice(["reassign", "give-up"]))
 @FLEET
-def decide(number: str, what: Literal["hand-on", "give-up"], name: str | None) -> int:
+def decide(number: str, what: Literal["reassign", "give-up"], name: str | None) -> int:
     """Give a task of a lost robot to another one, or give it up.
 
     The last characters of the task ID are enough.
 
-    After `hand-on` the task is done twice if the lost robot continues with it, so look first.
+    After `reassign` the task is done twice if the lost robot continues with it, so look first.
     """
     with open_operator(name) as operator:
         answer = operator.decide(_full_id(operator, number), what)
