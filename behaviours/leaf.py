@@ -68,6 +68,9 @@ class Leaf(HaltableNode):
     value, in SI units, to ``result``. It is stored on success, and while running as soon as it is not None. An
     ``open_ended`` leaf takes any argument names; the values are in ``values``.
 
+    A leaf with a ``stub`` is not written yet: it can be checked, shown and mocked, but a run is refused. The text says
+    what to do.
+
     ``ends`` are the possible results, so the checker finds unreachable steps. An ``instant`` leaf never runs for longer
     than a tick, except while it is suspended.
 
@@ -92,6 +95,7 @@ class Leaf(HaltableNode):
     output_type: ClassVar[Any] = None
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
     instant: ClassVar[bool] = False
+    stub: ClassVar[str] = ""
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
     named_parts: ClassVar[Mapping[str, str]] = {}  # by their kinds, the one that it sees as its robot's only one

@@ -7,6 +7,7 @@ from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import RunState
+from config.diagnostics import Diagnostic, InvalidFileError
 from config.units import UNITS
 from missions.executive.composites import COMPOSITES
 from missions.executive.for_each import SWITCHES, ForEach
@@ -39,11 +40,15 @@ def keep_leaf(step: Step, leaf: Leaf | None) -> Leaf | None:
 def build(plan: Plan, run: RunState, robot_for: RobotFor, *, substitute: Substitute = keep_leaf) -> Node:
     """Build the tree of ``plan``. The root's key is "1", its children's "1.1", "1.2" and so on.
 
-    Variables that are in ``run.variables`` already (the robot's state) can be read in all missions of the run.
+    Variables that are in ``run.variables`` already (the robot's state) can be read in all missions of the run. Raises
+    InvalidFileError for stub leaves without a substitute.
     """
     builder = TreeBuilder(run, robot_for, dict(run.variables), substitute)
     run.variables.update(plan.params)
-    return builder.build(plan.tree, "1", run.variables)
+    root = builder.build(plan.tree, "1", run.variables)
+    if builder.stub_faults:
+        raise InvalidFileError(builder.stub_faults)
+    return root
 
 
 NODES: Mapping[str, type[Parent]] = {
@@ -66,6 +71,7 @@ class TreeBuilder:
         self._substitute = substitute
         self._robot_for = robot_for
         self._shared_variables = shared_variables
+        self.stub_faults: list[Diagnostic] = []
 
     def build(self, step: Step, key: str, scope: Scope) -> Node:
         """Build a step and its children; ``scope`` holds the variables of its mission."""
@@ -88,7 +94,12 @@ class TreeBuilder:
     def _node(self, step: Step, children: list[Node], inner: Scope) -> Node:
         if step.leaf is not None:
             leaf = step.leaf(step.name)
-            return _set_arguments(self._substitute(step, leaf) or leaf, step, inner)
+            leaf = self._substitute(step, leaf) or leaf
+            if leaf.stub:
+                message = f"'{step.kind}' is a stub, which cannot run"
+                hint = f"{leaf.stub}, or mock it in a test: given: [{step.kind}: succeeds]"
+                self.stub_faults.append(Diagnostic(step.source, step.mark, message, hint))
+            return _set_arguments(leaf, step, inner)
         return NODES[step.kind].from_step(step, children, inner)
 
 

@@ -76,7 +76,7 @@ LIST_TYPE = "list"
 NAME_TYPES = ("person", "place", "gesture", "move", MISSION, "file")
 """Types of params whose values are names."""
 
-PARAM_TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAME_TYPES, LIST_TYPE)
+PARAM_TYPES = (*UNITS, "text", "number", "count", "flag", "choice", "value", *NAME_TYPES, LIST_TYPE)
 """Values of the key ``type`` when a param is declared as ``{type: ..., default: ...}``."""
 
 INVALID_DEFAULT = object()

@@ -139,6 +139,16 @@ PLUGINS = (
         },
     ),
     Plugin(
+        "interchange",
+        commands={
+            "import": CommandEntry(
+                SET_UP,
+                "missions.plugins.interchange.command:command",
+                "Make missions of trees of BehaviorTree.CPP, Nav2 and py_trees.",
+            ),
+        },
+    ),
+    Plugin(
         "tasks",
         commands={
             "task": CommandEntry(

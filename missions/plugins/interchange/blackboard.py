@@ -1,0 +1,296 @@
+"""Entries of blackboards as variables: their names, kinds of values, and the params and results of each mission."""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
+from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.operators import FUNCTIONS
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, is_pointer, normal_form
+from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, Verbatim
+from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
+from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError, parse_script
+from missions.plugins.interchange.xml_reader import Element
+
+ROOT_ENTRY = "@"
+"""Prefix of entries of the blackboard of the main tree: ``{@x}``."""
+
+OTHER_FUNCTIONS = ("random", "failure")
+RESERVED = frozenset({*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, *OTHER_FUNCTIONS})
+
+
+class VariableNames:
+    """Names of variables for the entries of one tree; each entry keeps its name where missions allow it."""
+
+    def __init__(self, *, is_main: bool) -> None:
+        self._is_main = is_main
+        self._names: dict[str, str] = {}
+        self._taken: set[str] = set()
+        self.renamed: dict[str, str] = {}
+
+    def name(self, entry: str) -> str:
+        """Return the variable of an entry."""
+        if entry.startswith(ROOT_ENTRY) and self._is_main:
+            entry = entry.removeprefix(ROOT_ENTRY)
+        if entry not in self._names:
+            plain = f"root_{entry[1:]}" if entry.startswith(ROOT_ENTRY) else entry
+            found = self.fresh(plain, first_number=0)
+            self._names[entry] = found
+            if found != entry and not entry.startswith(ROOT_ENTRY):
+                self.renamed[entry] = found
+        return self._names[entry]
+
+    def known(self) -> dict[str, str]:
+        """Return the variables by their entries."""
+        return dict(self._names)
+
+    def fresh(self, wish: str, first_number: int = 0) -> str:
+        """Return a name that no variable has yet: ``wish``, or ``wish`` with a suffix."""
+        plain = re.sub(r"\W", "_", wish) or "entry"
+        plain = plain if plain[0].isalpha() or plain[0] == "_" else f"entry_{plain}"
+        found, number = plain, first_number
+        while found in RESERVED or found in self._taken or not found.isidentifier():
+            number += 1
+            found = f"{plain}_" if number == 1 else f"{plain}_{number}"
+        self._taken.add(found)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class SubtreeCall:
+    """A SubTree node: the tree, and its ports, each a constant or the entry of the caller.
+
+    With ``shares_names``, all other entries have the same names in both.
+    """
+
+    tree: SourceTree
+    element: Element
+    entries: dict[str, str]
+    constants: dict[str, object]
+    shares_names: bool
+
+
+class EntryKinds:
+    """Kinds of the values of entries, from scripts and constants: number, flag, text, or None."""
+
+    def __init__(self, project: ForeignProject) -> None:
+        self._found: dict[tuple[int, str], set[str | None]] = defaultdict(set)
+        self._same: list[tuple[tuple[int, str], tuple[int, str]]] = []
+        trees = list(project.trees())
+        for _ in range(2):  # a script may read an entry that a later one sets
+            for tree in trees:
+                self._note_tree(project, tree)
+        for _ in range(len(trees) + 1):
+            for one, other in self._same:
+                both = self._found[one] | self._found[other]
+                self._found[one], self._found[other] = set(both), set(both)
+
+    def of(self, tree: SourceTree) -> dict[str, str | None]:
+        """Return the kinds of the entries of a tree."""
+        return {entry: _one_kind(kinds) for (owner, entry), kinds in self._found.items() if owner == id(tree)}
+
+    def _note_tree(self, project: ForeignProject, tree: SourceTree) -> None:
+        for element in _elements(tree.body):
+            kind, _ = normal_form(element, project)
+            for name, value in element.attributes.items():
+                if name in CONDITION_ATTRIBUTES or name in END_ATTRIBUTES or (name == "code" and "Script" in kind):
+                    self._note_script(tree, value)
+            if kind == "SetBlackboard":
+                entry = entry_of(element.attributes.get("output_key", ""))
+                if entry and not is_pointer(element.attributes.get("value", "")):
+                    self._found[id(tree), entry].add(kind_of_constant(element.attributes.get("value", "")))
+            elif kind == "SubTree" and (inner := project.find_tree(element.attributes.get("ID", ""), tree.file)):
+                self._note_call(tree, inner, element)
+
+    def _note_script(self, tree: SourceTree, code: str) -> None:
+        try:
+            script = parse_script(code, kinds=self.of(tree))
+        except ScriptError:
+            return
+        for each in script.assignments:
+            if each.formula.kind is not None:
+                self._found[id(tree), each.entry].add(each.formula.kind)
+
+    def _note_call(self, tree: SourceTree, inner: SourceTree, element: Element) -> None:
+        for port, value in element.attributes.items():
+            if port in ("ID", "name") or port.startswith("_"):
+                continue
+            if is_pointer(value) or tree.version == 3:
+                self._same.append(((id(tree), entry_of(value, port)), (id(inner), port)))
+            else:
+                self._found[id(inner), port].add(kind_of_constant(value))
+
+
+def _elements(element: Element | None) -> Iterator[Element]:
+    if element is not None:
+        yield element
+        for child in element.children:
+            yield from _elements(child)
+
+
+def _one_kind(kinds: set[str | None]) -> str | None:
+    known = kinds - {None}
+    if known == {NUMBER, FLAG}:
+        return NUMBER
+    return known.pop() if len(known) == 1 else None
+
+
+def kind_of_constant(text: str) -> str:
+    """Return the kind of a constant of a port."""
+    value = constant_value(text)
+    return FLAG if isinstance(value, bool) else NUMBER if isinstance(value, int | float) else TEXT
+
+
+def constant_value(text: str) -> float | bool | str:
+    """Return a constant of a port: a number, true or false, else the text."""
+    word = text.strip()
+    if word in ("true", "True", "false", "False"):
+        return word.lower() == "true"
+    if re.fullmatch(r"[-+]?(\d{1,15}(\.\d*)?|\.\d+)([eE][-+]?\d{1,2})?", word):
+        return int(word) if re.fullmatch(r"[-+]?\d+", word) else float(word)
+    return text
+
+
+def entry_of(value: str, port: str = "") -> str:
+    """Return the entry of a pointer or a plain name; ``{=}`` is the name of the port."""
+    text = value.strip()
+    if is_pointer(text):
+        text = text[1:-1].strip()
+    return port if text == "=" else text
+
+
+ANY_VALUE = Verbatim("{type: value}")
+"""Declaration of a param without a default, which takes any value."""
+
+
+@dataclass(slots=True)
+class MissionInterface:
+    """Variables of a mission: ``params`` with their defaults or declarations.
+
+    ``needs`` are the variables that it reads before it sets them.
+
+    ``sets`` are all variables that the mission sets, ``surely_set`` those that it sets whenever it succeeds.
+    """
+
+    needs: dict[str, None] = field(default_factory=dict)
+    sets: dict[str, None] = field(default_factory=dict)
+    surely_set: set[str] = field(default_factory=set)
+    params: dict[str, object] = field(default_factory=dict)
+
+
+class Dataflow:
+    """Finds the variables that a mission reads before it sets them, following the order of its steps."""
+
+    def __init__(self) -> None:
+        self.needs: dict[str, None] = {}
+        self.sets: dict[str, None] = {}
+
+    def follow(self, step: MissionStep, known: frozenset[str]) -> frozenset[str]:
+        """Return the variables that are set after a success of ``step``."""
+        self._read(step.reads, known)
+        for key in MODIFIERS:
+            if key in step.keys and key not in ("recover", "finally"):
+                self._read(step.key_reads.get(key, ()), known)
+        for key in step.keys:
+            if key not in MODIFIERS:
+                self._read(step.key_reads.get(key, ()), known)
+        after = self._follow_word(step, known)
+        for value in step.keys.values():
+            if isinstance(value, MissionStep):
+                self.follow(value, known | _first_sets(step))
+        self.sets |= dict.fromkeys(step.sets)
+        keeps = all(_keeps_success(key, step.keys[key]) for key in step.keys if key in MODIFIERS or key == "for")
+        return after if keeps else known
+
+    def _follow_word(self, step: MissionStep, known: frozenset[str]) -> frozenset[str]:
+        inner = step.branches
+        composite = COMPOSITES.get(step.word)
+        if step.word == FOR_EACH:
+            self.follow(inner[0], known | set(step.sets))
+            return known
+        if step.word in SWITCHES:
+            ends = [self.follow(child, known) for child in inner]
+            has_default = isinstance(step.value, dict) and "default" in step.value
+            both = isinstance(step.value, dict) and set(step.value.get("cases", {})) >= {"true", "false"}
+            return frozenset.intersection(*ends) if has_default or both else known
+        if composite is None:
+            for child in inner:
+                self.follow(child, known)
+            return known | set(step.sets)
+        if composite.passes == SUCCESS and not composite.at_once:
+            for child in inner:
+                after = self.follow(child, known)
+                known = known if "if" in child.keys else after
+            return known
+        ends = [self.follow(child, known) for child in inner]
+        if composite.passes == FAILURE or step.word == "race" or "success_count" in step.keys:
+            return frozenset.intersection(*ends)
+        return frozenset().union(*ends)
+
+    def _read(self, names: Iterable[str], known: frozenset[str]) -> None:
+        self.needs |= dict.fromkeys(name for name in names if name not in known)
+
+
+def _first_sets(step: MissionStep) -> set[str]:
+    """Return the variables that the first child of a sequence sets: it has run before the node can be halted."""
+    inner = step.branches
+    return set(inner[0].sets) if step.word == "sequence" and inner and inner[0].word == "set" else set()
+
+
+def _keeps_success(key: str, value: object) -> bool:
+    """Return whether a success of the modified node means that the node itself has succeeded."""
+    del value
+    return key in ("timeout", "retry", "while", "delay", "hold", "finally", "recover", "name")
+
+
+def fill_call(
+    step: MissionStep, call: SubtreeCall, inner: MissionInterface, names: VariableNames, port_of: dict[str, str]
+) -> None:
+    """Write ``with`` and ``returns`` beside a ``mission`` step, and note the variables that it reads and sets.
+
+    ``port_of`` are the entries of the inner tree by the names of their variables.
+    """
+    given, returned = dict[str, object](), dict[str, object]()
+    reads, sets = list[str](), list[str]()
+    for variable, entry in port_of.items():
+        outer = _outer_entry(call, entry)
+        needed = variable in inner.needs or variable in inner.params
+        if outer is not None:
+            own = names.name(outer)
+            if variable in inner.sets:
+                returned[own] = Condition(variable)
+                sets.append(own)
+            if needed or (variable in inner.sets and variable not in inner.surely_set):
+                given[variable] = Computed(own)
+                reads.append(own)
+                inner.params.setdefault(variable, ANY_VALUE)
+        elif entry in call.constants and (needed or variable in inner.sets):
+            inner.params.setdefault(variable, ANY_VALUE)
+            if variable in inner.needs or variable in inner.params:
+                given[variable] = call.constants[entry]
+    if given:
+        step.keys["with"] = given
+    if returned:
+        step.keys["returns"] = returned
+    step.reads, step.sets = tuple(reads), tuple(sets)
+
+
+def give_missing_params(step: MissionStep, inner: MissionInterface) -> None:
+    """Give null for each param of a called mission that this caller leaves out but others give."""
+    given = step.keys.get("with")
+    known = given if isinstance(given, dict) else {}
+    missing = {name: None for name, value in inner.params.items() if value is ANY_VALUE and name not in known}
+    if missing:
+        step.keys["with"] = {**known, **missing}
+
+
+def _outer_entry(call: SubtreeCall, entry: str) -> str | None:
+    """Return the caller's entry for an entry of the inner tree; None if there is none."""
+    if entry.startswith(ROOT_ENTRY):
+        return entry
+    if entry in call.entries:
+        return call.entries[entry]
+    is_private = entry.startswith("_")
+    return entry if call.shares_names and not is_private and entry not in call.constants else None

@@ -1,0 +1,78 @@
+"""``mission import``: missions from behaviour trees of other programs."""
+
+import shlex
+from pathlib import Path
+
+import click
+
+from config.file_io import save_file
+from missions.cli.option_declarations import behaviours_option
+from missions.cli.outputs import check_folder, report_write_errors
+from missions.library.vocabulary import load_leaves
+from missions.plugins.interchange.importer import ImportedProject, import_trees
+from missions.plugins.interchange.leaf_rules import read_rules
+
+
+@click.command("import", epilog="Example: mission import patrol.xml -o patrol")
+@click.argument("path", metavar="FILE.xml|FOLDER", type=click.Path(path_type=Path, exists=True))
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    required=True,
+    metavar="FOLDER",
+    help="Folder for the missions; it is created if necessary.",
+)
+@click.option(
+    "--leaves",
+    "table",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    metavar="TABLE.yaml",
+    help="Your table of leaves: which behaviour of a mission replaces which leaf.",
+)
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@behaviours_option
+def command(path: Path, output: Path, table: Path | None, files: tuple[Path, ...], *, force: bool) -> None:
+    """Make missions of behaviour trees: XML of BehaviorTree.CPP 3 and 4, Nav2 and py_trees.
+
+    Each tree becomes a mission, and each subtree a mission that others run. Ports become params and results, entries of
+    the blackboard become variables. Leaves that MissionTree does not have become stub leaves in FOLDER/behaviours: they
+    can be checked, shown and mocked, and refuse to run until you write them. FOLDER/IMPORTED.md lists everything that
+    is not as in the original. Nothing in the file is executed.
+
+    For trees that run each other, import their folder.
+    """
+    check_folder(output, "-o", f"-o {shlex.quote(str(output.with_suffix('')))}")
+    leaves = load_leaves(files)
+    imported = import_trees(path, leaves, None if table is None else read_rules(table, leaves))
+    _check_output(output, imported, force=force)
+    with report_write_errors(output, "-o"):
+        for name, text in imported.files.items():
+            target = output / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            save_file(target, text, durable=False)
+    for line in imported.report.lines():
+        click.echo(line)
+    click.echo(f"wrote {_counted(imported)} to {output}")
+    click.echo(f"  next: mission check {shlex.quote(str(output))}")
+
+
+def _counted(imported: ImportedProject) -> str:
+    missions = f"{imported.missions} mission{'s' if imported.missions != 1 else ''}"
+    if not imported.stubs:
+        return missions
+    return f"{missions} and {imported.stubs} stub {'leaves' if imported.stubs > 1 else 'leaf'}"
+
+
+def _check_output(folder: Path, imported: ImportedProject, *, force: bool) -> None:
+    """Raise click.BadParameter for a file that would be replaced, or for a link in its place."""
+    for name in imported.files:
+        target = folder / name
+        if target.is_symlink() or target.parent.is_symlink():
+            raise click.BadParameter(f"{target} is a link: choose another folder", param_hint="-o")
+        if target.exists() and not force:
+            others = sum((folder / each).exists() for each in imported.files) - 1
+            more = f", and {others} more files" if others else ""
+            raise click.BadParameter(
+                f"{target} already exists{more}\n  try: another folder, or --force to replace them", param_hint="-o"
+            )

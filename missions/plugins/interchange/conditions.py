@@ -1,0 +1,102 @@
+"""Conditions and scripts on a node: steps and modifiers around it."""
+
+from collections.abc import Mapping
+
+from missions.plugins.interchange.context import (
+    SkipAs,
+    TreeContext,
+    copies,
+    fail_again,
+    set_step,
+    take_comments,
+    word_of,
+    wrap_in,
+)
+from missions.plugins.interchange.mission_text import Condition, MissionStep, wrapped
+from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
+from missions.plugins.interchange.report import LOST
+from missions.plugins.interchange.scripts import FLAG, LOGIC, Formula, as_condition, negate
+from missions.plugins.interchange.xml_reader import Element
+
+NEVER_FAILS = ("wait", "succeed", "set")
+"""Leaves that a mission writes and that do not fail."""
+
+
+def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip_as: SkipAs) -> MissionStep:
+    """Return a step with its pre- and postconditions around it."""
+    codes = {
+        name: element.attributes[name]
+        for name in (*CONDITION_ATTRIBUTES, *END_ATTRIBUTES)
+        if name in element.attributes
+    }
+    if not codes:
+        return step
+    conditions = {name: tree.condition(element, codes[name]) for name in CONDITION_ATTRIBUTES if name in codes}
+    if (success := conditions.get("_successIf")) is not None:
+        check = MissionStep("check", Condition(success.text), reads=tree.variables_of(success))
+        step = wrap_in(step, "selector", [check, step])
+    if (failure := conditions.get("_failureIf")) is not None:
+        check = MissionStep("check", Condition(negate(failure).text), reads=tree.variables_of(failure))
+        step = wrap_in(step, "sequence", [check, step])
+    step = _with_ends(tree, element, step, codes)
+    if (running := conditions.get("_while")) is not None:
+        step = _limit_by_condition(tree, step, running, skip_as)
+    if (skip := conditions.get("_skipIf")) is not None:
+        runs = negate(skip)
+        for other in (success, failure):
+            if other is not None:  # they are evaluated before it
+                runs = Formula(
+                    f"{runs.within(LOGIC + 1)} or {other.within(LOGIC + 1)}",
+                    FLAG,
+                    (*runs.reads, *other.reads),
+                    LOGIC,
+                )
+        if skip.text != "false":
+            step = wrapped(step, "if", Condition(runs.text), reads=tree.variables_of(runs))
+    return step
+
+
+def _limit_by_condition(tree: TreeContext, step: MissionStep, running: Formula, skip_as: SkipAs) -> MissionStep:
+    """Return a step that is skipped once a condition is false, in the way in which its parent takes that."""
+    reads = tree.variables_of(running)
+    if skip_as == "success":
+        return wrapped(step, "until", Condition(negate(running).text), reads=reads)
+    if skip_as == "failure":
+        return wrapped(step, "while", Condition(running.text), reads=reads)
+    idle = MissionStep("wait_until", Condition("false"))
+    cases: dict[str, object] = {"on": Condition(as_condition(running).text), "cases": {"true": step, "false": idle}}
+    return MissionStep("reactive_switch", cases, comments=take_comments(step), reads=reads)
+
+
+def _with_ends(tree: TreeContext, element: Element, step: MissionStep, codes: Mapping[str, str]) -> MissionStep:
+    """Return a step with the scripts after its end or its halt."""
+    scripts = {name: _end_steps(tree, element, codes[name]) for name in END_ATTRIBUTES if name in codes}
+    always = scripts.get("_post", [])
+    after_success = [*scripts.get("_onSuccess", []), *always]
+    after_failure = [*scripts.get("_onFailure", []), *copies(always)]
+    comments = take_comments(step)
+    may_fail = step.word not in NEVER_FAILS or len(step.keys.keys() - {"name"}) > 0
+    if after_success:
+        step = MissionStep("sequence", [step, *after_success])
+    halted = scripts.get("_onHalted", [])
+    if not halted:
+        if after_failure and may_fail:
+            step = MissionStep("selector", [step, MissionStep("sequence", [*after_failure, fail_again()])])
+        step.comments = comments
+        return step
+    runs = tree.names.fresh(f"{word_of(element.attributes.get('name') or element.tag)}_runs")
+    if may_fail:
+        failed = MissionStep("sequence", [set_step({runs: False}), *after_failure, fail_again()])
+        step = MissionStep("selector", [step, failed])
+    # Only a halt leaves the variable true.
+    step = MissionStep("sequence", [set_step({runs: True}), step, set_step({runs: False})], comments=comments)
+    cleanup = halted[0] if len(halted) == 1 else MissionStep("sequence", halted)
+    return wrapped(step, "finally", wrapped(cleanup, "if", Condition(runs), reads=(runs,)))
+
+
+def _end_steps(tree: TreeContext, element: Element, code: str) -> list[MissionStep]:
+    script = tree.script(element, code)
+    if script is None:
+        tree.report.add(LOST, element, f"the script '{code}'")
+        return []
+    return tree.set_steps(script.assignments)

@@ -1,0 +1,223 @@
+"""Context in which one tree is translated: its names, kinds, stubs and report, and steps that several nodes need."""
+
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Literal
+
+from config.diagnostics import to_snake_case
+from missions.plugins.interchange.blackboard import EntryKinds, SubtreeCall, VariableNames, entry_of
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form
+from missions.plugins.interchange.leaf_rules import LeafRule
+from missions.plugins.interchange.mission_text import Computed, MissionStep, Verbatim
+from missions.plugins.interchange.node_kinds import KINDS, OLD_PORTS
+from missions.plugins.interchange.report import LOST, ImportReport
+from missions.plugins.interchange.scripts import (
+    FLAG,
+    LOGIC,
+    NUMBER,
+    TEXT,
+    Assignment,
+    Formula,
+    Script,
+    ScriptError,
+    parse_script,
+)
+from missions.plugins.interchange.stub_leaves import StubTable
+from missions.plugins.interchange.xml_reader import Element
+
+SkipAs = Literal["success", "failure", "running"]
+"""How a parent treats a skipped child: as a success, as a failure, or as a child that runs on."""
+
+TranslateNode = Callable[["TreeContext", Element, SkipAs, str], MissionStep]
+"""Function that translates a node with all nodes below it; the last argument is the kind of its parent."""
+
+
+class TreeContext:
+    """Context of one tree; ``translate_node`` is the dispatcher, which the translations of parents call."""
+
+    def __init__(
+        self,
+        project: ForeignProject,
+        tree: SourceTree,
+        kinds: EntryKinds,
+        rules: Mapping[str, LeafRule],
+        stubs: StubTable,
+        report: ImportReport,
+        translate_node: TranslateNode,
+    ) -> None:
+        self.project, self.tree, self.rules, self.stubs, self.report = project, tree, rules, stubs, report
+        self.kinds = kinds.of(tree)
+        self._translate_node = translate_node
+        self.names = VariableNames(is_main=tree.is_main)
+        self.entries: dict[str, str] = {}
+        self.calls: list[tuple[MissionStep, SubtreeCall]] = []
+        self.initial: dict[str, object] = {}
+
+    def node(self, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
+        """Translate a node below one of kind ``parent``, with its conditions."""
+        return self._translate_node(self, element, skip_as, parent)
+
+    def children(self, element: Element, skip_as: SkipAs) -> list[MissionStep]:
+        kind, _ = normal_form(element, self.project)
+        return [self.node(child, skip_as, kind) for child in element.children]
+
+    def add_name(self, step: MissionStep, element: Element) -> MissionStep:
+        name = element.attributes.get("name", "").strip()
+        if name and name != element.attributes.get("ID") and name not in (element.tag, step.word):
+            step.keys = {"name": name, **step.keys}
+        return step
+
+    def add_outer_name(self, step: MissionStep, element: Element) -> MissionStep:
+        """Give a step the name of a node around it, if it has none."""
+        name = element.attributes.get("name", "").strip()
+        if name and name != element.tag and "name" not in step.keys and step.word != "mission":
+            step.keys = {"name": name, **step.keys}
+            step.remarks = {key: remark for key, remark in step.remarks.items() if remark != name}
+        return step
+
+    def port(self, element: Element, kind: str, port: str) -> str:
+        """Return the value of a port, by its present or an older name, or its default."""
+        for name, value in element.attributes.items():
+            if name == port or OLD_PORTS.get((kind, name)) == port:
+                return value.strip()
+        return KINDS[kind].ports.get(port, "")
+
+    def variable(self, entry: str) -> str:
+        name = self.names.name(entry)
+        self.entries.setdefault(name, entry.removeprefix("@") if self.tree.is_main else entry)
+        return name
+
+    def pointer(self, value: str, port: str) -> str:
+        """Return the variable of a pointer ``{x}``."""
+        return self.variable(entry_of(value, port))
+
+    def condition(self, element: Element, code: str) -> Formula | None:
+        script = self.script(element, code)
+        if script is None or script.condition is None or script.assignments:
+            self.report.add(LOST, element, f"the condition '{code}'")
+            return None
+        return script.condition
+
+    def script(self, element: Element, code: str) -> Script | None:
+        """Return a parsed script; None, with a remark, if missions cannot express it."""
+        try:
+            return parse_script(code, self.variable, self.kinds)
+        except ScriptError as error:
+            self.report.add(LOST, element, f"the script '{code}': {error}")
+            return None
+
+    def variables_of(self, formula: Formula) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.variable(entry) for entry in formula.reads))
+
+    def set_steps(self, assignments: Iterable[Assignment]) -> list[MissionStep]:
+        """Return the steps of assignments; one that reads an earlier one needs a step of its own."""
+        steps = list[MissionStep]()
+        for each in assignments:
+            name = self.variable(each.entry)
+            reads = self.variables_of(each.formula)
+            last = steps[-1] if steps else None
+            if last is None or name in last.sets or set(reads) & set(last.sets):
+                last = MissionStep("set", {})
+                steps.append(last)
+            if isinstance(last.value, dict):
+                last.value[name] = assigned_value(each.formula, self.kinds.get(each.entry))
+            last.reads = tuple(dict.fromkeys((*last.reads, *reads)))
+            last.sets = (*last.sets, name)
+        return steps
+
+
+def assigned_value(formula: Formula, kind: str | None) -> object:
+    """Return the value of an assignment as a mission takes it."""
+    constant = formula.constant
+    if isinstance(constant, bool):
+        return int(constant) if kind == NUMBER else constant
+    if isinstance(constant, float):
+        return bool(constant) if kind == FLAG and constant in (0, 1) else constant
+    if isinstance(constant, str):
+        return constant
+    if formula.parts and not all(part.kind == TEXT for part in formula.parts):
+        words = (part.constant if isinstance(part.constant, str) else f"${{{part.text}}}" for part in formula.parts)
+        return Verbatim(json.dumps("".join(words), ensure_ascii=False))
+    if kind == NUMBER and formula.kind == FLAG:
+        return Computed(f"1 if {formula.within(LOGIC)} else 0")
+    return Computed(formula.text)
+
+
+def set_step(values: dict[str, object]) -> MissionStep:
+    """Return a step that sets variables."""
+    return MissionStep("set", values, sets=tuple(values))
+
+
+def fail_again() -> MissionStep:
+    """Return a failure with the reason of the failure before it."""
+    return MissionStep("fail", Computed("failure"))
+
+
+def wrap_in(step: MissionStep, word: str, children: list[MissionStep]) -> MissionStep:
+    """Return a composite around a step, with the comments of that step."""
+    return MissionStep(word, children, comments=take_comments(step))
+
+
+def take_comments(step: MissionStep) -> list[str]:
+    """Remove and return the comments of a step, for a node around it."""
+    comments, step.comments = step.comments, []
+    return comments
+
+
+def copies(steps: list[MissionStep]) -> list[MissionStep]:
+    """Return copies of steps, for a second place in the tree."""
+    return [MissionStep(step.word, step.value, dict(step.keys), reads=step.reads, sets=step.sets) for step in steps]
+
+
+def with_outputs(
+    step: MissionStep, outputs: dict[str, str], *, several: bool, fresh: Callable[[str], str]
+) -> MissionStep:
+    """Store the outputs of a leaf: its only output by ``as``, several by a ``set`` after it."""
+    if not outputs:
+        return step
+    if not several:
+        variable = next(iter(outputs.values()))
+        step.keys["as"] = variable
+        step.sets = (variable,)
+        return step
+    found = fresh(f"{step.word}_result")
+    step.keys["as"] = found
+    step.sets = (found,)
+    values: dict[str, object] = {variable: Computed(f"{found}.{port}") for port, variable in outputs.items()}
+    stored = MissionStep("set", values, reads=(found,), sets=tuple(values))
+    return MissionStep("sequence", [step, stored])
+
+
+def description_of(element: Element) -> list[str]:
+    """Return the text of an editor's note on a node, as comments."""
+    text = element.attributes.get("_description", "").strip()
+    return [text] if text else []
+
+
+def remark_of(element: Element, child: MissionStep) -> str:
+    """Return the name of a decorator for a comment behind its modifier."""
+    name = element.attributes.get("name", "").strip()
+    return "" if name in ("", element.tag, child.keys.get("name")) else name
+
+
+def word_of(text: str) -> str:
+    """Return a text as a word for the name of a variable."""
+    return re.sub(r"\W+", "_", to_snake_case(text)).strip("_")[:40] or "node"
+
+
+def skip_in(word: str) -> SkipAs:
+    """Return how a composite treats a skipped child."""
+    return "failure" if word.endswith("selector") else "success"
+
+
+def quantity(number: float, unit: str) -> Verbatim:
+    """Return a number with a unit; seconds below one in milliseconds."""
+    if unit == "s" and abs(number) < 1:
+        number, unit = number * 1000, "ms"
+    return Verbatim(f"{round(number, 9):.12g} {unit}")
+
+
+def recovery_element(element: Element) -> Element:
+    """Return the second child of a RecoveryNode."""
+    return element.children[1]

@@ -1,0 +1,304 @@
+"""Trees and models of nodes in the XML files of one project, with includes inside its folder."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from os.path import realpath
+from pathlib import Path
+
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
+from missions.plugins.interchange.leaf_rules import LeafRule
+from missions.plugins.interchange.node_kinds import COMMON_ATTRIBUTES, CONDITIONS, KINDS, NAV2_OUTPUTS, OLD_NAMES
+from missions.plugins.interchange.report import LOST, ImportReport
+from missions.plugins.interchange.xml_reader import Element, read_xml
+
+MAX_FILES = 2_000
+"""Maximum files of a folder."""
+
+EXPLICIT_ROLES = ("Action", "Condition", "Control", "Decorator", "SubTree", "SubTreePlus")
+"""Tags of the explicit form: ``<Action ID="Grasp"/>`` is ``<Grasp/>``."""
+
+GENERIC_TREE_NAMES = frozenset({"maintree", "main", "behaviortree", "tree", "root", "untitled", "bt", "navigation"})
+"""Names of trees that say less than the name of their file."""
+
+DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "inout"}
+
+
+@dataclass(frozen=True, slots=True)
+class PortModel:
+    """A declared port: ``direction`` is in, out or inout; ``default`` is None if there is none."""
+
+    direction: str
+    type: str = ""
+    default: str | None = None
+    help: str = ""
+
+
+@dataclass(slots=True)
+class NodeModel:
+    """A declared node: its role, one of ``EXPLICIT_ROLES`` or empty, and its ports by name."""
+
+    role: str
+    ports: dict[str, PortModel] = field(default_factory=dict)
+
+    def port(self, name: str) -> PortModel:
+        """Return a declared port; the direction of others follows from their names."""
+        if name in self.ports:
+            return self.ports[name]
+        is_output = name.startswith(("output_", "out_")) or name in ("output", "out")
+        return PortModel("out" if is_output else "in")
+
+
+@dataclass(slots=True)
+class SourceTree:
+    """A tree of a file: ``body`` is its root node, None if it is empty. ``version`` is 3 or 4."""
+
+    id: str
+    element: Element
+    body: Element | None
+    file: "TreeFile"
+    is_main: bool = False
+
+    @property
+    def version(self) -> int:
+        """Version of the file's format."""
+        return self.file.version
+
+    @property
+    def port_defaults(self) -> Mapping[str, str]:
+        """Defaults of ports that stand on the tree itself."""
+        return {
+            name: value
+            for name, value in self.element.attributes.items()
+            if name not in ("ID", "name") and not name.startswith("_")
+        }
+
+
+@dataclass(slots=True)
+class TreeFile:
+    """A file with trees: those of its own and of the files that it includes, by ID."""
+
+    path: Path
+    root: Element
+    version: int
+    trees: dict[str, SourceTree] = field(default_factory=dict)
+    visible: dict[str, SourceTree] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class ForeignProject:
+    """All files of an import, with the models of nodes by ID."""
+
+    folder: Path
+    files: dict[Path, TreeFile] = field(default_factory=dict)
+    models: dict[str, NodeModel] = field(default_factory=dict)
+
+    def trees(self) -> Iterator[SourceTree]:
+        """Yield all trees, in the order of files."""
+        for file in self.files.values():
+            yield from file.trees.values()
+
+    def find_tree(self, name: str, file: TreeFile) -> SourceTree | None:
+        """Return the tree that a SubTree in ``file`` names: there, in its includes, or the only one of the project."""
+        if name in file.visible:
+            return file.visible[name]
+        found = [tree for tree in self.trees() if tree.id == name]
+        same_folder = [tree for tree in found if tree.file.path.parent == file.path.parent]
+        return found[0] if len(found) == 1 else same_folder[0] if len(same_folder) == 1 else None
+
+
+def read_project(path: Path, report: ImportReport) -> ForeignProject:
+    """Read one file with its includes, or all files of a folder. Raises InvalidFileError.
+
+    In a folder, a file that cannot be read is reported, and files without trees are ignored.
+    """
+    if not path.is_dir():
+        project = ForeignProject(path.parent)
+        file = _read_file(project, path, report, ())
+        if not file.trees and not file.visible:
+            raise file.root.fault("no tree in this file", "it needs <BehaviorTree ID=...> under <root>")
+        return project
+    project = ForeignProject(path)
+    for each in _files_of(path):
+        try:
+            _read_file(project, each, report, ())
+        except InvalidFileError as error:
+            for fault in error.diagnostics:
+                if fault.message != NOT_A_TREE:
+                    empty = Element("file", {}, fault.source, fault.mark.line)
+                    report.add(LOST, empty, fault.message)
+    if not project.files:
+        raise InvalidFileError(
+            [Diagnostic(SourceText(str(path), ""), Mark(), "no XML file with behaviour trees in it")]
+        )
+    return project
+
+
+NOT_A_TREE = "not a behaviour tree: its first element must be <root>"
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """Return the XML files below a folder, without links that lead out of it. Raises InvalidFileError for too many."""
+    found = [each for each in sorted(folder.rglob("*.xml")) if each.is_file() and _is_inside(each, folder)]
+    if len(found) > MAX_FILES:
+        message = f"more than {MAX_FILES:,} XML files"
+        raise InvalidFileError([Diagnostic(SourceText(str(folder), ""), Mark(), message)])
+    return found
+
+
+def _is_inside(path: Path, folder: Path) -> bool:
+    return Path(realpath(path)).is_relative_to(realpath(folder))
+
+
+def _read_file(project: ForeignProject, path: Path, report: ImportReport, chain: tuple[Path, ...]) -> TreeFile:
+    where = Path(realpath(path))
+    if where in project.files:
+        return project.files[where]
+    root = read_xml(path, _display_name(path, project.folder))
+    if root.tag != "root":
+        raise root.fault(NOT_A_TREE)
+    file = TreeFile(path, root, _version(root))
+    named_main = root.attributes.get("main_tree_to_execute", "")
+    for element in root.children:
+        if element.tag == "BehaviorTree":
+            _add_tree(file, element, report)
+        elif element.tag in ("TreeNodesModel", "TreeNodeModel"):
+            _add_models(project, element)
+        elif element.tag.lower() not in ("include", "import"):
+            report.add(LOST, element, "an unknown element under <root>")
+    project.files[where] = file
+    main = file.trees.get(named_main) or (next(iter(file.trees.values())) if len(file.trees) == 1 else None)
+    if main is not None:
+        main.is_main = True
+    for element in root.children:
+        if element.tag.lower() == "include":
+            _include(project, file, element, report, (*chain, where))
+    file.visible = {**file.visible, **file.trees}
+    return file
+
+
+def _display_name(path: Path, folder: Path) -> str:
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
+
+
+def _include(
+    project: ForeignProject, file: TreeFile, element: Element, report: ImportReport, chain: tuple[Path, ...]
+) -> None:
+    """Read an included file, if it lies in the folder of the project. Raises InvalidFileError for a cycle."""
+    name = element.attributes.get("path") or element.attributes.get("file") or ""
+    if not name or "ros_pkg" in element.attributes or "\0" in name:
+        report.add(LOST, element, "includes from a ROS package are not followed: import its folder")
+        return
+    path = file.path.parent / name
+    if not _is_inside(path, project.folder):
+        report.add(LOST, element, f"'{name}' is outside the folder and is not read: import the folder of both")
+        return
+    if Path(realpath(path)) in chain:
+        raise element.fault(f"'{name}' includes itself")
+    try:
+        included = _read_file(project, path, report, chain)
+    except InvalidFileError as error:
+        report.add(LOST, element, error.diagnostics[0].message)
+        return
+    file.visible |= included.visible
+
+
+def _version(root: Element) -> int:
+    """Return the version of a file's format: as it says, or as its attributes show."""
+    declared = root.attributes.get("BTCPP_format", "").strip()
+    if declared:
+        return 3 if declared.startswith("3") else 4
+    return 4 if any(_is_version_4(each) for each in _walk(root)) else 3
+
+
+def _is_version_4(element: Element) -> bool:
+    if element.tag in ("Script", "ScriptCondition") or any(
+        name in ("_skipIf", "_while", "_failureIf", "_successIf", "_autoremap") for name in element.attributes
+    ):
+        return True
+    return element.tag == "SubTree" and any(
+        is_pointer(value) for name, value in element.attributes.items() if name not in ("ID", "name")
+    )
+
+
+def _walk(element: Element) -> Iterator[Element]:
+    yield element
+    for child in element.children:
+        yield from _walk(child)
+
+
+def is_pointer(value: str) -> bool:
+    """Return whether a port's value names an entry of the blackboard: ``{x}``."""
+    text = value.strip()
+    return text.startswith("{") and text.endswith("}") and "{" not in text[1:-1] and len(text) > 2
+
+
+def _add_tree(file: TreeFile, element: Element, report: ImportReport) -> None:
+    name = element.attributes.get("ID") or file.path.stem
+    if name in file.trees:
+        report.add(LOST, file.trees[name].element, f"replaced by the later tree '{name}' at line {element.line}")
+    bodies = element.children
+    body = bodies[0] if bodies else None
+    if body is None:
+        report.add(LOST, element, "an empty tree")
+    elif len(bodies) > 1:
+        report.add(LOST, bodies[1], "a tree has one root node: further nodes run after it")
+        body = Element("Sequence", {}, element.source, element.line, element.column, list(bodies))
+    file.trees[name] = SourceTree(name, element, body, file)
+
+
+def _add_models(project: ForeignProject, element: Element) -> None:
+    for declared in element.children:
+        name = declared.attributes.get("ID", "")
+        if declared.tag not in EXPLICIT_ROLES or not name:
+            continue
+        model = project.models.setdefault(name, NodeModel(declared.tag))
+        for port in declared.children:
+            if (direction := DIRECTIONS.get(port.tag)) and (port_name := port.attributes.get("name", "")):
+                found = PortModel(
+                    direction, port.attributes.get("type", ""), port.attributes.get("default"), port.text.strip()
+                )
+                model.ports.setdefault(port_name, found)
+
+
+def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) -> NodeModel:
+    """Return the declared model of a node, or one from the tables of Nav2 and of leaves."""
+    model = project.models.get(name) or NodeModel("Condition" if name in CONDITIONS else "")
+    known = rules[name].outputs if name in rules else ()
+    if not model.ports:
+        known = (*known, *NAV2_OUTPUTS.get(name, ()))
+    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}})
+
+
+def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, dict[str, PortModel]]:
+    """Return the output ports of each kind of node that some node stores in the blackboard."""
+    found = defaultdict[str, dict[str, PortModel]](dict)
+    for tree in project.trees():
+        for element in _walk(tree.body) if tree.body is not None else ():
+            kind, _ = normal_form(element, project)
+            model = model_of(project, kind, rules)
+            for port, value in element.attributes.items():
+                if port not in COMMON_ATTRIBUTES and is_pointer(value) and model.port(port).direction != "in":
+                    found[kind][port] = model.port(port)
+    return found
+
+
+def normal_form(element: Element, project: ForeignProject) -> tuple[str, str]:
+    """Return the kind of a node, and its role if the file says it: ``<Action ID="Grasp"/>`` is ("Grasp", "Action").
+
+    Older names are replaced by present ones, and names in another case by those of the library.
+    """
+    tag, role = element.tag, ""
+    if tag in EXPLICIT_ROLES and not tag.startswith("SubTree") and element.attributes.get("ID"):
+        tag, role = element.attributes["ID"], tag
+    if tag in project.models and tag not in KINDS:
+        return tag, role or project.models[tag].role
+    if role in ("Action", "Condition") and tag in KINDS and KINDS[tag].role != "leaf":
+        return tag, role
+    tag = OLD_NAMES.get(tag, tag)
+    if tag not in KINDS:
+        tag = _LOWER_CASE.get(tag.lower(), tag)
+    return tag, role
+
+
+_LOWER_CASE = {name.lower(): name for name in KINDS} | {old.lower(): name for old, name in OLD_NAMES.items()}

@@ -1,0 +1,189 @@
+"""Import of a project: its trees as texts of missions, the stubs of its leaves, and the report."""
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from config.diagnostics import to_snake_case
+from missions.language.nodes import MISSION
+from missions.plugins.interchange.blackboard import (
+    ANY_VALUE,
+    Dataflow,
+    EntryKinds,
+    MissionInterface,
+    constant_value,
+    fill_call,
+    give_missing_params,
+)
+from missions.plugins.interchange.foreign_trees import (
+    GENERIC_TREE_NAMES,
+    ForeignProject,
+    find_used_outputs,
+    read_project,
+)
+from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
+from missions.plugins.interchange.mission_text import MissionStep, mission_text
+from missions.plugins.interchange.report import LOST, ImportReport
+from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
+from missions.plugins.interchange.translation import TranslatedTree, translate_tree
+
+MISSION_SUFFIX = ".yaml"
+STUB_FOLDER = "behaviours"
+REPORT_NAME = "IMPORTED.md"
+
+
+@dataclass(slots=True)
+class ImportedProject:
+    """Files of an import by their path in the folder, and the report."""
+
+    files: dict[str, str] = field(default_factory=dict)
+    report: ImportReport = field(default_factory=ImportReport)
+    missions: int = 0
+    stubs: int = 0
+
+
+def import_trees(
+    path: Path, leaf_tags: Collection[str], rules: Mapping[str, LeafRule] | None = None
+) -> ImportedProject:
+    """Read a file or a folder, and return its missions. Raises InvalidFileError; nothing is written."""
+    imported = ImportedProject()
+    project = read_project(path, imported.report)
+    names = _mission_names(project, single=not path.is_dir())
+    kinds = EntryKinds(project)
+    table = {**LEAF_RULES, **(rules or {})}
+    stubs = StubTable(leaf_tags, find_used_outputs(project, table))
+    translated = {
+        id(tree): translate_tree(project, tree, kinds, table, stubs, imported.report)
+        for tree in project.trees()
+        if tree.body is not None
+    }
+    interfaces = _connect(translated, names, imported.report)
+    for key, each in translated.items():
+        imported.files[f"{names[key]}{MISSION_SUFFIX}"] = _text(each, interfaces[key], names[key])
+    imported.missions = len(translated)
+    imported.stubs = len(stubs.stubs)
+    if stubs.stubs:
+        stem = _word(path.stem) or "imported"
+        file = f"{STUB_FOLDER}/{stem}.py"
+        imported.files[file] = stub_file_text(path.name, stubs.stubs.values(), file)
+    imported.files[REPORT_NAME] = imported.report.markdown(f"Import of {path.name}")
+    return imported
+
+
+def _word(text: str) -> str:
+    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(text))).strip("_")
+
+
+def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
+    """Return the names of missions: of trees, or of files for trees with a general name."""
+    found, taken = dict[int, str](), set[str]()
+    trees = list(project.trees())
+    often = [_word(tree.id) for tree in trees]
+    for tree in trees:
+        word, stem = _word(tree.id), _word(tree.file.path.stem)
+        alone = len(tree.file.trees) == 1 or tree.is_main
+        generic = word.replace("_", "") in GENERIC_TREE_NAMES or not word
+        wishes = [stem] if generic and alone else [word] if often.count(word) == 1 else [f"{stem}_{word}", word]
+        wishes += [f"{stem}_{word}", *(f"{stem}_{word}_{number}" for number in range(2, len(trees) + 3))]
+        name = next(wish for wish in wishes if wish and wish not in taken)
+        taken.add(name)
+        found[id(tree)] = name
+    del single
+    return found
+
+
+def _connect(
+    translated: Mapping[int, TranslatedTree], names: Mapping[int, str], report: ImportReport
+) -> dict[int, MissionInterface]:
+    """Fill in the calls of other trees, callees first, and return the params and variables of each mission."""
+    interfaces: dict[int, MissionInterface] = {}
+    for key in translated:
+        _connect_tree(key, translated, interfaces, names, report, ())
+    for key, each in translated.items():
+        _set_unset_variables(each, interfaces[key])
+        for step, call in each.calls:
+            if id(call.tree) in interfaces and step.word == MISSION:
+                give_missing_params(step, interfaces[id(call.tree)])
+    return interfaces
+
+
+def _connect_tree(
+    key: int,
+    translated: Mapping[int, TranslatedTree],
+    interfaces: dict[int, MissionInterface],
+    names: Mapping[int, str],
+    report: ImportReport,
+    chain: tuple[int, ...],
+) -> None:
+    if key in interfaces:
+        return
+    each = translated[key]
+    for step, call in each.calls:
+        inner = id(call.tree)
+        if inner in (*chain, key):
+            report.add(LOST, call.element, f"the tree '{call.tree.id}' runs itself: it fails here", "SubTree")
+            step.word, step.value = "fail", f"the tree {call.tree.id} runs itself"
+            continue
+        _connect_tree(inner, translated, interfaces, names, report, (*chain, key))
+        step.value = names[inner]
+        fill_call(step, call, interfaces[inner], each.names, translated[inner].entries)
+        for variable in (*step.reads, *step.sets):
+            each.entries.setdefault(variable, _entry_behind(each, variable))
+        for port in (*call.entries, *call.constants):
+            if port not in translated[inner].entries.values():
+                report.add(LOST, call.element, f"the port '{port}', which the tree does not use", "SubTree")
+    interfaces[key] = _interface(each)
+
+
+def _entry_behind(tree: TranslatedTree, variable: str) -> str:
+    return next((entry for entry, name in tree.names.known().items() if name == variable), variable)
+
+
+def _interface(each: TranslatedTree) -> MissionInterface:
+    flow = Dataflow()
+    start = frozenset(each.initial)
+    after = flow.follow(each.root, start)
+    found = MissionInterface(flow.needs, flow.sets, set(after) - start)
+    for variable in flow.needs:
+        if variable not in flow.sets:
+            found.params[variable] = ANY_VALUE
+    defaults = each.tree.port_defaults
+    for variable, entry in each.entries.items():
+        if entry in defaults:
+            found.params[variable] = constant_value(defaults[entry])
+    return found
+
+
+def _set_unset_variables(each: TranslatedTree, interface: MissionInterface) -> None:
+    """Set variables that are read before they are set to null at the start of their mission."""
+    unset = {name: None for name in interface.needs if name not in interface.params and name not in each.initial}
+    initial = {**each.initial, **unset}
+    if initial:
+        first = MissionStep("set", dict(initial), sets=tuple(initial))
+        root = each.root
+        following = root.branches[0] if root.word == "sequence" and not root.keys.keys() - {"name"} else None
+        if following is not None and following.word == "set" and not (following.keys or following.reads):
+            following.value = {**initial, **(following.value if isinstance(following.value, dict) else {})}
+        elif root.word == "sequence" and not root.keys.keys() - {"name"} and isinstance(root.value, list):
+            root.value.insert(0, first)
+        else:
+            comments, root.comments = root.comments, []
+            each.root = MissionStep("sequence", [first, root], comments=comments)
+
+
+def _text(each: TranslatedTree, interface: MissionInterface, name: str) -> str:
+    tree = each.tree
+    comments = tuple(tree.file.root.comments) if tree.is_main or len(tree.file.trees) == 1 else ()
+    remarks = {
+        variable: "set by the program" if tree.is_main and variable not in interface.sets else ""
+        for variable in interface.params
+    }
+    return mission_text(
+        name,
+        each.root,
+        params=interface.params,
+        param_remarks=remarks,
+        comments=(*comments, *tree.element.comments),
+        last_comments=(*tree.element.last_comments, *(tree.file.root.last_comments if comments else ())),
+    )

@@ -1,0 +1,120 @@
+"""Leaves of other systems that a mission has: a table with the ports of each, which users extend by a YAML file.
+
+The file has one key, ``leaves``::
+
+    leaves:
+      SaySomething: {leaf: say, ports: {message: text}}
+      Spin: {leaf: turn, ports: {spin_dist: angle in rad, time_allowance: timeout in s}}
+      Retreat: {leaf: drive, ports: {distance: -distance in m}}
+      ComputePathToPose: {outputs: [path]}
+
+``-distance in m`` reverses the sign. ``outputs`` are ports that the leaf writes; the first one of a leaf of a mission
+is stored by ``as``.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from behaviours.leaf import Leaf
+from config.diagnostics import Diagnostic, InvalidFileError, suggest_from
+from config.units import UNITS
+from config.yaml_nodes import Listing, Node, Scalar, compose, read_source
+from config.yaml_nodes import Mapping as Entries
+
+RULE_KEYS = ("leaf", "ports", "outputs")
+PORT_RULE = re.compile(r"(?P<sign>-?)(?P<argument>[A-Za-z_]\w*)(?:\s+in\s+(?P<unit>\S+))?")
+TIMEOUT = "timeout"
+"""Argument of a rule that becomes the modifier ``timeout``."""
+
+
+@dataclass(frozen=True, slots=True)
+class PortRule:
+    """Argument of a leaf for a port: its name, the unit of the port's numbers, and whether its sign is reversed."""
+
+    argument: str
+    unit: str = ""
+    reversed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LeafRule:
+    """A leaf of a mission for a leaf of another system; without ``leaf``, only its outputs are known."""
+
+    leaf: str = ""
+    ports: Mapping[str, PortRule] = field(default_factory=dict)
+    outputs: tuple[str, ...] = ()
+
+
+def _rule(leaf: str, **ports: str) -> LeafRule:
+    return LeafRule(leaf, {port: read_port_rule(text) for port, text in ports.items()})
+
+
+def read_port_rule(text: str) -> PortRule:
+    """Parse a rule of a port, such as ``angle in rad``. Raises ValueError."""
+    found = PORT_RULE.fullmatch(text.strip())
+    if found is None:
+        raise ValueError("write an argument, such as 'text', or with a unit, such as 'angle in rad'")
+    unit = found["unit"] or ""
+    if unit and not any(unit in units for units in UNITS.values()):
+        raise ValueError(f"unknown unit '{unit}'")
+    return PortRule(found["argument"], unit, found["sign"] == "-")
+
+
+LEAF_RULES: Mapping[str, LeafRule] = {
+    "Wait": _rule("wait", wait_duration="duration in s"),
+    "Spin": _rule("turn", spin_dist="angle in rad", time_allowance="timeout in s"),
+    "BackUp": _rule("drive", backup_dist="-distance in m", backup_speed="speed in m/s", time_allowance="timeout in s"),
+    "DriveOnHeading": _rule(
+        "drive", dist_to_travel="distance in m", speed="speed in m/s", time_allowance="timeout in s"
+    ),
+}
+"""Leaves of Nav2 that missions have."""
+
+
+def read_rules(path: Path, leaves: Mapping[str, type[Leaf]]) -> dict[str, LeafRule]:
+    """Read a table of leaves. Raises InvalidFileError with all mistakes in it."""
+    source, faults = read_source(path), list[Diagnostic]()
+    root = compose(source, faults)
+    table = root.get("leaves") if isinstance(root, Entries) else None
+    if not isinstance(table, Entries):
+        faults.append(Diagnostic(source, root.mark, "needs the key 'leaves', with a node under each name"))
+        raise InvalidFileError(faults)
+    found = {}
+    for name, node in table.entries:
+        try:
+            found[name.text] = _read_rule(node, leaves)
+        except ValueError as error:
+            faults.append(Diagnostic(source, node.mark, f"'{name.text}': {error}"))
+    if faults:
+        raise InvalidFileError(faults)
+    return found
+
+
+def _read_rule(node: Node, leaves: Mapping[str, type[Leaf]]) -> LeafRule:
+    if not isinstance(node, Entries) or not node.entries:
+        raise ValueError("write {leaf: NAME, ports: {PORT: ARGUMENT}}")
+    for key in node.keys():  # noqa: SIM118 - no dict
+        if key not in RULE_KEYS:
+            hint = suggest_from(key, RULE_KEYS)
+            raise ValueError(f"unknown key '{key}'" + (f"; {hint}" if hint else ""))
+    leaf = _word(node.get("leaf"))
+    if leaf and leaf not in leaves:
+        hint = suggest_from(leaf, leaves)
+        raise ValueError(f"unknown behaviour '{leaf}'" + (f"; {hint}" if hint else ""))
+    ports = node.get("ports")
+    if ports is not None and not isinstance(ports, Entries):
+        raise ValueError("'ports' needs ports and arguments, {message: text}")
+    rules = {name.text: read_port_rule(_word(each)) for name, each in ports.entries} if ports is not None else {}
+    for rule in rules.values():
+        if leaf and rule.argument != TIMEOUT and rule.argument not in leaves[leaf].arguments:
+            known = ", ".join(leaves[leaf].arguments)
+            raise ValueError(f"'{leaf}' has no argument '{rule.argument}'; it has {known or 'none'}")
+    outputs = node.get("outputs")
+    names = tuple(_word(each) for each in outputs.items) if isinstance(outputs, Listing) else ()
+    return LeafRule(leaf, rules, names)
+
+
+def _word(node: Node | None) -> str:
+    return node.text if isinstance(node, Scalar) else ""

@@ -1,0 +1,159 @@
+"""Leaves: those of missions, those of the table of leaves, and stubs for all others."""
+
+from missions.plugins.interchange.blackboard import constant_value, entry_of, kind_of_constant
+from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
+from missions.plugins.interchange.foreign_trees import PortModel, is_pointer, model_of
+from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
+from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, Verbatim
+from missions.plugins.interchange.node_kinds import COMMON_ATTRIBUTES, KINDS
+from missions.plugins.interchange.report import DIFFERS, LOST, STUB
+from missions.plugins.interchange.scripts import TEXT, Formula
+from missions.plugins.interchange.stub_leaves import StubArgument, kind_of_port
+from missions.plugins.interchange.xml_reader import Element
+
+
+def sleep(tree: TreeContext, element: Element) -> MissionStep:
+    """Return a step that waits."""
+    text = tree.port(element, "Sleep", "msec")
+    if is_pointer(text):
+        name = tree.pointer(text, "msec")
+        return MissionStep("wait", Verbatim(f'"${{{name}}} ms"'), reads=(name,))
+    number = constant_value(text)
+    seconds = float(number) / 1000 if isinstance(number, int | float) else 0.0
+    if seconds <= 0:
+        return MissionStep("succeed")
+    return MissionStep("wait", quantity(seconds, "s"))
+
+
+def script_step(tree: TreeContext, element: Element) -> MissionStep:
+    """Return the assignments of a script."""
+    script = tree.script(element, element.attributes.get("code", ""))
+    if script is None:
+        return _script_stub(tree, element)
+    steps = tree.set_steps(script.assignments)
+    if not steps:
+        return MissionStep("succeed", comments=[element.attributes.get("code", "")])
+    return steps[0] if len(steps) == 1 else MissionStep("sequence", steps)
+
+
+def script_condition(tree: TreeContext, element: Element) -> MissionStep:
+    """Return a check of the condition of a script, after its assignments."""
+    script = tree.script(element, element.attributes.get("code", ""))
+    if script is None or (script.condition is None and not script.assignments):
+        return _script_stub(tree, element)
+    condition = script.condition
+    if condition is None:
+        last = script.assignments[-1].entry
+        condition = Formula(tree.variable(last), tree.kinds.get(last), (last,))
+    check = MissionStep("check", Condition(condition.text), reads=tree.variables_of(condition))
+    steps = tree.set_steps(script.assignments)
+    return MissionStep("sequence", [*steps, check]) if steps else check
+
+
+def _script_stub(tree: TreeContext, element: Element) -> MissionStep:
+    return stub_step(tree, element, "Script", "Action")
+
+
+def set_blackboard(tree: TreeContext, element: Element) -> MissionStep:
+    """Return a step that sets one variable."""
+    entry = entry_of(element.attributes.get("output_key", ""))
+    value = element.attributes.get("value", "")
+    if not entry:
+        return MissionStep("succeed")
+    name = tree.variable(entry)
+    if is_pointer(value):
+        other = tree.pointer(value, "value")
+        return MissionStep("set", {name: Computed(other)}, reads=(other,), sets=(name,))
+    return MissionStep("set", {name: constant_value(value)}, sets=(name,))
+
+
+def unset_blackboard(tree: TreeContext, element: Element) -> MissionStep:
+    """Return a step that sets one variable to null."""
+    entry = entry_of(element.attributes.get("key", ""))
+    if not entry:
+        return MissionStep("succeed")
+    tree.report.add(DIFFERS, element, KINDS["UnsetBlackboard"].difference)
+    return set_step({tree.variable(entry): None})
+
+
+def leaf(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
+    """Return a leaf of missions, by the table of leaves, or a stub."""
+    rule = tree.rules.get(kind)
+    if rule is not None and rule.leaf:
+        return tree.add_name(_ruled_leaf(tree, element, kind, rule), element)
+    return stub_step(tree, element, kind, role)
+
+
+def _ruled_leaf(tree: TreeContext, element: Element, kind: str, rule: LeafRule) -> MissionStep:
+    """Return a leaf of missions for a leaf of the table."""
+    arguments = dict[str, object]()
+    step = MissionStep(rule.leaf)
+    for port, value in element.attributes.items():
+        if port in COMMON_ATTRIBUTES or port.startswith("_"):
+            continue
+        if port in rule.ports:
+            written = _ruled_value(tree, step, value, port, rule.ports[port])
+            if rule.ports[port].argument == TIMEOUT and rule.ports[port].unit:
+                step.keys["timeout"] = written
+            else:
+                arguments[rule.ports[port].argument] = written
+        elif port in rule.outputs[:1] and is_pointer(value):
+            step.keys["as"] = tree.pointer(value, port)
+            step.sets += (str(step.keys["as"]),)
+        else:
+            tree.report.add(LOST, element, f"the port '{port}' of '{rule.leaf}'", kind)
+    step.value = arguments or None
+    return step
+
+
+def _ruled_value(tree: TreeContext, step: MissionStep, value: str, port: str, rule: PortRule) -> object:
+    if is_pointer(value):
+        name = tree.pointer(value, port)
+        step.reads += (name,)
+        if rule.reversed:
+            return Computed(f"-{name} * 1 {rule.unit}" if rule.unit else f"-{name}")
+        return Verbatim(f'"${{{name}}} {rule.unit}"') if rule.unit else Computed(name)
+    constant = constant_value(value)
+    if isinstance(constant, bool | str):
+        return constant
+    return quantity(-constant if rule.reversed else constant, rule.unit) if rule.unit else constant
+
+
+def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
+    """Return the step of a stub leaf: its input ports are arguments, its outputs are stored."""
+    model = model_of(tree.project, kind, tree.rules)
+    stub = tree.stubs.stub(kind, role or model.role or "Action")
+    stub.uses += 1
+    step = MissionStep(stub.tag)
+    arguments, outputs = dict[str, object](), dict[str, str]()
+    for port, value in element.attributes.items():
+        if port in COMMON_ATTRIBUTES or port.startswith("_"):
+            continue
+        declared = model.port(port)
+        if declared.direction in ("out", "inout") and is_pointer(value):
+            outputs[port] = tree.pointer(value, port)
+        if declared.direction != "out":
+            arguments[port] = _argument(tree, step, value, port, declared)
+            stub.note_argument(port, declared, _kind_of_value(tree, value, port, declared))
+    for port, declared in model.ports.items():
+        if declared.direction != "out" and port not in arguments and (declared.default or declared.help):
+            stub.arguments.setdefault(port, StubArgument(declared))
+    step.value = arguments or None
+    tree.add_name(step, element)
+    tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'", kind)
+    return with_outputs(step, outputs, several=len(stub.outputs) > 1, fresh=tree.names.fresh)
+
+
+def _argument(tree: TreeContext, step: MissionStep, value: str, port: str, model: PortModel) -> object:
+    if is_pointer(value):
+        name = tree.pointer(value, port)
+        step.reads += (name,)
+        return Computed(name)
+    return value if kind_of_port(model) == TEXT else constant_value(value)
+
+
+def _kind_of_value(tree: TreeContext, value: str, port: str, model: PortModel) -> str | None:
+    """Return the kind of a port's value; None if it is unknown or fits the port's type."""
+    if is_pointer(value):
+        return tree.kinds.get(entry_of(value, port))
+    return None if kind_of_port(model) == TEXT else kind_of_constant(value)

@@ -1,0 +1,222 @@
+"""Text of a mission file from a tree of steps, with comments."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from config.units import parse_quantity
+from config.yaml_nodes import plain_value
+from config.yaml_writer import yaml_word
+
+MAX_FLOW_LENGTH = 96
+"""Maximum characters of a line with a mapping in braces; a longer one gets a line for each key."""
+
+PLAIN_EXPRESSION = re.compile(r"[A-Za-z_(][^#:\n]*")
+"""Expressions that need no quotes in YAML."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verbatim:
+    """A value as it stands in the file: ``150 ms``, ``forever``."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Computed:
+    """An expression where a mission takes a value: ``"${rooms + 1}"``."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """An expression where a mission takes an expression: ``rooms == 6``."""
+
+    text: str
+
+
+@dataclass(slots=True)
+class MissionStep:
+    """A node of a mission that is to be written.
+
+    ``value`` is that of its word: nothing, a plain value, a mapping of arguments, or its children. ``keys`` stand
+    beside it, in order: ``name``, ``as`` and modifiers, of which each wraps all before it. ``remarks`` are comments
+    behind the lines of keys. ``reads`` and ``sets`` are variables that the step itself reads and sets.
+    """
+
+    word: str
+    value: object = None
+    keys: dict[str, object] = field(default_factory=dict)
+    comments: list[str] = field(default_factory=list)
+    remarks: dict[str, str] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
+    sets: tuple[str, ...] = ()
+    key_reads: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def children(self) -> list["MissionStep"]:
+        """Steps below this one, those of ``finally`` and ``recover`` last."""
+        return [*self.branches, *(value for value in self.keys.values() if isinstance(value, MissionStep))]
+
+    @property
+    def branches(self) -> list["MissionStep"]:
+        """Steps below this one, without those of modifiers."""
+        return list(_steps_in(self.value))
+
+    def walk(self) -> Iterator["MissionStep"]:
+        """Yield this step and all steps below it."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+
+def _steps_in(value: object) -> Iterator[MissionStep]:
+    if isinstance(value, MissionStep):
+        yield value
+    elif isinstance(value, list):
+        for each in value:
+            yield from _steps_in(each)
+    elif isinstance(value, dict):
+        for each in value.values():
+            yield from _steps_in(each)
+
+
+def wrapped(step: MissionStep, key: str, value: object, remark: str = "", reads: tuple[str, ...] = ()) -> MissionStep:
+    """Return a step with one more modifier; a modifier that it has already needs a sequence around it."""
+    if key in step.keys or (key in ("recover", "finally", "in_turn") and step.word == "mission"):
+        step = MissionStep("sequence", [step], comments=step.comments)
+        step.branches[0].comments = []
+    step.keys[key] = value
+    if remark:
+        step.remarks[key] = remark
+    if reads:
+        step.key_reads[key] = reads
+    return step
+
+
+def mission_text(
+    name: str,
+    tree: MissionStep,
+    *,
+    summary: str = "",
+    params: Mapping[str, object] | None = None,
+    param_remarks: Mapping[str, str] | None = None,
+    comments: tuple[str, ...] = (),
+    last_comments: tuple[str, ...] = (),
+) -> str:
+    """Return the text of a mission file."""
+    lines = [*_comment_lines(comments, 0), f"mission: {yaml_word(name)}"]
+    if summary:
+        lines.append(f"summary: {json.dumps(summary, ensure_ascii=False)}")
+    if params:
+        lines += ["", "params:"]
+        remarks = param_remarks or {}
+        lines += [
+            f"  {yaml_word(each)}: {scalar_text(value)}{_remark(remarks.get(each, ''))}"
+            for each, value in params.items()
+        ]
+    lines += ["", *_entry_lines("tree", tree, 0)]
+    if last_comments:
+        lines += ["", *_comment_lines(last_comments, 0)]
+    return "\n".join(lines) + "\n"
+
+
+def _remark(text: str) -> str:
+    return f"  # {' '.join(text.split())}" if text else ""
+
+
+def _comment_lines(comments: tuple[str, ...] | list[str], indent: int) -> list[str]:
+    lines = [line.strip() for comment in comments for line in comment.strip("\n").split("\n")]
+    return [f"{' ' * indent}# {line}".rstrip() for line in lines if line]
+
+
+def _step_lines(step: MissionStep, indent: int) -> list[str]:
+    """Return the lines of a step as a mapping."""
+    lines = [*_comment_lines(step.comments, indent), *_entry_lines(yaml_word(step.word), step.value, indent)]
+    for key in sorted(step.keys, key=lambda key: key not in ("name", "as", "with", "returns")):  # these wrap nothing
+        lines += _entry_lines(key, step.keys[key], indent, step.remarks.get(key, ""))
+    return lines
+
+
+def _item_lines(step: MissionStep, indent: int) -> list[str]:
+    """Return the lines of a step as an item of a list; comments stand above its dash."""
+    comments, step.comments = step.comments, []
+    lines = _step_lines(step, indent + 2)
+    step.comments = comments
+    first = lines[0][indent + 2 :]
+    if len(lines) == 1 and first.endswith(":"):
+        first = first.removesuffix(":")  # a word alone
+    return [*_comment_lines(comments, indent), f"{' ' * indent}- {first}", *lines[1:]]
+
+
+def _entry_lines(key: str, value: object, indent: int, remark: str = "") -> list[str]:
+    space, behind = " " * indent, _remark(remark)
+    if value is None:
+        return [f"{space}{key}:{behind}"]
+    if isinstance(value, MissionStep):
+        if value.value is None and not value.keys and not value.comments:
+            return [f"{space}{key}: {yaml_word(value.word)}{behind}"]
+        return [f"{space}{key}:{behind}", *_step_lines(value, indent + 2)]
+    if isinstance(value, list) and value and all(isinstance(each, MissionStep) for each in value):
+        return [f"{space}{key}:{behind}", *(line for each in value for line in _item_lines(each, indent + 2))]
+    if isinstance(value, dict):
+        return _mapping_lines(key, value, indent, behind)
+    if isinstance(value, list):
+        return [f"{space}{key}: [{', '.join(scalar_text(each, flow=True) for each in value)}]{behind}"]
+    return [f"{space}{key}: {scalar_text(value)}{behind}"]
+
+
+def _mapping_lines(key: str, value: dict[str, object], indent: int, behind: str) -> list[str]:
+    space = " " * indent
+    if not any(isinstance(each, MissionStep | dict | list) for each in value.values()):
+        inside = ", ".join(f"{_key_text(name)}: {scalar_text(each, flow=True)}" for name, each in value.items())
+        line = f"{space}{key}: {{{inside}}}{behind}"
+        if len(line) <= MAX_FLOW_LENGTH:
+            return [line]
+    lines = [f"{space}{key}:{behind}"]
+    for name, each in value.items():
+        lines += _entry_lines(_key_text(name), each, indent + 2)
+    return lines
+
+
+def _key_text(key: str) -> str:
+    return key if key in ("true", "false", "on") else yaml_word(key)
+
+
+def scalar_text(value: object, *, flow: bool = False) -> str:
+    """Return a plain value as YAML; ``flow`` for a value within braces or brackets."""
+    match value:
+        case Verbatim(text):
+            return text
+        case Computed(text):
+            return json.dumps(f"${{{text}}}", ensure_ascii=False)
+        case Condition(text):
+            return _expression_text(text, flow=flow)
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case int():
+            return str(value)
+        case float():
+            return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+        case str():
+            return yaml_word(value) if "${" not in value else json.dumps(value.replace("${", "$ {"), ensure_ascii=False)
+        case list():
+            return f"[{', '.join(scalar_text(each, flow=True) for each in value)}]"
+    raise TypeError(f"not a value of a mission: {type(value).__name__}")
+
+
+def _expression_text(text: str, *, flow: bool) -> str:
+    if re.fullmatch(r"[A-Za-z_]\w*", text):
+        return text  # a name, true or false
+    is_plain = (
+        not flow
+        and PLAIN_EXPRESSION.fullmatch(text) is not None
+        and plain_value(text) == text
+        and parse_quantity(text) is None
+        and text == text.strip()
+    )
+    return text if is_plain else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,213 @@
+"""Kinds of nodes of BehaviorTree.CPP, Nav2 and MoveIt Pro: their words in missions, ports and differences.
+
+Import and export read these tables. Versions 3 and 4 differ in a few names and ports.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Role = Literal["control", "decorator", "leaf", "subtree"]
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignKind:
+    """A kind of node of another system.
+
+    ``word`` is the composite, modifier or leaf of a mission with the same meaning, empty if it needs several.
+    ``keys`` stand beside that word. ``port`` holds the value of the word, in ``unit``; ``ports`` are all ports with
+    their defaults. ``difference`` says how the mission differs, empty if it does not.
+    """
+
+    role: Role
+    word: str = ""
+    keys: Mapping[str, object] = field(default_factory=dict)
+    port: str = ""
+    unit: str = ""
+    ports: Mapping[str, str] = field(default_factory=dict)
+    difference: str = ""
+
+
+def _control(word: str = "", difference: str = "", **ports: str) -> ForeignKind:
+    return ForeignKind("control", word, ports=ports, difference=difference)
+
+
+def _decorator(word: str = "", difference: str = "", **ports: str) -> ForeignKind:
+    return ForeignKind("decorator", word, ports=ports, difference=difference)
+
+
+NEXT_TICK = "the next round starts at the next tick"
+
+BTCPP_KINDS: Mapping[str, ForeignKind] = {
+    "Sequence": _control("sequence"),
+    "AsyncSequence": _control("sequence"),
+    "SequenceWithMemory": _control(),
+    "ReactiveSequence": _control("reactive_sequence"),
+    "Fallback": _control("selector"),
+    "AsyncFallback": _control("selector"),
+    "ReactiveFallback": _control("reactive_selector"),
+    "Parallel": _control("parallel", success_count="-1", failure_count="1"),
+    "ParallelAll": _control("parallel", max_failures="1"),
+    "IfThenElse": _control("switch"),
+    "WhileDoElse": _control("reactive_switch"),
+    "TryCatch": _control(catch_on_halt="false"),
+    "Inverter": ForeignKind("decorator", "invert", {"invert": True}),
+    "ForceSuccess": ForeignKind("decorator", "on_failure", {"on_failure": "succeed"}),
+    "ForceFailure": ForeignKind("decorator", "on_success", {"on_success": "fail"}),
+    "KeepRunningUntilFailure": ForeignKind("decorator", "repeat", {"repeat": "forever"}),
+    "RetryUntilSuccessful": ForeignKind(
+        "decorator", "retry", port="num_attempts", ports={"num_attempts": ""}, difference=NEXT_TICK
+    ),
+    "Repeat": ForeignKind("decorator", "repeat", port="num_cycles", ports={"num_cycles": ""}, difference=NEXT_TICK),
+    "Timeout": ForeignKind("decorator", "timeout", port="msec", unit="ms", ports={"msec": ""}),
+    "Delay": ForeignKind("decorator", "delay", port="delay_msec", unit="ms", ports={"delay_msec": ""}),
+    "RunOnce": _decorator("once", then_skip="true"),
+    "Precondition": _decorator(**{"if": "", "else": "FAILURE"}),
+    "LoopInt": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
+    "LoopBool": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
+    "LoopDouble": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
+    "LoopString": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
+    "SkipUnlessUpdated": _decorator(entry=""),
+    "WaitValueUpdate": _decorator(entry=""),
+    "BlackboardCheckInt": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
+    "BlackboardCheckDouble": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
+    "BlackboardCheckString": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
+    "BlackboardCheckBool": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
+    "SubTree": ForeignKind("subtree", "mission"),
+    "Script": ForeignKind("leaf", "set", port="code", ports={"code": ""}),
+    "ScriptCondition": ForeignKind("leaf", "check", port="code", ports={"code": ""}),
+    "SetBlackboard": ForeignKind("leaf", "set", port="value", ports={"value": "", "output_key": ""}),
+    "UnsetBlackboard": ForeignKind("leaf", "set", port="key", ports={"key": ""}, difference="the entry becomes null"),
+    "Sleep": ForeignKind("leaf", "wait", port="msec", unit="ms", ports={"msec": ""}),
+    "AlwaysSuccess": ForeignKind("leaf", "succeed"),
+    "AlwaysFailure": ForeignKind("leaf", "fail"),
+    **{
+        f"Switch{count}": _control(
+            "reactive_switch", variable="", **{f"case_{number}": "" for number in range(1, count + 1)}
+        )
+        for count in range(2, 7)
+    },
+}
+"""Nodes that are built into BehaviorTree.CPP."""
+
+NAV2_KINDS: Mapping[str, ForeignKind] = {
+    "PipelineSequence": _control("race"),
+    "RecoveryNode": _control("retry", "a failed recovery does not end it", number_of_retries="1"),
+    "RoundRobin": ForeignKind("control", "selector", {"in_turn": True}, ports={"wrap_around": "false"}),
+    "NonblockingSequence": _control("race"),
+    "PersistentSequence": _control("sequence"),
+    "PauseResumeController": _control(),
+    "RateController": ForeignKind("decorator", "wait", port="hz", ports={"hz": "10.0"}),
+    "DistanceController": ForeignKind("decorator", "wait_until", port="distance", unit="m", ports={"distance": "1.0"}),
+    "SpeedController": _decorator(
+        "wait",
+        "its period is that of the maximum rate, at any speed",
+        min_rate="0.1",
+        max_rate="1.0",
+        min_speed="0.0",
+        max_speed="0.5",
+    ),
+    "GoalUpdatedController": _decorator("wait_until", goal="{goal}", goals="{goals}"),
+    "SingleTrigger": _decorator("once", "it stays ended until the mission starts again"),
+    "GoalUpdater": _decorator(input_goal="", output_goal="", input_goals="", output_goals=""),
+    "PathLongerOnApproach": _decorator(path="", prox_len="", length_factor=""),
+}
+"""Control nodes and decorators of Nav2."""
+
+MOVEIT_PRO_KINDS: Mapping[str, ForeignKind] = {
+    "ForEach": _decorator("for_each", "the index counts from 1", vector_in="", out="", index=""),
+    "ForEachUntilSuccess": _decorator("for_each", "the index counts from 1", vector_in="", out="", index=""),
+}
+"""Decorators of MoveIt Pro."""
+
+KINDS: Mapping[str, ForeignKind] = {**BTCPP_KINDS, **NAV2_KINDS, **MOVEIT_PRO_KINDS}
+
+OLD_NAMES: Mapping[str, str] = {
+    "SequenceStar": "SequenceWithMemory",
+    "FallbackStar": "Fallback",
+    "RetryUntilSuccesful": "RetryUntilSuccessful",
+    "SubTreePlus": "SubTree",
+    "SubtreePlus": "SubTree",
+    "Subtree": "SubTree",
+    "Selector": "Fallback",
+    "Recovery": "RecoveryNode",
+    "BlackboardCheck": "BlackboardCheckString",
+}
+"""Older names, each with the present one."""
+
+OLD_PORTS: Mapping[tuple[str, str], str] = {
+    ("Parallel", "success_threshold"): "success_count",
+    ("Parallel", "failure_threshold"): "failure_count",
+    ("Parallel", "threshold"): "success_count",
+    ("Timeout", "timeout_ms"): "msec",
+    ("Delay", "msec"): "delay_msec",
+}
+"""Older names of ports, each with the present one."""
+
+CONDITION_ATTRIBUTES = ("_failureIf", "_successIf", "_skipIf", "_while")
+"""Scripts that are evaluated before a node starts, in this order; ``_while`` also while it runs."""
+
+END_ATTRIBUTES = ("_onHalted", "_onFailure", "_onSuccess", "_post")
+"""Scripts that are run after a node has ended, or was halted."""
+
+EDITOR_ATTRIBUTES = ("_collapsed", "_favorite", "_fullpath", "_uid", "_hardcoded", "_subtreeOnly", "_autoremap")
+"""Attributes without a meaning for the tree, or with one that is read elsewhere."""
+
+COMMON_ATTRIBUTES = frozenset(
+    {"ID", "name", "_description", *CONDITION_ATTRIBUTES, *END_ATTRIBUTES, *EDITOR_ATTRIBUTES}
+)
+"""Attributes of all nodes, which are no ports."""
+
+WITHOUT_COUNTERPART = (
+    *("SkipUnlessUpdated", "WaitValueUpdate", "PauseResumeController", "GoalUpdater", "PathLongerOnApproach"),
+)
+"""Nodes that become stubs, although their names are known."""
+
+NAV2_OUTPUTS: Mapping[str, tuple[str, ...]] = {
+    "ComputePathToPose": ("path", "error_code_id", "error_msg", "planning_time"),
+    "ComputePathThroughPoses": ("path", "error_code_id", "error_msg", "planning_time"),
+    "ComputeRoute": ("path", "route", "planning_time", "error_code_id", "error_msg"),
+    "ComputeAndTrackRoute": ("execution_duration", "error_code_id", "error_msg"),
+    "FollowPath": ("error_code_id", "error_msg"),
+    "FollowObject": ("total_elapsed_time", "error_code_id", "error_msg"),
+    "NavigateToPose": ("error_code_id", "error_msg"),
+    "NavigateThroughPoses": ("error_code_id", "error_msg"),
+    "SmoothPath": ("smoothed_path", "smoothing_duration", "was_completed", "error_code_id", "error_msg"),
+    "RemovePassedGoals": ("output_goals", "output_waypoint_statuses"),
+    "RemoveInCollisionGoals": ("output_goals", "output_waypoint_statuses"),
+    "TruncatePath": ("output_path",),
+    "TruncatePathLocal": ("output_path",),
+    "ConcatenatePaths": ("output_path",),
+    "PlannerSelector": ("selected_planner",),
+    "ControllerSelector": ("selected_controller",),
+    "SmootherSelector": ("selected_smoother",),
+    "GoalCheckerSelector": ("selected_goal_checker",),
+    "ProgressCheckerSelector": ("selected_progress_checker",),
+    "PathHandlerSelector": ("selected_path_handler",),
+    "Spin": ("error_code_id", "error_msg"),
+    "BackUp": ("error_code_id", "error_msg"),
+    "DriveOnHeading": ("error_code_id", "error_msg"),
+    "AssistedTeleop": ("error_code_id", "error_msg"),
+    "Wait": ("error_code_id", "error_msg"),
+    "DockRobot": ("success", "error_code_id", "error_msg", "num_retries"),
+    "UndockRobot": ("success", "error_code_id", "error_msg"),
+    "GoalUpdater": ("output_goal", "output_goals"),
+    "GetPoseFromPath": ("pose",),
+    "GetNextFewGoals": ("output_goals",),
+    "GetCurrentPose": ("current_pose",),
+    "ExtractRouteNodesAsGoals": ("goals",),
+    "ValidatePath": ("collision_poses",),
+    "IsPathValid": ("invalid_pose_ids",),
+    "AppendGoalPoseToGoals": ("output_goals",),
+    "ToggleCollisionMonitor": ("success",),
+}
+"""Output ports of leaves of Nav2, whose files rarely declare them."""
+
+CONDITIONS = (
+    *("GoalUpdated", "GlobalUpdatedGoal", "GoalReached", "InitialPoseReceived", "IsBatteryCharging", "IsBatteryLow"),
+    *("IsPathValid", "IsStopped", "IsStuck", "IsWithinPathTrackingBounds", "IsGoalNearby", "PathExpiringTimer"),
+    *("TimeExpired", "TransformAvailable", "DistanceTraveled", "ArePosesNear", "AreErrorCodesPresent"),
+    *("WouldAControllerRecoveryHelp", "WouldAPlannerRecoveryHelp", "WouldARouteRecoveryHelp"),
+    *("WouldASmootherRecoveryHelp", "WasEntryUpdated"),
+)
+"""Leaves of Nav2 and BehaviorTree.CPP that answer at once."""

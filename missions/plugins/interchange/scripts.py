@@ -1,0 +1,349 @@
+"""Scripts of BehaviorTree.CPP, such as ``x := 1; y = x > 0 ? 'a' : 'b'``, as expressions of missions.
+
+Their booleans are the numbers 0 and 1, and ``&&`` binds as tightly as ``||``: both read from the left.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+MAX_SCRIPT_LENGTH = 5_000
+MAX_SCRIPT_DEPTH = 40
+"""Maximum nesting of parentheses, signs and choices."""
+
+NUMBER, FLAG, TEXT = "number", "flag", "text"
+"""Kinds of values; None is the kind of an unknown value."""
+
+TOKEN = re.compile(
+    r"\s*(?:(?P<number>0[xX][0-9a-fA-F]+|(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"|(?P<name>@?[A-Za-z_][A-Za-z0-9_]*)"
+    r"|'(?P<text>[^']*)'|\"(?P<double>[^\"]*)\""
+    r"|(?P<sign>:=|\+=|-=|\*=|/=|==|!=|<=|>=|&&|\|\||\.\.|[-+*/<>=!?:;()~&|^]))"
+)
+ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
+COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
+OPPOSITES = {"==": "!=", "!=": "==", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+WITHOUT_EQUIVALENT = {
+    "&": "the bit operator '&'",
+    "|": "the bit operator '|'",
+    "^": "the bit operator '^'",
+    "~": "the bit operator '~'",
+}
+
+
+class ScriptError(ValueError):
+    """A script that cannot be read, or that missions cannot express."""
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """An expression of a mission: text, kind of its value, entries that it reads, and how tightly it binds.
+
+    ``constant`` is its value if it is a number, a flag or a text alone. ``parts`` are those of a joined text.
+    ``opposite`` is the negation of a comparison.
+    """
+
+    text: str
+    kind: str | None
+    reads: tuple[str, ...] = ()
+    binding: int = 9
+    constant: float | bool | str | None = None
+    parts: tuple["Formula", ...] = ()
+    opposite: str = ""
+
+    @property
+    def is_condition(self) -> bool:
+        """True if the value is true or false, and no number."""
+        return self.kind == FLAG
+
+    def within(self, binding: int) -> str:
+        """Return the text as an operand, in parentheses if it binds less tightly."""
+        return self.text if self.binding >= binding else f"({self.text})"
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """One assignment of a script: the entry, and its new value."""
+
+    entry: str
+    formula: Formula
+
+
+@dataclass(slots=True)
+class Script:
+    """A script: assignments in order, and the value of its last statement if that is a condition."""
+
+    assignments: list[Assignment] = field(default_factory=list)
+    condition: Formula | None = None
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Entries that the script reads before it sets them."""
+        found, known = dict[str, None](), set[str]()
+        for each in self.assignments:
+            found |= dict.fromkeys(name for name in each.formula.reads if name not in known)
+            known.add(each.entry)
+        if self.condition is not None:
+            found |= dict.fromkeys(name for name in self.condition.reads if name not in known)
+        return tuple(found)
+
+
+Rename = Callable[[str], str]
+"""Function that returns the name of a variable for the name of an entry."""
+
+LOGIC, COMPARISON, SUM, PRODUCT, SIGN, ATOM = 2, 4, 5, 6, 7, 9
+
+
+def keep_name(name: str) -> str:
+    """Return the name itself."""
+    return name
+
+
+def parse_script(text: str, rename: Rename = keep_name, kinds: Mapping[str, str | None] | None = None) -> Script:
+    """Parse a script; ``kinds`` are the known kinds of entries. Raises ScriptError."""
+    return _Parser(text, rename, kinds or {}).script()
+
+
+class _Parser:
+    """Recursive descent over the tokens of one script."""
+
+    def __init__(self, text: str, rename: Rename, kinds: Mapping[str, str | None]) -> None:
+        if len(text) > MAX_SCRIPT_LENGTH:
+            raise ScriptError(f"a script of more than {MAX_SCRIPT_LENGTH:,} characters")
+        self._tokens = list(_tokens(text))
+        self._at = 0
+        self._depth = 0
+        self._rename = rename
+        self._kinds = dict(kinds)
+
+    def script(self) -> Script:
+        found = Script()
+        while self._peek() != ("", ""):
+            if self._take(";"):
+                continue
+            kind, word = self._peek()
+            following = self._tokens[self._at + 1] if self._at + 1 < len(self._tokens) else ("", "")
+            if kind == "name" and following[0] == "sign" and following[1] in ASSIGNMENTS:
+                self._at += 2
+                found.assignments.append(self._assignment(word, following[1]))
+                found.condition = None
+            else:
+                found.condition = self._choice()
+            if self._peek() != ("", "") and not self._take(";"):
+                raise ScriptError(f"unexpected '{self._peek()[1]}'")
+        return found
+
+    def _assignment(self, entry: str, sign: str) -> Assignment:
+        value = self._choice()
+        if sign not in (":=", "="):
+            value = _combine(sign[0], self._variable(entry), value)
+        self._kinds[entry] = value.kind
+        return Assignment(entry, value)
+
+    def _variable(self, entry: str) -> Formula:
+        return Formula(self._rename(entry), self._kinds.get(entry), (entry,))
+
+    def _choice(self) -> Formula:
+        with_condition = self._logic()
+        if not self._take("?"):
+            return with_condition
+        self._deeper()
+        one = self._choice()
+        if not self._take(":"):
+            raise ScriptError("':' is missing")
+        other = self._choice()
+        self._depth -= 1
+        one, other = _of_one_kind(one, other)
+        text = f"{one.within(LOGIC)} if {with_condition.within(LOGIC)} else {other.within(1)}"
+        return Formula(
+            text,
+            one.kind if one.kind == other.kind else None,
+            (*with_condition.reads, *one.reads, *other.reads),
+            binding=1,
+        )
+
+    def _logic(self) -> Formula:
+        left = self._comparison()
+        joined = ""
+        while self._peek() in (("sign", "&&"), ("sign", "||")):
+            word = "and" if self._next()[1] == "&&" else "or"
+            right = self._comparison()
+            # A chain of one word needs no parentheses; a change of words does, since ours bind differently.
+            first = left.text if joined == word else left.within(COMPARISON)
+            text = f"{first} {word} {right.within(COMPARISON)}"
+            left, joined = Formula(text, FLAG, (*left.reads, *right.reads), LOGIC), word
+        return left
+
+    def _comparison(self) -> Formula:
+        left = self._sum()
+        if self._peek()[1] not in COMPARISONS or self._peek()[0] != "sign":
+            return left
+        parts, reads, before = list[str](), list(left.reads), left
+        while self._peek()[0] == "sign" and self._peek()[1] in COMPARISONS:
+            sign = self._next()[1]
+            right = self._sum()
+            one, other = _of_one_kind(before, right)
+            parts += [*([] if parts else [one.within(SUM)]), sign, other.within(SUM)]
+            reads += right.reads
+            before = right
+        opposite = f"{parts[0]} {OPPOSITES[parts[1]]} {parts[2]}" if len(parts) == 3 else ""
+        whole = Formula(" ".join(parts), FLAG, tuple(reads), COMPARISON, opposite=opposite)
+        return (_simple_flag_test(left, parts) if len(parts) == 3 else None) or whole
+
+    def _sum(self) -> Formula:
+        left = self._product()
+        while self._peek() in (("sign", "+"), ("sign", "-"), ("sign", "..")):
+            left = _combine(self._next()[1], left, self._product())
+        return left
+
+    def _product(self) -> Formula:
+        left = self._sign()
+        while self._peek() in (("sign", "*"), ("sign", "/")):
+            left = _combine(self._next()[1], left, self._sign())
+        return left
+
+    def _sign(self) -> Formula:
+        if self._peek() == ("sign", "!"):
+            self._next()
+            self._deeper()
+            part = self._sign()
+            self._depth -= 1
+            return Formula(f"not {part.within(SIGN)}", FLAG, part.reads, LOGIC + 1)
+        if self._peek() == ("sign", "-"):
+            self._next()
+            self._deeper()
+            part = self._sign()
+            self._depth -= 1
+            negative = -part.constant if isinstance(part.constant, float) else None
+            return Formula(f"-{part.within(SIGN)}", NUMBER, part.reads, SIGN, constant=negative)
+        return self._atom()
+
+    def _atom(self) -> Formula:
+        kind, word = self._next()
+        if kind == "number":
+            value = float(int(word, 16)) if word[:2].lower() == "0x" else float(word)
+            return Formula(number_text(value), NUMBER, constant=value)
+        if kind == "text":
+            return text_formula(word)
+        if kind == "name":
+            if word in ("true", "false"):
+                return Formula(word, FLAG, constant=word == "true")
+            return self._variable(word)
+        if (kind, word) == ("sign", "("):
+            self._deeper()
+            inner = self._choice()
+            self._depth -= 1
+            if self._peek()[1] in ASSIGNMENTS:
+                raise ScriptError("an assignment inside an expression")
+            if not self._take(")"):
+                raise ScriptError("')' is missing")
+            return inner
+        if word in WITHOUT_EQUIVALENT:
+            raise ScriptError(WITHOUT_EQUIVALENT[word])
+        raise ScriptError(f"unexpected '{word}'" if word else "a value is missing at its end")
+
+    def _deeper(self) -> None:
+        self._depth += 1
+        if self._depth > MAX_SCRIPT_DEPTH:
+            raise ScriptError(f"nested too deeply: at most {MAX_SCRIPT_DEPTH} levels")
+
+    def _peek(self) -> tuple[str, str]:
+        found = self._tokens[self._at] if self._at < len(self._tokens) else ("", "")
+        if found[0] == "sign" and found[1] in ("&", "|", "^") and self._at:
+            raise ScriptError(WITHOUT_EQUIVALENT[found[1]])
+        return found
+
+    def _next(self) -> tuple[str, str]:
+        found = self._peek()
+        self._at += 1
+        return found
+
+    def _take(self, sign: str) -> bool:
+        taken = self._peek() == ("sign", sign)
+        self._at += taken
+        return taken
+
+
+def _tokens(text: str) -> Iterator[tuple[str, str]]:
+    at = 0
+    while text[at:].strip():
+        found = TOKEN.match(text, at)
+        if found is None:
+            raise ScriptError(f"unexpected '{text[at:].strip()[0]}'")
+        kind = str(found.lastgroup)
+        yield "text" if kind == "double" else kind, found[kind]
+        at = found.end()
+
+
+def number_text(value: float) -> str:
+    """Return a number as in an expression: 6, 0.25."""
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+
+
+def text_formula(text: str) -> Formula:
+    """Return a text as an expression."""
+    escaped = text.replace("\\", "\\\\").replace("\n", " ").replace("\r", " ")
+    quote = '"' if "'" in escaped else "'"
+    return Formula(f"{quote}{escaped.replace(quote, chr(92) + quote)}{quote}", TEXT, constant=text)
+
+
+def _combine(sign: str, left: Formula, right: Formula) -> Formula:
+    reads = (*left.reads, *right.reads)
+    if sign == ".." or (sign == "+" and TEXT in (left.kind, right.kind)):
+        return _join(left, right, reads)
+    binding = SUM if sign in "+-" else PRODUCT
+    text = f"{left.within(binding)} {sign} {right.within(binding + 1)}"
+    return Formula(text, NUMBER if sign != "+" or NUMBER in (left.kind, right.kind) else None, reads, binding)
+
+
+def _join(left: Formula, right: Formula, reads: tuple[str, ...]) -> Formula:
+    """Return two joined texts; a number in them can only stand in a text of its own, ``"${a}${b}"``."""
+    parts = (*(left.parts or (left,)), *(right.parts or (right,)))
+    return Formula(f"{left.within(SUM)} + {right.within(PRODUCT)}", TEXT, reads, SUM, parts=parts)
+
+
+def _of_one_kind(one: Formula, other: Formula) -> tuple[Formula, Formula]:
+    """Return two compared values; a number beside a flag, or beside a text, is written as such."""
+    return _as_kind(one, other.kind), _as_kind(other, one.kind)
+
+
+def _as_kind(formula: Formula, kind: str | None) -> Formula:
+    value = formula.constant
+    if kind == FLAG and isinstance(value, float) and value in (0, 1):
+        return Formula("true" if value else "false", FLAG, constant=bool(value))
+    if kind == NUMBER and formula.kind == FLAG:
+        if isinstance(value, bool):
+            return Formula(str(int(value)), NUMBER, constant=float(value))
+        return Formula(f"1 if {formula.within(LOGIC)} else 0", NUMBER, formula.reads, 1)
+    if kind == NUMBER and isinstance(value, str) and _is_number(value):
+        return Formula(number_text(float(value)), NUMBER, constant=float(value))
+    if kind == TEXT and isinstance(value, float) and not isinstance(value, bool):
+        return text_formula(number_text(value))
+    return formula
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r"-?\d+(\.\d*)?", text) is not None
+
+
+def _simple_flag_test(left: Formula, parts: list[str]) -> Formula | None:
+    """Return ``x`` for ``x == true``, and ``not x`` for ``x == false``, if x is true or false."""
+    if left.kind != FLAG or parts[2] not in ("true", "false") or parts[1] not in ("==", "!="):
+        return None
+    return left if (parts[1] == "==") == (parts[2] == "true") else negate(left)
+
+
+def negate(formula: Formula) -> Formula:
+    """Return the negation of a condition."""
+    if formula.opposite:
+        return Formula(formula.opposite, FLAG, formula.reads, COMPARISON, opposite=formula.text)
+    if formula.text.startswith("not ") and formula.binding == LOGIC + 1:
+        return Formula(formula.text.removeprefix("not "), FLAG, formula.reads, LOGIC)
+    return Formula(f"not {formula.within(SIGN)}", FLAG, formula.reads, LOGIC + 1)
+
+
+def as_condition(formula: Formula) -> Formula:
+    """Return an expression that is true or false, also for a number."""
+    if formula.is_condition:
+        return formula
+    return Formula(f"not not {formula.within(SIGN)}", FLAG, formula.reads, LOGIC + 1)

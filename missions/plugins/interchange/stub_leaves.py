@@ -1,0 +1,197 @@
+"""Stub leaves: a class for each leaf that missions do not have, with its ports as arguments.
+
+A stub can be checked, shown and mocked. It refuses to run until its author writes its ``update``.
+"""
+
+import json
+import keyword
+import re
+import textwrap
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from behaviours.leaf import Leaf
+from config.diagnostics import to_snake_case
+from missions.language.nodes import NODES
+from missions.language.parallel_counts import COUNTS
+from missions.plugins.interchange.foreign_trees import PortModel
+from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
+
+BESIDE_WORDS = frozenset({*NODES, *COUNTS, "name", "as", "with", "returns", "weights"})
+"""Words of missions that no leaf can have as its tag."""
+
+LINE_LENGTH = 100
+NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
+                "int8_t", "int16_t", "int32_t", "int64_t", "unsigned int", "long")  # fmt: skip
+TEXT_TYPES = ("std::string", "string", "str", "const char*", "std::string_view")
+
+
+def kind_of_port(port: PortModel) -> str | None:
+    """Return the kind of a port's values by its C++ type; None if the type is unknown."""
+    name = port.type.strip().removeprefix("const ")
+    return NUMBER if name in NUMBER_TYPES else FLAG if name == "bool" else TEXT if name in TEXT_TYPES else None
+
+
+@dataclass(slots=True)
+class StubArgument:
+    """An argument of a stub, with the kinds of the values that nodes give it; None stands for an unknown kind."""
+
+    port: PortModel
+    kinds: list[str | None] = field(default_factory=list)
+
+    @property
+    def kind(self) -> str | None:
+        """Kind of its values: that of the port's type, or that of all values; None if it is unknown."""
+        declared, used = kind_of_port(self.port), set(self.kinds)
+        if declared == TEXT or not used:
+            return declared
+        if declared is not None:
+            return declared if used <= {declared, None} else None
+        return used.pop() if len(used) == 1 else None
+
+
+@dataclass(slots=True)
+class StubLeaf:
+    """A stub for one leaf: its tag, arguments and outputs, in the order in which they were found."""
+
+    id: str
+    tag: str
+    role: str
+    arguments: dict[str, StubArgument] = field(default_factory=dict)
+    outputs: dict[str, PortModel] = field(default_factory=dict)
+    uses: int = 0
+
+    def note_argument(self, name: str, port: PortModel, kind: str | None) -> None:
+        """Note that a node gives an argument, with a value of this kind (None if unknown)."""
+        self.arguments.setdefault(name, StubArgument(port)).kinds.append(kind)
+
+    @property
+    def class_name(self) -> str:
+        """Name of its Python class."""
+        words = re.sub(r"\W", "_", self.id)
+        name = "".join(part[:1].upper() + part[1:] for part in words.split("_") if part) or "Stub"
+        return f"Stub{name}" if name[0].isdigit() or keyword.iskeyword(name) or name in PYTHON_NAMES else name
+
+
+PYTHON_NAMES = ("Leaf", "Any", "Status", "Mapping")
+"""Names that the file of stubs imports."""
+
+
+class StubTable:
+    """Stubs of an import, by the ID of their nodes; ``outputs`` are the ports that each kind of node stores."""
+
+    def __init__(self, leaf_tags: Collection[str], outputs: Mapping[str, Mapping[str, PortModel]]) -> None:
+        self._outputs = outputs
+        self._taken = {*leaf_tags, *BESIDE_WORDS}
+        self.stubs: dict[str, StubLeaf] = {}
+
+    def stub(self, id: str, role: str) -> StubLeaf:  # noqa: A002 - the name in the file
+        """Return the stub of a node, which is made at its first use."""
+        if id not in self.stubs:
+            found = StubLeaf(id, self._tag(id, role), role)
+            found.outputs |= self._outputs.get(id, {})
+            self.stubs[id] = found
+        return self.stubs[id]
+
+    def _tag(self, id: str, role: str) -> str:  # noqa: A002 - as above
+        word = re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(id))).strip("_") or "leaf"
+        word = word if word[0].isalpha() else f"leaf_{word}"
+        wishes = (word, f"{word}_{role.lower() or 'action'}", *(f"{word}_{number}" for number in range(2, 10_000)))
+        tag = next(wish for wish in wishes if wish not in self._taken)
+        self._taken.add(tag)
+        return tag
+
+
+def stub_file_text(title: str, stubs: Iterable[StubLeaf], file: str) -> str:
+    """Return the Python file with the classes of all stubs; ``file`` is its name, for the reasons of failures."""
+    classes, names = list[str](), set[str]()
+    for stub in stubs:
+        name, number = stub.class_name, 2
+        while name in names:
+            name, number = f"{stub.class_name}{number}", number + 1
+        names.add(name)
+        classes.append(_class_text(stub, name, file))
+    head = f'"""Stub leaves of {_one_line(title)}: write the ``update`` of each, then remove its line ``stub``."""\n'
+    imports = ["from py_trees.common import Status", "", "from behaviours.leaf import Leaf, argument"]
+    if any("Mapping[" in text for text in classes):
+        imports = ["from collections.abc import Mapping", *(["from typing import Any", ""]), *imports]
+    elif any("Any" in text for text in classes):
+        imports = ["from typing import Any", "", *imports]
+    return head + "\n" + "\n".join(imports) + "\n\n\n" + "\n\n\n".join(classes) + "\n"
+
+
+def _class_text(stub: StubLeaf, name: str, file: str) -> str:
+    lines = [
+        f"class {name}(Leaf):",
+        f'    """Stub of the {stub.role.lower() or "leaf"} {_one_line(stub.id)}."""',
+        "",
+        f'    tag = "{stub.tag}"',
+        f"    stub = {_python_text(f'write its update in {file}')}",
+    ]
+    if stub.role == "Condition":
+        lines.append("    instant = True")
+    if stub.outputs:
+        helps = [port.help or output for output, port in stub.outputs.items()]
+        lines.append(f"    output_doc = {_python_text('; '.join(map(_one_line, helps)))}")
+        lines.append(f"    output_type = {_output_type(stub)}")
+    lines += [_argument_line(each, argument, stub) for each, argument in stub.arguments.items()]
+    lines += [
+        "",
+        "    def update(self) -> Status:",
+        "        return self.fail(f\"'{self.tag}' is a stub: {self.stub}\")",
+    ]
+    return "\n".join(lines)
+
+
+PYTHON_TYPES = {NUMBER: "float", FLAG: "bool", TEXT: "str"}
+ARGUMENT_KINDS = {NUMBER: "number", FLAG: "flag", TEXT: "text", None: "value"}
+
+
+def _output_type(stub: StubLeaf) -> str:
+    if len(stub.outputs) > 1:
+        return "Mapping[str, Any]"
+    return PYTHON_TYPES.get(kind_of_port(next(iter(stub.outputs.values()))) or "", "None")
+
+
+def _argument_line(name: str, argument: StubArgument, stub: StubLeaf) -> str:
+    attribute = re.sub(r"\W", "_", name)
+    if not attribute.isidentifier() or attribute.startswith("_"):
+        attribute = f"port_{attribute.lstrip('_')}"
+    if keyword.iskeyword(attribute) or hasattr(Leaf, attribute) or attribute in LEAF_ATTRIBUTES:
+        attribute = f"{attribute}_"
+    options = "" if attribute == name else f", name={_python_text(name)}"
+    required = argument.port.default is None and len(argument.kinds) == stub.uses
+    if not required:
+        options += f", default={_python_default(argument)}"
+    python = PYTHON_TYPES.get(argument.kind or "", "Any")
+    python += " | None" if not required and python != "Any" and options.endswith("None") else ""
+    help_text = _one_line(argument.port.help) or f"port {_one_line(name)}"
+    return (
+        f'    {attribute}: {python} = argument("{ARGUMENT_KINDS[argument.kind]}", {_python_text(help_text)}{options})'
+    )
+
+
+LEAF_ATTRIBUTES = ("name", "parent", "children", "status", "logger", "run", "robot", "scope", "reason", "key", "label")
+"""Attributes that every leaf has."""
+
+
+def _python_default(argument: StubArgument) -> str:
+    text = argument.port.default
+    if text is None:
+        return "None"
+    if argument.kind == NUMBER:
+        return text if re.fullmatch(r"-?\d+(\.\d+)?", text.strip()) else "None"
+    if argument.kind == FLAG:
+        return {"true": "True", "1": "True", "false": "False", "0": "False"}.get(text.strip().lower(), "None")
+    return _python_text(text)
+
+
+def _python_text(text: str) -> str:
+    """Return a text as a Python literal in double quotes, without line breaks."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _one_line(text: str) -> str:
+    """Return a text for a docstring: one line, without quotes and backslashes."""
+    plain = " ".join(text.split()).replace("\\", "/").replace('"', "'")
+    return textwrap.shorten(plain, 100, placeholder="...") if plain else ""

@@ -1,0 +1,162 @@
+"""Reader of XML files from other programs: elements with line numbers and comments, under strict limits.
+
+The file is hostile input: a document type, an entity or a processing instruction for style sheets cannot make the
+reader open another file or grow in memory. Nothing but the given text is read.
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
+from config.file_io import read_regular
+
+MAX_BYTES = 4_000_000
+"""Maximum size of a file."""
+
+MAX_DEPTH = 100
+"""Maximum depth of elements: the depth of a mission."""
+
+MAX_ELEMENTS = 20_000
+MAX_ATTRIBUTES = 200
+"""Maximum attributes of one element."""
+
+MAX_VALUE_LENGTH = 20_000
+"""Maximum characters of an attribute, a text or a comment."""
+
+ENCODINGS = ("utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "utf-16")
+DECLARED_ENCODING = re.compile(rb"""\A[^>]{0,200}?<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
+CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff]")
+
+
+@dataclass(slots=True)
+class Element:
+    """An element of an XML file.
+
+    ``comments`` stand directly before it, ``last_comments`` behind its last child, and ``text`` is its own text.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    source: SourceText
+    line: int
+    column: int = 1
+    children: list["Element"] = field(default_factory=list)
+    comments: list[str] = field(default_factory=list)
+    last_comments: list[str] = field(default_factory=list)
+    text: str = ""
+
+    def fault(self, message: str, hint: str = "") -> InvalidFileError:
+        """Return an error at this element."""
+        return InvalidFileError([Diagnostic(self.source, Mark(self.line, self.column), message, hint)])
+
+
+def read_xml(path: Path, name: str | None = None) -> Element:
+    """Read an XML file. Raises InvalidFileError: unreadable, too large, or refused by ``parse_xml``."""
+    label = str(path) if name is None else name
+    try:
+        data = read_regular(path, MAX_BYTES)
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror or error}"
+        raise InvalidFileError([Diagnostic(SourceText(label, ""), Mark(), reason)]) from error
+    return parse_xml(data, label)
+
+
+def parse_xml(data: bytes, name: str) -> Element:
+    """Return the root element of a document.
+
+    Raises InvalidFileError for text that is not well-formed, too large or too deep, and for a document type.
+    """
+    found = DECLARED_ENCODING.match(data)
+    encoding = found[1].decode().lower() if found else "utf-8"
+    source = SourceText(name, data.decode("utf-8", errors="replace"))
+    if encoding not in ENCODINGS:
+        raise InvalidFileError([Diagnostic(source, Mark(), f"unknown encoding '{encoding}'", "save it as UTF-8")])
+    return _Builder(source).build(data)
+
+
+class _Builder:
+    """Builds the elements from the events of expat; each limit is checked before anything is stored."""
+
+    def __init__(self, source: SourceText) -> None:
+        self._source = source
+        self._open: list[Element] = []
+        self._root: Element | None = None
+        self._count = 0
+        self._comments: list[str] = []
+        self._parser = expat.ParserCreate()
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CommentHandler = self._comment
+        self._parser.CharacterDataHandler = self._characters
+        self._parser.StartDoctypeDeclHandler = self._refuse_document_type
+        self._parser.EntityDeclHandler = self._refuse_document_type
+
+    def build(self, data: bytes) -> Element:
+        try:
+            self._parser.Parse(data, True)
+        except expat.ExpatError as error:
+            mark = Mark(error.lineno, error.offset + 1)
+            reason = f"not well-formed XML: {expat.ErrorString(error.code)}"
+            raise InvalidFileError([Diagnostic(self._source, mark, reason)]) from None
+        except (UnicodeError, LookupError, ValueError) as error:
+            if isinstance(error, InvalidFileError):
+                raise
+            raise self._fault(f"not readable as XML: {error}") from None
+        if self._root is None:
+            raise self._fault("an empty file")
+        self._root.last_comments += self._comments
+        return self._root
+
+    def _fault(self, message: str, hint: str = "") -> InvalidFileError:
+        mark = Mark(max(1, self._parser.CurrentLineNumber), self._parser.CurrentColumnNumber + 1)
+        return InvalidFileError([Diagnostic(self._source, mark, message, hint)])
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._count += 1
+        if self._count > MAX_ELEMENTS:
+            raise self._fault(f"more than {MAX_ELEMENTS:,} elements")
+        if len(self._open) >= MAX_DEPTH:
+            raise self._fault(f"nested too deeply: at most {MAX_DEPTH} elements")
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise self._fault(f"more than {MAX_ATTRIBUTES} attributes")
+        for name, value in attributes.items():
+            self._check_length(value, f"attribute '{name[:40]}'")
+        self._check_length(tag, "a tag")
+        line, column = self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1
+        cleaned = {name: clean_text(value) for name, value in attributes.items()}
+        element = Element(tag, cleaned, self._source, line, column, comments=self._comments)
+        self._comments = []
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self._root = element
+        self._open.append(element)
+
+    def _end(self, tag: str) -> None:
+        del tag
+        self._open.pop().last_comments += self._comments
+        self._comments = []
+
+    def _comment(self, text: str) -> None:
+        self._check_length(text, "a comment")
+        self._comments.append(clean_text(text))
+
+    def _characters(self, text: str) -> None:
+        if self._open and text.strip():
+            self._open[-1].text += clean_text(text)
+            self._check_length(self._open[-1].text, "a text")
+
+    def _check_length(self, text: str, label: str) -> None:
+        if len(text) > MAX_VALUE_LENGTH:
+            raise self._fault(f"{label} of more than {MAX_VALUE_LENGTH:,} characters")
+
+    def _refuse_document_type(self, *_: object) -> None:
+        raise self._fault("a document type or an entity, which is refused", "remove <!DOCTYPE ...> from the file")
+
+
+def clean_text(text: str) -> str:
+    """Return a text without control characters, which no file of missions may contain."""
+    return CONTROL_CHARACTERS.sub(" ", text)

@@ -1,0 +1,156 @@
+"""``mission import`` writes missions, stubs and a report, and nothing over existing files."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.missions.command import Outcome, command
+from tests.missions.interchange.trees import tree_text
+
+Mission = Callable[..., Outcome]
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    monkeypatch.chdir(tmp_path)
+    return lambda *words: command(capsys, *words)
+
+
+GRASP = '<Sequence><Sleep msec="50"/><Grasp force="3"/></Sequence>'
+
+
+def test_an_imported_mission_is_checked_shown_and_mocked_but_not_run(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    done = mission("import", "tree.xml", "-o", "made")
+    assert done.code == 0
+    assert "tree.xml:1: Grasp: the stub leaf 'grasp'" in done.out
+    assert "wrote 1 mission and 1 stub leaf to made" in done.out
+    assert "the stub leaf 'grasp'" in (tmp_path / "made" / "IMPORTED.md").read_text()
+    assert mission("check", "made").code == 0
+    assert "grasp" in mission("show", "made/patrol.yaml").out
+    refused = mission("run", "made/patrol.yaml", "--simulate", "fast")
+    assert refused.code == 2
+    assert "'grasp' is a stub, which cannot run" in refused.err
+    assert "write its update in behaviours/tree.py, or mock it" in refused.err
+    case = "tests: patrol\ncases: [{case: mocked, given: [{grasp: succeeds}], expect: {result: success, ran: grasp}}]\n"
+    (tmp_path / "made" / "patrol.test.yaml").write_text(case)
+    assert mission("test", "made/patrol.test.yaml", "--jobs", "1").code == 0
+
+
+def test_a_stub_runs_once_its_update_is_written(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    mission("import", "tree.xml", "-o", "made")
+    file = tmp_path / "made" / "behaviours" / "tree.py"
+    lines = [line for line in file.read_text().splitlines() if not line.strip().startswith("stub =")]
+    refusal = next(line for line in lines if "self.fail(" in line)
+    written = "\n".join(lines).replace(refusal, "        return Status.SUCCESS")
+    file.write_text(written + "\n")
+    assert mission("run", "made/patrol.yaml", "--simulate", "fast").code == 0
+
+
+def test_existing_files_are_kept_without_force(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text("<AlwaysSuccess/>"))
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "patrol.yaml").write_text("mine")
+    refused = mission("import", "tree.xml", "-o", "made")
+    assert refused.code == 2
+    assert "patrol.yaml already exists" in refused.err
+    assert "--force" in refused.err
+    assert (tmp_path / "made" / "patrol.yaml").read_text() == "mine"
+    assert not (tmp_path / "made" / "IMPORTED.md").exists()
+    assert mission("import", "tree.xml", "-o", "made", "--force").code == 0
+    assert (tmp_path / "made" / "patrol.yaml").read_text() != "mine"
+
+
+def test_links_in_the_folder_are_not_followed(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "behaviours").symlink_to(tmp_path / "elsewhere")
+    assert "is a link" in mission("import", "tree.xml", "-o", "made", "--force").err
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_mistakes_are_reported_with_their_place(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "broken.xml").write_text("<root>\n<A></B></root>")
+    assert "broken.xml:2:" in mission("import", "broken.xml", "-o", "made").err
+    (tmp_path / "other.xml").write_text("<package><name>robot</name></package>")
+    assert "not a behaviour tree" in mission("import", "other.xml", "-o", "made").err
+    (tmp_path / "empty.xml").write_text("<root/>")
+    assert "no tree in this file" in mission("import", "empty.xml", "-o", "made").err
+    (tmp_path / "folder").mkdir()
+    assert "no XML file with behaviour trees" in mission("import", "folder", "-o", "made").err
+    assert not (tmp_path / "made").exists()
+
+
+def test_a_folder_is_imported_with_its_readable_files(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "trees").mkdir()
+    (tmp_path / "trees" / "a.xml").write_text(tree_text('<SubTree ID="Dock"/>'))
+    (tmp_path / "trees" / "b.xml").write_text(tree_text("<AlwaysSuccess/>").replace("Patrol", "Dock"))
+    (tmp_path / "trees" / "c.xml").write_text("<root><A>")
+    (tmp_path / "trees" / "package.xml").write_text("<package/>")
+    done = mission("import", "trees", "-o", "made")
+    assert "wrote 2 missions" in done.out
+    assert "c.xml:1: file: not well-formed XML" in done.out
+    assert "package.xml" not in done.out
+    assert mission("check", "made").code == 0
+
+
+def test_includes_stay_in_the_folder(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "secret.xml").write_text(tree_text("<AlwaysSuccess/>").replace("Patrol", "Secret"))
+    folder = tmp_path / "trees"
+    folder.mkdir()
+    (folder / "link.xml").symlink_to(tmp_path / "secret.xml")
+    includes = "".join(f'<include path="{path}"/>' for path in ("../secret.xml", "link.xml", "/etc/passwd", "more.xml"))
+    more = '<include ros_pkg="nav2" path="x.xml"/>'
+    (folder / "main.xml").write_text(tree_text('<SubTree ID="Secret"/>', more=includes + more))
+    (folder / "more.xml").write_text(tree_text("<AlwaysSuccess/>").replace("Patrol", "More"))
+    done = mission("import", "trees/main.xml", "-o", "made")
+    assert done.out.count("is outside the folder") == 3
+    assert "includes from a ROS package are not followed" in done.out
+    assert (tmp_path / "made" / "more.yaml").exists()
+    assert not (tmp_path / "made" / "secret.yaml").exists()
+
+
+def test_files_that_include_each_other_are_refused(mission: Mission, tmp_path: Path) -> None:
+    for name, other in (("a", "b"), ("b", "a")):
+        tree = tree_text("<AlwaysSuccess/>", more=f'<include path="{other}.xml"/>').replace("Patrol", name.upper())
+        (tmp_path / f"{name}.xml").write_text(tree)
+    done = mission("import", "a.xml", "-o", "made")
+    assert "includes itself" in done.out + done.err
+
+
+def test_a_table_of_leaves_maps_leaves_and_units(mission: Mission, tmp_path: Path) -> None:
+    node = '<Sequence><SaySomething message="Hello"/><Retreat far="0.5"/><SaySomething message="{words}"/></Sequence>'
+    (tmp_path / "tree.xml").write_text(tree_text(node))
+    table = """leaves:
+  SaySomething: {leaf: say, ports: {message: text}}
+  Retreat: {leaf: drive, ports: {far: -distance in m}}
+"""
+    (tmp_path / "table.yaml").write_text(table)
+    assert mission("import", "tree.xml", "-o", "made", "--leaves", "table.yaml").code == 0
+    text = (tmp_path / "made" / "patrol.yaml").read_text()
+    assert "- say: {text: Hello}" in text
+    assert "- drive: {distance: -0.5 m}" in text
+    assert '- say: {text: "${words}"}' in text
+    assert mission("check", "made").code == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("leaf: {}", "needs the key 'leaves'"),
+        ("leaves: {A: {leaf: sya}}", "unknown behaviour 'sya'"),
+        ("leaves: {A: {leaf: say, ports: {x: words}}}", "'say' has no argument 'words'"),
+        ("leaves: {A: {leaf: drive, ports: {x: distance in mile}}}", "unknown unit 'mile'"),
+        ("leaves: {A: {leafs: drive}}", "unknown key 'leafs'"),
+        ("leaves: {A: drive}", "write {leaf: NAME"),
+    ],
+)
+def test_mistakes_in_a_table_are_reported(table: str, message: str, mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text("<AlwaysSuccess/>"))
+    (tmp_path / "table.yaml").write_text(table)
+    refused = mission("import", "tree.xml", "-o", "made", "--leaves", "table.yaml")
+    assert refused.code == 2
+    assert message in refused.err

@@ -1,0 +1,226 @@
+"""Nodes of BehaviorTree.CPP, Nav2 and MoveIt Pro become nodes of missions."""
+
+from pathlib import Path
+
+import pytest
+
+from behaviours.catalogue import LEAVES
+from missions.plugins.interchange.importer import import_trees
+from missions.plugins.interchange.report import DIFFERS, LOST, STUB
+from tests.missions.interchange.trees import import_text, remarks, tree_lines, tree_text
+
+
+@pytest.mark.parametrize(
+    ("node", "lines"),
+    [
+        ("<Sequence><AlwaysSuccess/></Sequence>", ["sequence:", "  - succeed"]),
+        ("<ReactiveFallback><AlwaysFailure/></ReactiveFallback>", ["reactive_selector:", "  - fail"]),
+        ('<Control ID="Fallback"><AlwaysFailure/></Control>', ["selector:", "  - fail"]),
+        ('<Sleep msec="1500"/>', ["wait: 1.5 s"]),
+        ('<Delay delay_msec="150"><AlwaysSuccess/></Delay>', ["succeed:", "delay: 150 ms"]),
+        ('<Timeout msec="0"><AlwaysSuccess/></Timeout>', ["succeed"]),
+        ('<Inverter><Sleep msec="50" name="nap"/></Inverter>', ["wait: 50 ms", "name: nap", "invert: true"]),
+        (
+            '<RetryUntilSuccessful num_attempts="3" name="thrice"><AlwaysFailure/></RetryUntilSuccessful>',
+            ["fail:", "retry: 3  # thrice"],
+        ),
+        ('<Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>', ["succeed:", "repeat: forever"]),
+        ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", ["succeed:", "repeat: forever"]),
+        ("<ForceFailure><AlwaysSuccess/></ForceFailure>", ["succeed:", "on_success: fail"]),
+        ('<RunOnce then_skip="false"><AlwaysSuccess/></RunOnce>', ["succeed:", "once: true"]),
+        ('<Script code="n := 1; m := 2"/>', ["set: {n: 1, m: 2}"]),
+        ('<SetBlackboard output_key="{n}" value="3"/>', ["set: {n: 3}"]),
+        (
+            "<Inverter><Inverter><AlwaysSuccess/></Inverter></Inverter>",
+            ["sequence:", "  - succeed:", "    invert: true", "invert: true"],
+        ),
+    ],
+)
+def test_nodes_become_words_of_missions(node: str, lines: list[str], tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text(node))
+    assert tree_lines(imported) == lines
+    assert not remarks(imported)
+
+
+def test_counts_of_a_parallel_are_written_only_where_they_matter(tmp_path: Path) -> None:
+    def keys(ports: str) -> list[str]:
+        node = f"<Parallel {ports}><AlwaysSuccess/><AlwaysSuccess/><AlwaysFailure/></Parallel>"
+        return tree_lines(import_text(tmp_path, tree_text(node)))[4:]
+
+    assert keys("") == []
+    assert keys('success_count="3" failure_count="1"') == []
+    assert keys('success_count="2"') == ["success_count: 2"]
+    assert keys('success_count="-2" failure_count="2"') == ["success_count: 2", "failure_count: 2"]
+    assert keys('success_count="2" failure_count="3"') == ["success_count: 2", "failure_count: all"]
+    assert keys('failure_count="3"') == []  # the first failure makes success impossible
+
+
+def test_parallel_all_waits_for_all(tmp_path: Path) -> None:
+    node = '<ParallelAll max_failures="2"><AlwaysSuccess/><AlwaysSuccess/><AlwaysFailure/></ParallelAll>'
+    assert tree_lines(import_text(tmp_path, tree_text(node)))[4:] == [
+        "wait_for_all: true",
+        "success_count: 2",
+        "failure_count: 2",
+    ]
+
+
+def test_a_condition_becomes_the_expression_of_a_switch(tmp_path: Path) -> None:
+    node = '<IfThenElse><ScriptCondition code="n &gt; 3"/><AlwaysSuccess/><AlwaysFailure/></IfThenElse>'
+    lines = tree_lines(import_text(tmp_path, tree_text(f'<Sequence><Script code="n := 1"/>{node}</Sequence>')))
+    assert lines[2:] == [
+        "  - switch:",
+        "      on: n > 3",
+        "      cases:",
+        "        true: succeed",
+        "        false: fail",
+    ]
+
+
+def test_a_leaf_as_the_condition_of_a_choice_sets_a_variable(tmp_path: Path) -> None:
+    node = "<WhileDoElse><DoorOpen/><AlwaysSuccess/><AlwaysFailure/></WhileDoElse>"
+    assert tree_lines(import_text(tmp_path, tree_text(node))) == [
+        "reactive_sequence:",
+        "  - selector:",
+        "      - sequence:",
+        "          - door_open",
+        "          - set: {while_do_else_holds: true}",
+        "      - set: {while_do_else_holds: false}",
+        "  - reactive_switch:",
+        "      on: while_do_else_holds",
+        "      cases:",
+        "        true: succeed",
+        "        false: fail",
+    ]
+
+
+def test_conditions_on_a_node_become_checks_and_modifiers(tmp_path: Path) -> None:
+    def lines(attributes: str, parent: str = "Sequence") -> list[str]:
+        body = f'<{parent}><Script code="n := 1"/><Grasp {attributes}/></{parent}>'
+        return tree_lines(import_text(tmp_path, tree_text(body)))[2:]
+
+    assert lines('_skipIf="n == 1"') == ["  - grasp:", "    if: n != 1"]
+    assert lines('_skipIf="false"') == ["  - grasp"]
+    assert lines('_while="n == 1"') == ["  - grasp:", "    until: n != 1"]
+    assert [line.strip() for line in lines('_while="n == 1"', "Fallback")[-2:]] == ["- grasp:", "while: n == 1"]
+    assert lines('_successIf="n == 1"') == ["  - selector:", "      - check: n == 1", "      - grasp"]
+    assert lines('_failureIf="n == 1"') == ["  - sequence:", "      - check: n != 1", "      - grasp"]
+
+
+def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> None:
+    def lines(attributes: str) -> list[str]:
+        body = f'<Sequence><Script code="n := 1"/><Grasp {attributes}/></Sequence>'
+        return tree_lines(import_text(tmp_path, tree_text(body)))[2:]
+
+    assert lines('_onSuccess="n = 2"') == ["  - sequence:", "      - grasp", "      - set: {n: 2}"]
+    assert lines('_onFailure="n = 2"') == [
+        "  - selector:",
+        "      - grasp",
+        "      - sequence:",
+        "          - set: {n: 2}",
+        '          - fail: "${failure}"',
+    ]
+    assert lines('_onHalted="n = 2"') == [
+        "  - sequence:",
+        "      - set: {grasp_runs: true}",
+        "      - selector:",
+        "          - grasp",
+        "          - sequence:",
+        "              - set: {grasp_runs: false}",
+        '              - fail: "${failure}"',
+        "      - set: {grasp_runs: false}",
+        "    finally:",
+        "      set: {n: 2}",
+        "      if: grasp_runs",
+    ]
+
+
+def test_a_pipeline_repeats_its_first_child_while_the_next_runs(tmp_path: Path) -> None:
+    node = """<PipelineSequence name="navigate">
+      <RateController hz="2.0"><ComputePathToPose goal="{goal}" path="{path}"/></RateController>
+      <FollowPath path="{path}"/></PipelineSequence>"""
+    imported = import_text(tmp_path, tree_text(node, format=""))
+    assert tree_lines(imported) == [
+        "sequence:",
+        "  - set: {path: null, rate_controller_ready: false}",
+        "  - race:",
+        "      - sequence:",
+        '          - compute_path_to_pose: {goal: "${goal}"}',
+        "            as: path",
+        "          - set: {rate_controller_ready: true}",
+        "          - wait: 500 ms",
+        "        repeat: forever",
+        "      - sequence:",
+        "          - wait_until: rate_controller_ready",
+        '          - follow_path: {path: "${path}"}',
+        "    name: navigate",
+    ]
+
+
+def test_a_recovery_becomes_retry_with_recover(tmp_path: Path) -> None:
+    node = '<RecoveryNode number_of_retries="2" name="careful"><Plan/><Clear/></RecoveryNode>'
+    imported = import_text(tmp_path, tree_text(node))
+    assert tree_lines(imported) == ["plan:", "name: careful", "retry: 3", "recover: clear"]
+    assert any("recovery" in each for each in remarks(imported, DIFFERS))
+
+
+def test_unknown_parents_become_stubs_before_their_children(tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text('<Magic power="3"><AlwaysSuccess/><AlwaysFailure/></Magic>'))
+    assert tree_lines(imported) == ["sequence:", "  - magic: {power: 3}", "  - succeed", "  - fail"]
+    assert any("patrol.xml:1: Magic: no counterpart" in each for each in remarks(imported, LOST))
+
+
+def test_subtrees_become_missions_with_params_and_results(tmp_path: Path) -> None:
+    more = """<BehaviorTree ID="DriveTo"><Sequence>
+      <Drive to="{place}"/><Script code="trips += 1; last := place"/></Sequence></BehaviorTree>"""
+    node = """<Sequence><Script code="trips := 0"/>
+      <SubTree ID="DriveTo" place="hall" trips="{trips}" last="{seen}"/>
+      <ScriptCondition code="seen == 'hall'"/></Sequence>"""
+    imported = import_text(tmp_path, tree_text(node, more=more))
+    assert tree_lines(imported)[2:5] == [
+        "  - mission: drive_to",
+        '    with: {place: hall, trips: "${trips}"}',
+        "    returns: {trips: trips, seen: last}",
+    ]
+    assert "params:\n  place: {type: value}\n  trips: {type: value}\n" in imported.files["drive_to.yaml"]
+
+
+def test_subtrees_of_version_3_name_entries_without_braces(tmp_path: Path) -> None:
+    more = '<BehaviorTree ID="DriveTo"><Drive to="{place}"/></BehaviorTree>'
+    node = '<Sequence><SetBlackboard output_key="where" value="hall"/><SubTree ID="DriveTo" place="where"/></Sequence>'
+    lines = tree_lines(import_text(tmp_path, tree_text(node, format=' BTCPP_format="3"', more=more)))
+    assert lines[2:] == ["  - mission: drive_to", '    with: {place: "${where}"}']
+
+
+def test_a_subtree_in_another_file_becomes_a_stub_or_a_mission(tmp_path: Path) -> None:
+    text = tree_text('<SubTree ID="Charge"/>')
+    alone = import_text(tmp_path, text)
+    assert tree_lines(alone) == ["charge"]
+    assert any("import its folder" in each for each in remarks(alone, LOST))
+    (tmp_path / "charge.xml").write_text(text.replace("Patrol", "Charge").replace('<SubTree ID="Charge"/>', "<Dock/>"))
+    both = import_text(tmp_path, text)
+    assert tree_lines(both) == ["charge"]  # one file alone
+    assert tree_lines(import_trees(tmp_path, LEAVES)) == ["mission: charge"]
+
+
+def test_names_that_missions_reserve_are_changed_and_reported(tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text('<Script code="battery := 1"/>'))
+    assert tree_lines(imported) == ["set: {battery_: 1}"]
+    assert remarks(imported) == ["patrol.xml:1: Patrol: the entry 'battery' is the variable 'battery_'"]
+
+
+def test_comments_and_names_are_kept(tmp_path: Path) -> None:
+    text = tree_text('<Sequence name="round"><!-- a nap --><Sleep msec="50" name="nap"/><!-- end --></Sequence>')
+    lines = tree_lines(import_text(tmp_path, f"<!-- all -->\n{text}"))
+    assert lines == ["# end", "sequence:", "  # a nap", "  - wait: 50 ms", "    name: nap", "name: round"]
+
+
+def test_stubs_have_the_ports_as_arguments(tmp_path: Path) -> None:
+    more = """<TreeNodesModel><Action ID="Grasp"><input_port name="force" type="double" default="2">newton</input_port>
+      <output_port name="held" type="bool">whether it holds</output_port></Action></TreeNodesModel>"""
+    imported = import_text(tmp_path, tree_text('<Grasp force="5" held="{held}" odd-port="x"/>', more=more))
+    assert tree_lines(imported) == ['grasp: {force: 5, "odd-port": x}', "as: held"]
+    text = imported.files["behaviours/patrol.py"]
+    assert 'force: float = argument("number", "newton", default=2)' in text
+    assert "output_type = bool" in text
+    assert 'odd_port: str = argument("text", "port odd-port", name="odd-port")' in text
+    assert len(remarks(imported, STUB)) == 1
