@@ -80,7 +80,7 @@ def _contains_file(distribution: "Distribution", file: Path) -> bool:
 
 
 def _origin() -> str:
-    """Return the folder or file that our distribution was installed from, or its name."""
+    """Return the folder or file that our distribution was installed from; its name if it came from an index."""
     from importlib import metadata  # noqa: PLC0415 - see ``shadowing_fixes``
 
     direct_url = metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
@@ -89,7 +89,7 @@ def _origin() -> str:
 
 
 def _stray_module_fix(file: Path) -> str:
-    """Return the fix for a module that belongs to no distribution."""
+    """Return the fix for the module ``file``, which no distribution contains: rename it, or unset PYTHONPATH."""
     entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     if any(entry and Path(entry).resolve() in file.parents for entry in entries):
         return "unset PYTHONPATH"

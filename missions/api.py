@@ -248,7 +248,10 @@ def run(
 
 @contextmanager
 def _control_socket(runner: Runner) -> Iterator[None]:
-    """Serve the control socket of a run for ``mission stop``. Raises NoStop, as its ``require_stop``."""
+    """Serve the control socket of a run, through which ``mission stop`` reaches it.
+
+    Raises NoStop if the run would move a real robot and no stop can reach it.
+    """
     with ControlSocket(runner) as control:
         control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes")
         if control.trouble:

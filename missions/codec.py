@@ -1,9 +1,9 @@
 """Strict JSON codec of dataclasses, for records, the control socket, the studio and fleets.
 
 A message is an object of its fields. The type of a field decides its JSON: a dataclass is an object, a tuple or list an
-array, an enumeration its value. ``Annotated`` adds a description and a ``Bound``, or the declaration of an option,
-which has both; the JSON Schema includes them. ``Rules`` are the limits of one kind of reader. Data that differs from
-the declaration raises CodecError.
+array, an enumeration its value. ``Annotated`` adds to a type a description and a ``Bound``, or an ``Option`` instead of
+these two. The JSON Schema includes description and bounds. ``Rules`` are the limits of one channel, such as the control
+socket. Data that differs from the declaration raises CodecError.
 
 Pure Python, since the control socket of every run uses it: stopping a robot must not need a compiled package. Coders
 are created once per type and cached.

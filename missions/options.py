@@ -50,8 +50,9 @@ ROS2 = "ROS 2"
 class Option:
     """Option of a command. ``low`` and ``high`` bound its value, ``among`` are the possible words.
 
-    ``alone`` is the value if the option is given without one. ``group`` is its heading in the help, which shows it
-    without ``--help-all`` if ``newcomer``. ``several`` options make a tuple.
+    ``alone`` is the value that is used if the user writes the option without a value. ``group`` is the heading under
+    which the help lists the option. Options that are not for a ``newcomer`` are listed only with ``--help-all``. An
+    option with ``several`` can be repeated; its value is a tuple.
     """
 
     name: str

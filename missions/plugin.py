@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 GROUP = "missiontree.plugins"
-"""Entry point group of plug-ins: name of the plug-in, and its ``Plugin``."""
+"""Entry point group of plug-ins: an entry point has the name of a plug-in, and refers to its ``Plugin``."""
 
 COMMAND_GROUPS = RUN, LOOK, TRY, BACK, SET_UP, BY_HAND = (
     *("Run missions", "Look into them", "Test and simulate"),

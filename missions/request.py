@@ -207,7 +207,7 @@ def contradictions(
 
 
 def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Iterator[str]:
-    """Yield an error for each option for simulated time in a real-time run, and the other way round."""
+    """Yield an error for each option that does not fit the run, since it needs simulated time, or real time."""
     if request.simulation != "fast":
         if request.eyes == "truth" or request.speed != inf or request.physics or request.until is not None:
             which = f"{named('eyes', 'truth')}, {named('speed')}, {named('physics')} and {named('until')}"
@@ -218,6 +218,6 @@ def _clock_contradictions(request: RunRequest, named: Callable[..., str]) -> Ite
 
 
 def _may_be_camera(source: str) -> bool:
-    """Return True if ``source``, a text of the user, can be a camera: a file must exist, a device may follow later."""
+    """Return True if ``source`` can name a camera: an existing file, or any device, as it may be plugged in later."""
     kind = source_kind(source) if source.strip() else None
     return kind is not None and (kind not in (SourceKind.VIDEO, SourceKind.PICTURE) or Path(source).is_file())

@@ -51,11 +51,14 @@ CLOSE_TIMEOUT = 3.0
 """Seconds that devices have to close when the main thread hangs and the run is abandoned."""
 
 SIMULATED_LIMITS = WatchdogLimits(slow=inf, stall=inf, fail=10.0)
-"""Watchdog limits in simulated time, on the wall clock: a busy machine must not make two runs differ."""
+"""Watchdog limits in simulated time, in seconds of the wall clock.
+
+A leaf that blocks a tick fails only after 10 s: a busy computer must not make two equal runs differ.
+"""
 
 
 OWN_PACKAGES = frozenset({"behaviours", "config", "drivers", "missions", "perception"})
-"""Packages of MissionTree; their leaves and devices never block a tick in simulated time."""
+"""Packages of MissionTree. Their leaves and devices never block a tick in simulated time, so they need no watchdog."""
 
 
 def end_process(result: Result) -> None:
@@ -293,13 +296,16 @@ class Runner:
         return result
 
     def _is_ours(self) -> bool:
-        """Return True if all leaves and devices are MissionTree's own: they never block a tick in simulated time."""
+        """Return True if all leaves and devices are MissionTree's own, and need no watchdog in simulated time.
+
+        They never block a tick there.
+        """
         parts = [*(node for node in self.root.iterate() if isinstance(node, Leaf)), *self._robot.devices.values()]
         return all(map(_is_ours, parts))
 
     @contextmanager
     def _watchdog_running(self) -> Iterator[None]:
-        """Run the watchdog within the context; if no leaf or device can hang, start it only at the first signal."""
+        """Run the watchdog within the context; if no leaf or device can hang, only from the first signal on."""
         self._is_watching = True
         try:
             if self._is_watched:
@@ -335,14 +341,14 @@ class Runner:
             self._close()
 
     def _undo_process_changes(self) -> None:
-        """Undo changes of this process by a behaviour: end it if it is a forked copy; restore signal handlers."""
+        """Undo the changes of a behaviour to this process: end it if it is a forked copy; restore signal handlers."""
         self._leave_if_forked()
         if taken := self._signals.reinstall():
             detail = f"a behaviour had taken {', '.join(taken)}, by which a run is ended: taken back"
             self.stream.emit(FaultRaised(self.executive.time(), "executive", "fault", detail))
 
     def _leave_if_forked(self) -> None:
-        """End a process that a behaviour has forked: it has the robot's ports, while its parent drives."""
+        """End this process if a behaviour has forked it: it shares the robot's ports with its parent, which drives."""
         if os.getpid() != self._process:
             os._exit(1)
 

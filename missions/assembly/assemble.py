@@ -106,7 +106,7 @@ class RealPartFactory:
         return device, device
 
     def device(self, section: Section, devices: Mapping[str, Any] | None = None, keys: object = None) -> Any:
-        """Return the device that the section's driver makes from its keys, or from ``keys``."""
+        """Return the device that the driver of ``section`` makes from the section's keys, or from ``keys`` if given."""
         make = resolve_maker(section.driver.make, section, "make")
         return make(section.keys if keys is None else keys, self.site(section, devices or {}))
 
@@ -137,9 +137,10 @@ class RealPartFactory:
 def assemble(
     config: RobotConfig, chosen: frozenset[str], clock: Clock, overrides: Overrides, hooks: Hooks
 ) -> AssembledRobot:
-    """Assemble the ``chosen`` parts of a robot, and the parts that carry them; opens nothing.
+    """Assemble the ``chosen`` parts of a robot and the parts that they need, such as the head of a camera.
 
-    Raises BadRequest for a part that cannot be simulated, NotConnected for a port that is not a serial port.
+    Opens nothing. Raises BadRequest for a part that cannot be simulated, NotConnected for a port that is not a serial
+    port.
     """
     chosen = with_carriers(config, chosen)
     place = RealPartFactory(config, clock, overrides, hooks)

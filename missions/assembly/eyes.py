@@ -35,9 +35,10 @@ if TYPE_CHECKING:
 class OnDemandSight:
     """View of the eyes that starts the detectors when a leaf reads percepts, and raises while the percepts are old.
 
-    ``asks`` is a function that requests detection and returns True if the percepts are current; ``awake`` returns that
-    without a request. While they are not current, each read raises NotConnected, so that a leaf waits for the next
-    pictures instead of seeing no face. ``passive_view`` never starts the detectors; it is for recorders.
+    ``asks`` is a function that requests detection and returns True if the percepts are current. ``awake`` returns the
+    same without requesting detection. While the percepts are not current, each read raises NotConnected, so that a leaf
+    waits for the next pictures instead of seeing no face. ``passive_view`` never starts the detectors; it is for
+    recorders.
     """
 
     def __init__(self, sight: Sight, asks: Callable[[], bool], awake: Callable[[], bool]) -> None:
@@ -118,7 +119,7 @@ def _recogniser(factory: "RealPartFactory", keys: CameraKeys) -> FaceRecogniser 
 def _keys(factory: "RealPartFactory", section: Section) -> CameraKeys:
     """Return the keys of the camera section, with the camera of ``--camera`` as source, if given.
 
-    A video has no orientation keys: it is upright.
+    If ``--camera`` is a video or a picture, the keys for the mounting of the camera are reset, since files are upright.
     """
     keys: CameraKeys = section.keys
     source = factory.overrides.camera

@@ -69,7 +69,10 @@ class FeatureCache:
         return [found[picture_digest(each).hex()] for each in portraits]
 
     def _write_cache(self, home: Path, model: str, found: Mapping[str, Feature]) -> None:
-        """Write the features in ``found`` (by picture digest) whose pictures still exist in the folder ``home``."""
+        """Write the features in ``found`` (by picture digest) whose pictures still exist in the folder ``home``.
+
+        ``model`` identifies the network that computed the features.
+        """
         with self._people.exclusive_access():
             there = {
                 picture_digest(picture).hex()

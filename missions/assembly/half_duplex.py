@@ -10,7 +10,10 @@ ECHO_TIME = 0.25
 
 
 class HalfDuplex:
-    """Returns whether the robot was speaking at a time. For one thread that calls it at least ten times a second."""
+    """Tells whether sound at a time may be the robot's own speech.
+
+    Call it from one thread, at least ten times a second, since it notices speech only when it is called.
+    """
 
     def __init__(self, voice: Voice | None, clock: Clock) -> None:
         self._voice = voice

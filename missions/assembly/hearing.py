@@ -54,7 +54,7 @@ class MicrophoneEars:
         """Do nothing: ears do not move anything."""
 
     def close(self) -> None:
-        """Stop to listen, in any state. Idempotent."""
+        """Stop listening, in any state. Idempotent."""
         self._ears.close()
         self._microphone.close()
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from perception.delay import CameraDelay
 
 MAX_LAG_SIGMA = 0.015
-"""Maximum standard deviation in seconds of a stored base lag; for the camera see ``Delay.known``."""
+"""Maximum standard deviation in seconds with which the measured lag of a base is precise enough to be stored."""
 
 MIN_SAMPLES = 30
 """Minimum number of measurements behind a stored delay: pairs of pictures for the camera, speed reports for the base.
@@ -100,7 +100,7 @@ def _fingerprint(config: RobotConfig) -> str:
 
 
 def load_delays(config: RobotConfig) -> dict[str, float]:
-    """Return the stored delays of a robot in seconds, by ``CAMERA`` and ``BASE``.
+    """Return the stored delays of a robot in seconds: a dict with the keys ``CAMERA`` and ``BASE``, as far as known.
 
     Invalid values, and those learnt with another robot file, are ignored.
     """

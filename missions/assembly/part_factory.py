@@ -1,6 +1,6 @@
 """Makes the parts of a robot one after another, on hardware, as virtual devices or as twins.
 
-The table of drivers decides the order in which parts are made, and which other parts each of them requires.
+Each driver declares the parts that it requires, such as the range finder of a base; those are made before it.
 """
 
 from collections.abc import Callable, Iterator, Mapping

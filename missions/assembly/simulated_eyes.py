@@ -59,7 +59,7 @@ class SteppedEyes(Generic[T]):
             self._timeline.call_every(self._period, self._look)
 
     def close(self) -> None:
-        """Stop to take pictures. Idempotent."""
+        """Stop taking pictures. Idempotent."""
         self._open = False
 
     def _look(self) -> None:

@@ -61,7 +61,7 @@ class TextEars:
         """Do nothing: ears do not move anything."""
 
     def close(self) -> None:
-        """Stop to listen, in any state. Idempotent."""
+        """Stop listening, in any state. Idempotent."""
         self._ending.set()
         thread, self._thread = self._thread, None
         if thread is not None:

@@ -111,7 +111,7 @@ class Simulation:
         return self._terminal("base").call_paused(lambda: pose(time))
 
     def viewpoint(self, time: float) -> Viewpoint:
-        """Return the true pose of the camera: on the head, on the base."""
+        """Return the true pose of the camera, from the true poses of the base and of the head that carries it."""
         looks = self._head_pose(time)
         camera = None if self._robot.camera is None else self._robot.camera.upright()
         return camera_viewpoint(

@@ -31,7 +31,7 @@ from perception.tracks import (
 # Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
 
 LOOK_MARGIN = 1.0
-"""Similarity above the threshold (or below it, for a stranger) that simulated face recognition reports."""
+"""Similarity above the recognition threshold that simulated faces of known people have; strangers have it below."""
 
 
 class TrueNames:

@@ -302,7 +302,7 @@ class _TwinPartFactory:
         )
 
     def _true_names(self) -> TrueNames | None:
-        """Return the namer of faces, or None if the mission does not use names."""
+        """Return the simulated face recogniser, or None if the mission does not use names of people."""
         if not self._interests.names:
             return None
         own = Random(f"names {self._seed}")  # noqa: S311 - which looks are mistaken is no secret

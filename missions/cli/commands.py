@@ -134,8 +134,8 @@ class SharingCommand(FullHelpCommand):
 class LazyGroup(click.Group):
     """A click group that imports its subcommands, also those of plug-ins, when they are used.
 
-    Subcommands are declared below the name of the group. A former name of a subcommand is answered with the present
-    one.
+    The declared name of a subcommand begins with the name of its group, as in ``record replay``. If the user types a
+    former name of a subcommand, the error names the present one.
     """
 
     command_class = SharingCommand

@@ -16,7 +16,7 @@ class PrintableConsole(Console):
     """A rich console that passes its own control codes to the terminal and escapes those within texts."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Return the segments to write, with printable texts."""
+        """Return the segments to write, with the control codes inside their texts escaped."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else segment._replace(text=make_printable(segment.text))
 

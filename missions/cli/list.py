@@ -90,7 +90,7 @@ def _gestures() -> Iterator[tuple[str, str]]:
 
 
 def _arms() -> dict[str, JointRanges]:
-    """Return the joint ranges of the arms of all robots; a further arm is named after its robot."""
+    """Return the joint ranges of the arms of all robots, by robot name; for a second arm "ROBOT on: ARM"."""
     found = {}
     for name, path in (shipped_files("robots") | user_files("robots")).items():
         with suppress(InvalidFileError):  # the list of robots reports it

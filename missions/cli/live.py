@@ -61,7 +61,7 @@ class PlainLines:
     def stop(self) -> None: ...
 
     def print(self, *parts: Part) -> None:
-        """Write a line."""
+        """Write the texts of ``parts`` as one line, without their styles."""
         self._out.write(make_printable("".join(part if isinstance(part, str) else part[0] for part in parts)) + "\n")
         self._out.flush()
 
@@ -161,7 +161,7 @@ class RunDisplay:
             self._print_leaf(event, event.t - began, event.reason if event.status == "failure" else "")
 
     def _print_halted(self, event: Event) -> None:
-        """Print the leaves that were halted before ``event``; if that is the failure of a timeout, it halted them."""
+        """Print the leaves that were halted before ``event``; as timed out if it is the failure of a timeout."""
         is_timeout = isinstance(event, NodeChanged) and event.kind == "timeout" and event.status == "failure"
         for leaf, seconds in self._halted:
             self._print_leaf(leaf, seconds, "timed out" if is_timeout else "halted")

@@ -104,7 +104,7 @@ def names_of(kind: str, ctx: click.Context) -> Iterable[str]:
 
 
 def _user_names(kind: str) -> Iterable[str]:
-    """Return the names of the user's own files of a kind, and the alias of this computer's robot."""
+    """Return the names of the user's own files of a kind; for robots also "mine", if a default robot is set."""
     from config.defaults import load_defaults, user_files  # noqa: PLC0415
 
     with suppress(InvalidFileError, OSError):

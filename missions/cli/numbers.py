@@ -15,7 +15,7 @@ class WholeNumber(click.IntRange):
     """A whole number within a range."""
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
-        """Return N for an option."""
+        """Return "N", which stands for the number in the help of an option."""
         return "N" if isinstance(param, click.Option) else super().get_metavar(param, ctx)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
@@ -32,7 +32,7 @@ class RealNumber(click.FloatRange):
     """A number within a range."""
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
-        """Return NUMBER for an option."""
+        """Return "NUMBER", which stands for the number in the help of an option."""
         return "NUMBER" if isinstance(param, click.Option) else super().get_metavar(param, ctx)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:

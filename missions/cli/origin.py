@@ -41,8 +41,8 @@ def take_default(robot: str, other: str = OTHER_ROBOT) -> None:
 def chosen_robot(robot: str | None, other: str = OTHER_ROBOT) -> str | None:
     """Return the robot for a simulation: ``robot``, else this computer's own; None for the default of MissionTree.
 
-    The origin of an unnamed robot is recorded, with ``other``, the hint for another robot. Raises InvalidFileError for
-    a defaults file with errors.
+    If ``robot`` is None, the function also stores for error messages where the name of the robot was set. ``other`` is
+    the hint in these messages how to select another robot. Raises InvalidFileError for a defaults file with errors.
     """
     from config.defaults import load_defaults  # noqa: PLC0415 - most commands name their robot
 

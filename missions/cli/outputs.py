@@ -33,7 +33,8 @@ def report_write_errors(path: Path, option: str) -> Iterator[None]:
 def written_message(*paths: Path | str, subject: str = "") -> str:
     """Return the line "wrote PATHS", which says who can read the files; ``subject`` is put before the paths.
 
-    Reports, films and records show people, so they are created for their owner only; a FAT stick has no permissions.
+    Reports, films and records show people, so they are created for their owner only. On a disk without permissions,
+    such as a FAT stick, others can read them.
     """
     open_to_others = [path for path in map(Path, paths) if path.exists() and path.stat().st_mode & 0o077]
     names = ", ".join(map(str, paths))

@@ -37,7 +37,7 @@ _CONTROL_CODES = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u2
 
 
 def make_printable(text: str) -> str:
-    """Return a text with its control codes escaped as in JSON, so that JSON stays the same JSON."""
+    """Return a text with its control codes escaped as in JSON, so that JSON text keeps its meaning."""
     return _CONTROL_CODES.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 

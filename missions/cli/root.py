@@ -16,7 +16,7 @@ from missions.cli.printable import use_printable_streams
 # Commands that run out of memory: one message with a hint, whatever the type of the error.
 
 MIN_MEMORY_BYTES = 1_000_000_000
-"""Bytes of address space that every command needs; simulation and cameras take 0.6 GB."""
+"""Memory limit in bytes of address space below which a warning is printed; simulation and cameras take 600 MB."""
 
 MEMORY_ERROR_TEXTS = (
     "failed to map segment",
@@ -51,7 +51,7 @@ def memory_error(error: BaseException) -> str:
 def _message_of(error: BaseException) -> str:
     """Return the message of an error; empty if it cannot be read.
 
-    Also empty for a failed thread start without a memory limit, as the limit of processes may be the cause.
+    Also empty if a thread could not be started although memory is not limited: the limit of processes may be the cause.
     """
     try:
         words = str(error)

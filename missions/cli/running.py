@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
 FINAL_REPORT_TIMEOUT = 3.0
-"""Seconds for the final report of a hanging run; a view needs half a second to close."""
+"""Seconds within which the result of a hanging run must be printed, before its process is ended."""
 
 
 def run(
@@ -97,9 +97,10 @@ def _session(request: RunRequest, out: TextIO, report_result: Callable[[Result],
 def _run_session(
     session: RunSession, leash: int | None, contexts: Iterable[RunContext], loading: ExitStack, *, reachable: bool
 ) -> Result:
-    """Run a checked session and return the result. ``loading`` is closed once the control socket accepts stops.
+    """Run a checked session and return the result.
 
-    Until then, `mission stop` ends the process by a signal.
+    ``loading`` is a context in which `mission stop` ends the process by a signal. It is closed once the run's control
+    socket accepts stops.
     """
     runner, until = session.runner, session.request.until
     if until is not None and runner.twins is not None:

@@ -1,9 +1,11 @@
-"""Abstract sockets and memory files that name a run: the kernel keeps them until the process ends.
+"""Abstract Unix sockets and memory files (memfd) whose names identify a run, until its process ends.
 
-They work although a folder for socket files is full, missing or emptied. The name contains the user and the process of
-a run. ``/proc/net/unix`` lists abstract sockets, also those of other users, but only of one network namespace. Since
-any user can bind a name, run and client check the user of the other end. Memory files are found in ``/proc/PID/fd`` by
-a user who may end the process, also in another container.
+They work even if the folder for socket files is full, missing or emptied. The name contains the user and the process of
+a run.
+
+- ``/proc/net/unix`` lists abstract sockets, also those of other users, but only of one network namespace. Any user can
+  bind any name, so run and client each check the user of the other process.
+- Memory files are listed in ``/proc/PID/fd``. A user who may end the process can read this, also for another container.
 """
 
 import hashlib
@@ -40,7 +42,7 @@ class AbstractName:
     kind: str
     inode: int = 0
     local_identity: ProcessIdentity | None = None
-    """The process by its number in our own pid namespace, None if its memory file was not found."""
+    """The process with its number in our own pid namespace; None if only the socket, and no memory file, was found."""
 
     @property
     def is_run(self) -> bool:
@@ -49,17 +51,17 @@ class AbstractName:
 
     @property
     def address(self) -> str:
-        """The address in text form, with "@" for the NUL byte."""
+        """The address of the abstract socket in text form, with "@" for its leading NUL byte."""
         return f"@{self.text}"
 
     @property
     def text(self) -> str:
-        """The name without the "@"."""
+        """The name of the abstract socket, without the "@"."""
         about = (self.uid, self.run, self.identity.start, self.identity.namespace, self.kind)
         return f"{_prefix()}{'/'.join(map(str, about))}"
 
     def has_its_process(self) -> bool:
-        """Return whether the process in the name has this socket open: another user can bind any name.
+        """Return whether the process in this name has the socket open; another process could have bound the name.
 
         Raises OSError.
         """
@@ -72,7 +74,7 @@ def _prefix() -> str:
 
 
 def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
-    """Return the abstract name for a run or a command of this process; ``kind`` is "run" or "command".
+    """Return the name for the abstract socket of a run or a command of this process; ``kind`` is "run" or "command".
 
     Raises OSError if /proc is missing.
     """
@@ -83,7 +85,7 @@ def make_name(run: str, kind: str, *, simulated: bool) -> AbstractName:
 
 
 def listen(name: AbstractName) -> socket.socket:
-    """Return a socket that listens at the name. Raises OSError."""
+    """Return an abstract socket with this name that listens for connections. Raises OSError."""
     return _bind(name, socket.SOCK_STREAM)
 
 
@@ -108,7 +110,7 @@ def _bind(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
 
 
 def hold_name(name: AbstractName) -> int:
-    """Create a memory file with this name, by which `mission stop` finds the process; return its descriptor.
+    """Create a memory file (memfd) with this name, by which `mission stop` finds the process; return its descriptor.
 
     Raises OSError.
     """
@@ -116,7 +118,10 @@ def hold_name(name: AbstractName) -> int:
 
 
 def names_in_memory() -> list[AbstractName]:
-    """Return the names in memory files that this user may see. Raises OSError if no file descriptor is free."""
+    """Return the names of the memory files (memfd) of all runs and commands that this user may see.
+
+    Raises OSError if no file descriptor is free.
+    """
     prefix, found = f"/memfd:{_prefix()}", list[AbstractName]()
     for process in os.listdir("/proc"):  # noqa: PTH208 - some hundreds
         if process.isdecimal():

@@ -192,7 +192,8 @@ Json = dict[str, object]
 class Broadcaster:
     """Sends states, events and pictures of a run to its ``clients``. Not thread-safe.
 
-    ``due`` is the time of the next state message (s). ``scene_extras`` are members that are added to each scene.
+    ``due`` is the time of the next state message (s). A client that subscribes first gets the scene, the complete state
+    of the run. ``scene_extras`` are members that are added to each scene.
     """
 
     def __init__(
@@ -220,7 +221,7 @@ class Broadcaster:
             self.due = min(self.due, max(self._clock.now(), self._sent_at + MIN_STATE_INTERVAL))
 
     def watch(self, client: ControlClient, command: WatchCommand) -> None:
-        """Set the subscription of a client, and send it the scene."""
+        """Set the subscription of a client, and send it the scene: the complete state of the run."""
         self._scene = self._scene or scene_of(self._runner)
         self.send_state()
         status = {

@@ -23,7 +23,7 @@ StopOutcomes = dict[object, tuple[bool, str]]
 JsonCommand = Mapping[str, object]
 
 RUN_END_TIMEOUT = 7.0
-"""Seconds that a hanging run has to end after SIGTERM; its lifeline kills it after 5."""
+"""Seconds to wait for the end of a hanging run after SIGTERM; the run's lifeline process kills it after 5 s."""
 
 STOP_TRIES = 8
 """Maximum number of stop requests to a run until all its parts have confirmed; one may take over 0.2 s."""
@@ -42,10 +42,11 @@ def send_to_all(
 ) -> StopOutcomes:
     """Send ``commands`` in order to all runs, or to those with ``wanted_names``; return the outcomes.
 
-    This takes about a second. Without commands, it only lists the runs and commands that move a robot. A stop also ends
-    the commands that move a robot without being a run, such as teleop. ``by`` is the person who sends them.
-    ``search_result`` is the result of a search just before, if the caller has one. ``is_wanted`` filters runs by their
-    first message. A place that could not be searched is an outcome without success.
+    This takes about a second. Without commands, it only lists the runs, and the commands that move a robot without
+    being a run, such as teleop. A stop also ends these commands. ``by`` is the person who sends them. ``search_result``
+    is the result of a search for runs just before, if the caller has one. ``is_wanted`` is called with the first
+    message of each run, and returns False to leave the run out. For each folder that could not be searched for runs,
+    the outcomes contain a failure.
     """
     asking = CommandBroadcast(commands, by, wanted_names, is_wanted)
     if asking.is_stop:
@@ -72,9 +73,9 @@ def send_to_all(
 class CommandBroadcast:
     """Sends commands to many runs, each in its own thread, and collects the ``outcomes``.
 
-    ``replied_runs`` are the runs that have replied, ``results`` their answers to a stop, ``matched_names`` the names of
-    ``wanted_names`` that exist. ``early_requests`` are the requests to runs in the kernel's socket list, with their
-    threads.
+    ``replied_runs`` are the names of the runs that have replied, ``results`` are their answers to a stop.
+    ``matched_names`` are those of ``wanted_names`` that exist. ``early_requests`` are the runs that were found first,
+    in the kernel's list of sockets, each with the thread that sends the commands to it.
     """
 
     commands: Sequence[JsonCommand]
@@ -270,7 +271,7 @@ class CommandBroadcast:
         self._add_warning(process, f"{process.description}: {reason}", peer)
 
     def _end_command(self, process: FoundProcess) -> None:
-        """End a command that holds a robot, and store the outcome."""
+        """End a command that moves a robot, such as teleop, and store the outcome."""
         if is_own_process(process) or any(command["do"] in ("release", "resume") for command in self.commands):
             return  # a process that the stop has ended cannot be released
         if process.matches(self.wanted_names) is None:
@@ -305,7 +306,7 @@ def stop_one(process: FoundProcess, by: str) -> Mapping[str, object]:
 
 
 def _is_still_found(process: FoundProcess, search: SearchResult) -> bool:
-    """Return True if a new search still finds the process, or has warnings, so that this is unknown."""
+    """Return True if the new ``search`` still finds the process, or was incomplete, so that it may have missed it."""
     return bool(search.warnings) or any(
         each.run == process.run and each.identity == process.identity for each in search.processes
     )

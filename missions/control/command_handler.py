@@ -110,7 +110,10 @@ def describe_tuning(value: Mapping[str, Any]) -> str:
 
 
 def _make_tunable(device: Any, keys: list[str], dimension: str) -> TunableValue | None:
-    """Return the accessors of a value of a part; None if its driver does not support changes."""
+    """Return a tunable value of ``device``, a part of the robot; None if its driver does not support changes.
+
+    ``keys`` is the name of the value split at its dots, such as ["pan", "trim"]; ``dimension`` is that of the value.
+    """
     match keys:
         case [axis, "trim"] if isinstance(device, Trimmable):
             at = ("pan", "tilt").index(axis)
@@ -153,7 +156,8 @@ def _set_limit(device: Any, field: str, value: float) -> None:
 
 
 WORLD_INTERVAL = 0.02
-"""Seconds of simulated time between two calls of the functions that wait for the simulation thread."""
+"""Seconds of simulated time between two rounds in which the simulation thread calls functions queued by other threads.
+"""
 
 HALT_TIMEOUT = 5.0
 """Seconds that a run has to end after the command `halt`; then SIGTERM follows, which its watchdog handles too."""

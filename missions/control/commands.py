@@ -175,7 +175,7 @@ class ListTuningCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneCommand(RunCommand):
-    """Change a value of `tuning` until the run ends, within the robot file; joints apply it from their next goal on."""
+    """Change a value of `tuning` until the run ends, within its bounds; joints apply it from their next goal on."""
 
     word: ClassVar[str] = "tune"
     name: Annotated[str, "Name of the value, as in `tuning`: `head.pan.trim`.", Bound(high=200)]
@@ -198,7 +198,10 @@ class GiveWheelsCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveCommand(RunCommand):
-    """Drive for 0.3 s, at most until 0.5 s after the state of `stamp`, with control of the wheels. Both 0: stop."""
+    """Drive for 0.3 s, but not longer than 0.5 s after the state of `stamp` was sent. Both inputs 0: stop.
+
+    The client must have control of the wheels.
+    """
 
     word: ClassVar[str] = "drive"
     n: CommandNumber

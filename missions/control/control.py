@@ -60,7 +60,7 @@ ACCEPT_PAUSE = 0.1
 """Seconds without accepting connections when the process has no free file descriptor."""
 
 LISTENER_KEY = object()
-"""Selector data of the listening sockets."""
+"""Marker in the selector's data that distinguishes listening sockets from connections of clients."""
 
 BUSY_ERRNOS = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN}
 """Errors of a connection that do not mean a broken socket: no free descriptor, or many clients at once."""
@@ -76,10 +76,10 @@ class ListeningSocket:
 
 
 class Endpoint:
-    """Listening sockets and notes of a run, by which clients find it.
+    """Listening sockets and note files of a run, by which clients find it.
 
-    One thread checks and repairs them; ``selector`` waits for connections. ``trouble`` is the reason why `mission stop`
-    cannot reach the run; empty if it can.
+    A note file describes the run for `mission stop`. One thread checks and repairs sockets and notes; ``selector``
+    waits for connections. ``trouble`` is the reason why `mission stop` cannot reach the run; empty if it can.
     """
 
     def __init__(self, selector: selectors.BaseSelector, run_info: RunMessage) -> None:
@@ -103,7 +103,7 @@ class Endpoint:
         return [each.socket for each in (self._file, self._abstract) if each is not None]
 
     def run_due_checks(self, now: float) -> None:
-        """Check sockets and notes if it is time to; afterwards accept connections again, if that was paused."""
+        """Check sockets and note files if a check is due; afterwards accept connections again, if that was paused."""
         if now < self.due:
             return
         if now >= self._check_at:
@@ -124,7 +124,7 @@ class Endpoint:
         self.due = min(self.due, now + ACCEPT_PAUSE)
 
     def check(self) -> None:
-        """Reopen sockets that cannot be reached, and write missing notes."""
+        """Reopen sockets that cannot be reached, and write missing note files of the run."""
         self._errors = []
         self._probes.clear()
         self._file = self._keep_reachable(self._file) or self._listen_in_folder()
@@ -138,7 +138,7 @@ class Endpoint:
         return peer in self._probes
 
     def close(self) -> None:
-        """Remove sockets and notes."""
+        """Remove the sockets and note files of the run."""
         if self._notes is not None:
             self._notes.close()  # before the sockets: a run with a note and no socket looks blocked
         for each in (self._file, self._abstract):
@@ -179,7 +179,7 @@ class Endpoint:
         return ListeningSocket(name.address, found)
 
     def _write_notes(self, listening: list[str]) -> bool:
-        """Write the notes with the addresses of the sockets (``listening``); return False if that fails."""
+        """Write the run's note files with the addresses of its sockets (``listening``); return False if that fails."""
         try:
             if self._notes is None:
                 about = self._run_info

@@ -28,9 +28,10 @@ class StoppedWhileLoading(DriverError):
 
 
 def require_not_stopped() -> None:
-    """Raise StoppedWhileLoading if `mission stop` was used after this process started. Call it after writing the note.
+    """Raise StoppedWhileLoading if `mission stop` was used after this process started.
 
-    Does nothing if the process runs more than one command, since the stop was then for an earlier one.
+    Call it after ``announce_command`` has made the command visible to `mission stop`. Does nothing if the process runs
+    more than one command, since the stop was then for an earlier one.
     """
     context = click.get_current_context(silent=True)
     process = identity_of(os.getpid())
@@ -44,7 +45,7 @@ def require_not_stopped() -> None:
 
 @contextmanager
 def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[RunNotes]:
-    """Make the command ``name`` visible to `mission stop`, by notes and an abstract socket, within the context.
+    """Make the command ``name`` visible to `mission stop`, by note files and an abstract socket, within the context.
 
     ``simulated`` is "wire", "fast", or empty for a real robot. Raises OSError if both ways fail.
     """
@@ -70,7 +71,7 @@ def announce_command(name: str, robot: str, simulated: str = "") -> Iterator[Run
 
 @contextmanager
 def _hold_process_name(*, simulated: bool) -> Iterator[None]:
-    """Make this process visible to `mission stop` by a memory file, if the kernel supports that."""
+    """Make this process visible to `mission stop` by the name of a memory file (memfd), if the kernel supports that."""
     with ExitStack() as closing:
         with suppress(OSError):
             name = abstract_sockets.make_name(str(os.getpid()), "command", simulated=simulated)
@@ -122,7 +123,7 @@ def require_stop(trouble: str, *, simulated: bool, override: str = f"{WITHOUT_ST
 def _print_stop(name: str, robot: str, by: Sequence[str]) -> None:
     """Print that the command ``name`` was stopped, and by whom; nothing if ``by`` is empty.
 
-    Called when the robot is closed and the note removed.
+    Called once the robot is closed and the command no longer visible to `mission stop`.
     """
     if by:
         click.echo(f"mission {name}: stopped by {by[0]}; {robot} was brought to rest", err=True)

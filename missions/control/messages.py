@@ -67,7 +67,7 @@ class AnswerMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WelcomeMessage:
-    """First message after `hello`."""
+    """First message of the studio to a client, the answer to `hello`."""
 
     word: ClassVar[str] = "welcome"
     version: Annotated[int, "Version of the protocol."]
@@ -97,7 +97,10 @@ class RunMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunsMessage:
-    """This user's runs here, after each change: each as a `run`. A run that cannot be reached has `trouble`."""
+    """All runs of this user on this computer, each as a `run`; sent after each change.
+
+    A run that cannot be reached has `trouble`.
+    """
 
     word: ClassVar[str] = "runs"
     runs: Annotated[Sequence[Mapping[str, object]], "Newest first."]

@@ -40,7 +40,8 @@ from missions.control.run_folders import (
 STAMP_FILE = "newest.stop"
 
 TICK_TOLERANCE = 2
-"""Clock ticks by which the start of a process and the uptime may differ, since both are rounded."""
+"""Clock ticks by which a stop may seem earlier than the start of a process that it meant, since both times are rounded.
+"""
 
 
 def write_stamp() -> None:
@@ -118,7 +119,7 @@ END_TIMEOUT = 5.0
 """Seconds that a command has to bring its actuators to rest and close them."""
 
 POLL_INTERVAL = 0.02
-"""Seconds between two checks whether the command has ended."""
+"""Seconds between two checks whether a command that was sent SIGTERM has ended."""
 
 
 @dataclass(frozen=True, slots=True)

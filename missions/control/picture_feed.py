@@ -73,7 +73,10 @@ def _encode_picture(frame: Frame, view: View | None) -> Mapping[str, object]:
 
 
 def percepts_in(view: View, scale: float = 1.0) -> list[Mapping[str, object]]:
-    """Return the percepts of a view's own frame as JSON data, without older ones; boxes are multiplied by ``scale``."""
+    """Return as JSON data the percepts that the newest frame of a view shows; boxes are multiplied by ``scale``.
+
+    Percepts that were only seen in earlier frames are left out.
+    """
     percepts = chain(view.faces, view.things, view.markers)
     return [_percept_dict(each, scale) for each in percepts if each.stamp == view.looked]
 

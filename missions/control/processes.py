@@ -17,7 +17,7 @@ POLL_INTERVAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ProcessIdentity:
-    """A process, also after its number was reused: its number ``pid`` and the time when it started.
+    """Identity of a process, which stays unique if its number is reused: the number ``pid`` and the start time.
 
     ``start`` is in clock ticks since boot, ``boot`` the id of that boot, ``namespace`` the pid namespace of the number.
     """

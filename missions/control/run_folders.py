@@ -22,10 +22,11 @@ from missions.library.folders import runtime_folder, state_folder
 # on its folder until it returns.
 
 FOLDER_TIMEOUT = 1.0
-"""Seconds to wait for a folder while a person waits."""
+"""Seconds within which a folder must respond to a command of a person, such as `mission stop`."""
 
 CHECK_TIMEOUT = 0.1
-"""Seconds to wait for a folder in the thread of the control socket, which must be free to receive stops."""
+"""Seconds within which a folder must respond to the thread of the control socket, which must be free to receive stops.
+"""
 
 Result = TypeVar("Result")
 

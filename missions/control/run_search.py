@@ -41,8 +41,8 @@ class StopWarning:
 class FoundProcess:
     """A process that can move a robot, found by a search: a run, or a command without a control socket.
 
-    ``addresses`` are its control sockets, ``holder`` the contents of its note, ``abstract_name`` its abstract name;
-    both are None if not found.
+    ``addresses`` are its control sockets. ``holder`` is the content of its note file, and ``abstract_name`` the name of
+    its abstract socket; each is None if not found.
     """
 
     run: str
@@ -79,7 +79,10 @@ class FoundProcess:
         )
 
     def is_process(self, process: int) -> bool:
-        """Return True if this can be the process with the number ``process``, the peer of a connection."""
+        """Return False if this process certainly has another number than ``process``, which is connected to its socket.
+
+        True if the numbers are equal, or if the number in this pid namespace is not known.
+        """
         return (
             self.abstract_name is None
             or self.abstract_name.local_identity is None
@@ -230,9 +233,10 @@ def _read_folder(place: RunFolder) -> _FolderContents:
 
 
 def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[AbstractName]:
-    """Return the abstract names of this user's runs; for each of another user, add an entry to ``warnings``.
+    """Return the names of the abstract sockets of this user's runs.
 
-    If ``thorough``, memory files of all processes are searched too.
+    For a run of another user that can move a real robot, an entry is added to ``warnings``. If ``thorough``, the names
+    of memory files (memfd) of all processes are searched too.
     """
     names = list[AbstractName]()
     for look, what in (
@@ -257,8 +261,9 @@ def _listed_names(warnings: list[StopWarning], *, thorough: bool) -> list[Abstra
 def _merge_processes(
     holders: Sequence[RobotHolder], files: Sequence[Path], names: Sequence[AbstractName]
 ) -> list[FoundProcess]:
-    """Return each process once, with the data from its notes (``holders``), socket ``files`` and abstract ``names``.
+    """Return each found process once, with all data about it.
 
+    ``holders`` are the contents of note files, ``files`` are socket files, and ``names`` the names of abstract sockets.
     A socket file without a note is a process of its own.
     """
     found: dict[tuple[str, ProcessIdentity | None], FoundProcess] = {}
@@ -287,7 +292,7 @@ def _merge_processes(
 
 
 def _with_files(process: FoundProcess, files: Sequence[Path]) -> FoundProcess:
-    """Return a run whose note is missing or unreadable with the addresses of the socket ``files`` of its name.
+    """Return a run whose note is missing or unreadable, with the addresses of the socket ``files`` of its name.
 
     Other processes are returned unchanged.
     """

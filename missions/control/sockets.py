@@ -250,7 +250,10 @@ class RunConnection:
         return parse_object(line)
 
     def scene_state(self) -> Mapping[str, Any]:
-        """Return the ``state`` of a new scene of the run. Raises OSError."""
+        """Subscribe to the run, and return the ``state`` in the scene, its first message with the complete state.
+
+        Raises OSError.
+        """
         self.connection.sendall(b'{"do": "watch"}\n')
         while (message := self.receive()).get("say") != "scene":
             pass

@@ -58,7 +58,7 @@ class RunHistory:
                     self._positions = [*self._positions[:: 1 + (len(self._positions) >= MAX_POSITIONS)], place]
 
     def as_dict(self) -> dict[str, object]:
-        """Return the history as members of a scene."""
+        """Return the history as members of a scene, the message with the complete state that a new client gets."""
         with self._lock:
             way, values = self._positions, {name: list(events) for name, events in self._values.items()}
         past = {
@@ -254,7 +254,7 @@ def merge_states(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
 
 
 def scene_of(runner: Runner) -> Json:
-    """Return the members of a scene that do not change during the run."""
+    """Return the members of a scene that do not change during the run; a scene is the first message to a new client."""
     from missions.trees.drawing import to_json  # noqa: PLC0415
     from missions.trees.drawing_builder import drawing_of, first_values  # noqa: PLC0415 - a run that nobody watches draws nothing
 

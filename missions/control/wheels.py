@@ -121,7 +121,7 @@ class WheelArbiter:
         return self._stamps.issue()
 
     def check(self, now: float) -> None:
-        """Stop the base if the state behind the last command is too old."""
+        """Stop the base at time ``now`` if the state message behind the driver's last command is too old."""
         if now >= self.ends_at:
             self._stop_base()
 
@@ -172,7 +172,10 @@ class WheelArbiter:
             raise BadMessage("device", pilot.trouble)
 
     def look(self, client: object, command: LookCommand) -> None:
-        """Turn the head by the elapsed time, at most ``MAX_TURN_TIME``. Raises BadMessage."""
+        """Turn the head as far as it turns in the time since the last such command, at most ``MAX_TURN_TIME``.
+
+        Raises BadMessage.
+        """
         pilot, _, now = self._require_control(client, command)
         if not self._has_head:
             raise BadMessage("no_base", "this run has no head to turn")

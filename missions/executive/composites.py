@@ -17,9 +17,9 @@ from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 class _ReactiveComposite(Composite):
     """Ticks its children from the first at every tick; if an earlier child takes over, the running one is halted.
 
-    While a child is suspended, the composite waits: the child ``_running`` keeps its progress without being ticked.
-    ``_stood`` is true if earlier children may be running only because the composite waited. ``_ended`` is a child that
-    reached its deadline while the composite waited; it is not started again when its turn comes.
+    While a child is suspended, the composite waits. The child ``_running``, which ran before, keeps its progress
+    without being ticked. ``_stood`` is true after such a wait, in which more than one child may have been left running.
+    ``_ended`` is a child that reached its deadline during the wait; it is not started again when its turn comes.
     """
 
     run_state = ("_running", "_retiring", "_stood", "_ended")
@@ -98,7 +98,7 @@ class _ReactiveComposite(Composite):
         return RUNNING
 
     def _is_retired(self) -> bool:
-        """Halt the preempted child further; return True once it is at rest, or if there is none."""
+        """Continue to halt a preempted child; return True once it is at rest, or if no child is being halted."""
         if self._retiring is not None and self._retiring.halt():
             self._retiring = None
         return self._retiring is None
@@ -180,7 +180,7 @@ class OrderedComposite(Composite):
     def _blame_last(self, child: Node) -> Status:
         """Return a failure with the reason of ``child``, the last one.
 
-        If any child failed because a sensor did not report, the composite's failure counts as one of a sensor.
+        If any child failed because a sensor did not report, the composite also fails because of the sensor.
         """
         self.adopt_failure(child)
         if self.suspension is None and self.passes is FAILURE:

@@ -1,4 +1,4 @@
-"""The tick loop: schedules ticks, takes the snapshot of each, and ends a run safely."""
+"""The tick loop: schedules ticks, reads the robot's inputs once at the start of each, and ends a run safely."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
@@ -200,7 +200,7 @@ HALT_TIMEOUT = 2.0
 """Seconds that leaves have to halt at the end of a run; then their actuators are stopped anyway."""
 
 GUARD_INTERVAL = 1.0
-"""Maximum seconds between two checks of the guard while the mission is paused."""
+"""Maximum seconds between two checks of the base (battery, contacts) while the mission is paused."""
 
 STOP_POLL_INTERVAL = 0.05
 """Seconds within which a ``stop`` is noticed.
@@ -390,7 +390,7 @@ class Executive:
         return status
 
     def _guard_paused(self, now: float) -> None:
-        """Check the guard while paused: at once if the base reports a change, otherwise at intervals."""
+        """Check the base while paused: at once if it reports a change, otherwise every ``GUARD_INTERVAL`` seconds."""
         if self._guard is not None and (now - self._guarded_at >= GUARD_INTERVAL or self._guard.has_changed()):
             self._guarded_at = now
             self._run_guard_snapshot()

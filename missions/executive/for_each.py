@@ -100,7 +100,7 @@ def _format_case(value: object) -> str:
 
 
 MAX_SHOWN_LENGTH = 40
-"""Maximum characters of a member in a reason."""
+"""Maximum number of characters of a list member that the reason of a failed ``for_each`` shows."""
 
 
 class ForEach(Parent, Decorator):

@@ -12,7 +12,7 @@ CONFIRM_TIME = 2.0
 """Seconds between two battery readings that must agree: under load the voltage dips, and the percentage with it."""
 
 HYSTERESIS_PERCENT = 3.0
-"""Percent of charge above a battery threshold at which the threshold is released."""
+"""Percent of charge by which the battery must be above a threshold before it no longer counts as below it."""
 
 
 class BatteryWatch:
@@ -79,9 +79,9 @@ _NO_FEEDBACK: _Feedback = (Sides(), Sides(), Sides(), frozenset(), frozenset(), 
 class BaseGuard:
     """Checks a ``base`` before each tick, and reports its contacts, hazards, stops and battery as events.
 
-    It reacts only to a critical battery; the reflexes are in the base's driver, see ``drivers.api.Reflexes``.
-    ``battery`` is the battery state by the thresholds of ``reflexes``. ``on_enable`` is called when a person enables
-    the base, or presses its button for that; it must enable all other parts.
+    It reacts only to a critical battery: it ends the mission. The reflexes, such as stopping at a bumper, are in the
+    driver of the base. ``battery`` is the battery state by the thresholds of ``reflexes``. ``on_enable`` is called when
+    a person enables the base, or presses the base's button for that; this function must enable all other parts.
     """
 
     def __init__(

@@ -19,9 +19,9 @@ MAX_RETICK_INTERVAL = 1.5
 class TimeoutModifier(Modifier):
     """Fails, and halts the node, if it still runs after the time of the modifier; then it is not ticked again.
 
-    If the time has passed while the node was suspended, a reactive composite ticks the timeout again at once. It then
-    fails at once as long as the node stays suspended, instead of waiting for the whole time again. ``gave_up`` is the
-    time (s) of its last such failure.
+    A reactive composite may tick the timeout again at once, after it failed while the node was suspended. If the node
+    is suspended again, the timeout then fails at once, instead of waiting for the whole time again. ``gave_up`` is the
+    time (s) of its last failure while the node was suspended.
     """
 
     run_state = ("setting", "since", "_waits")
@@ -99,7 +99,7 @@ class DelayModifier(Modifier):
 
 
 class CooldownModifier(Modifier):
-    """Fails without starting the node if its last success was less than the time of the modifier ago."""
+    """Fails without starting the node for a time (the value of the modifier) after the node's last success."""
 
     run_state = ("setting",)
     lasting_state = ("_succeeded_at",)
@@ -284,7 +284,7 @@ class OnRunningModifier(Modifier):
 
 
 class OnceModifier(Modifier):
-    """Runs the node once, then returns its first result while the value of the expression stays the same.
+    """Runs the node once, then returns its first result while the value of the modifier's expression stays the same.
 
     A failure because a sensor does not report is not stored.
     """

@@ -1,7 +1,7 @@
 """Proxies of parts, generated from their protocols: they cache queries, and report, record and permit commands.
 
-One class is compiled for each protocol, from the marks of its members (``drivers.api.marks``). So a query without
-arguments is a dict lookup without a call of ours, the most frequent operation of a tick, and a command is one method.
+One class is compiled for each protocol, from the marks of its members (``drivers.api.marks``). In it, a query without
+arguments is only a dict lookup, since such queries are the most frequent operation of a tick. A command is one method.
 The order of a command is: report, record, permit, device; some commands are reported after the device accepted them.
 """
 
@@ -295,9 +295,10 @@ def _call_arguments(member: ProtocolMember) -> str:
 
 
 def _reported_argument(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
-    """Return the source text that converts an argument to a JSON type for its event; None is reported as True.
+    """Return the source text that converts an argument to a JSON type for the event of a command.
 
-    ``kept`` are the arguments that are converted to another type first, such as a tuple.
+    An argument that is None becomes True there, since None fields are left out of events. ``kept`` are the arguments
+    that are converted to another type first, such as a tuple.
     """
     name, kind = parameter.name, parameter.annotation
     if kept.get(name) is tuple:

@@ -31,9 +31,9 @@ class SignalHandler:
     """Context manager: a signal calls ``stop`` with its name, and ``first_signal`` returns that name in any thread.
 
     Python runs signal handlers on the main thread between two instructions, so not while the main thread is stuck in C.
-    The signal number is also written to a socket at once; ``first_signal`` and the lifeline process look there. In
-    another than the main thread, no signals are handled. Without ``with_socket``, a signal is known only after its
-    handler has run.
+    The signal number is also written to a socket at once; ``first_signal`` and the lifeline process look there. If the
+    context is entered in another thread than the main thread, no signals are handled. Without ``with_socket``, a signal
+    is known only after its handler has run.
     """
 
     def __init__(self, stop: Callable[[str], None], *, with_socket: bool = True) -> None:

@@ -23,7 +23,7 @@ MAX_FACE_AGE = 0.5
 """Maximum age in seconds of a face that counts as seen."""
 
 AHEAD_SECTOR = radians(60)
-"""Angle in radians around straight ahead in which ``range.ahead`` is measured."""
+"""Full angle in radians of the sector, centred straight ahead, in which ``range.ahead`` is the nearest distance."""
 
 
 ValueReader = Callable[[], object]

@@ -22,7 +22,7 @@ STOP_REPEAT_DELAY = 0.2
 """Seconds until actuators are stopped a second time, since a command may have been in progress."""
 
 SUSPEND_THRESHOLD = 1.0
-"""Seconds between two checks from which on the whole process, watchdog and loop, counts as suspended in between."""
+"""Seconds between two checks above which the whole process counts as having been suspended, not only the tick loop."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ Reading and ticking are recursive, so a deeper tree would overflow the stack.
 
 
 def find_no_mission(name: str, beside: Path) -> Path:
-    """Raise LookupError: the default function that finds sub-missions, for texts that have none."""
+    """Raise LookupError, since no sub-mission can be found: the default for mission texts that are not in a file."""
     raise LookupError(f"cannot be found from {beside}: '{name}'")
 
 
@@ -121,7 +121,11 @@ class CheckContext:
             self.variable_leaves.pop(name, None)
 
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, certain: bool = False) -> None:
-        """Report an error at ``mark``; if a line of the file could not be read, only if it is ``certain``."""
+        """Report an error at ``mark``.
+
+        If a line of the file could not be read, the error is reported only if it is ``certain``, which means that the
+        unread line cannot be its cause.
+        """
         if certain or not self.has_unreadable_line:
             add_diagnostic(self.faults, Diagnostic(self.source, mark, message, suggestion))
 

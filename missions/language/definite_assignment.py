@@ -25,7 +25,10 @@ from missions.language.read_analysis import always_read_names, may_fail, nonzero
 
 
 class PathEvent(NamedTuple):
-    """Last event of a path through the tree, after the ``previous`` ones; ``length`` counts all events."""
+    """Last event of a path through the tree, such as the failure of a step; ``text`` describes it.
+
+    ``previous`` are the events before it, ``length`` is the number of all events.
+    """
 
     text: str
     previous: "EventPath"
@@ -33,7 +36,7 @@ class PathEvent(NamedTuple):
 
 
 EventPath = PathEvent | None
-"""Path of events, in order, that leaves a variable unset; None at the start of the tree."""
+"""Events of a path through the tree on which a variable is not set; None for the start of the tree."""
 
 
 class UnsetVariables(NamedTuple):
@@ -129,10 +132,11 @@ class UnsetRead(NamedTuple):
 
 
 def find_unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, object]) -> list[UnsetRead]:
-    """Return the reads in ``tree`` of variables that are not set on every path; ``names`` are unset at its start.
+    """Return the reads of variables in ``tree`` that are not set on every path to the read.
 
-    ``params`` are the known params. The first ``MAX_TRACED_READS`` reads have their paths; later reads are returned
-    only if they read the same variables.
+    ``names`` are the variables that are not set when the tree starts, ``params`` the known values of params. Each read
+    comes with such a path. If there are more than ``MAX_TRACED_READS`` reads, later ones are left out unless they read
+    one of the same variables.
     """
     here = StepContext(nonzero=nonzero_variables(tree, params))
     names = tuple(names)
@@ -324,9 +328,9 @@ class _UnsetAnalysis:
         )
 
     def follow_for_each(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
-        """Return the variables that may be unset after a for_each: after one round, or without a round.
+        """Return the variables that may be unset after a for_each: after its child has run once, or not at all.
 
-        A for_each has no round if its list is empty.
+        The child does not run if the list is empty.
         """
         after = self.follow(step.children[0], self._with_set(step.binds, unset), here)
         among = step.arguments["in"].constant
@@ -403,7 +407,7 @@ REPEATING_KINDS = frozenset(
         *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
     }
 )
-"""Kinds of nodes below which any step may run after any other: in a later round, or at the same time."""
+"""Kinds of nodes below which any step may run after any other: when the children run again, or at the same time."""
 
 
 MAX_SHOWN_EVENTS = 10

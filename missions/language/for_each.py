@@ -117,7 +117,7 @@ def as_members(value: object) -> ListMembers:
 
 
 def check_loop_names(context: CheckContext, tree: Step) -> None:
-    """Report each step that sets a variable of a running for_each: a step below or beside it."""
+    """Report each step that sets a loop variable of a for_each, if it is inside this for_each or parallel to it."""
     for step in tree.walk():
         if step.kind == FOR_EACH:
             (below,) = step.children

@@ -47,7 +47,7 @@ class TypeInference:
         self._report = report
 
     def kind(self, node: ast.expr) -> Kind:
-        """Return the kind of an expression; UNSETTLED if it has an error, which is reported."""
+        """Return the kind (static type) of an expression; UNSETTLED if it has an error, which is reported."""
         match node:
             case ast.Constant(value=value):
                 return kind_of_value(value)

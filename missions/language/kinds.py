@@ -135,7 +135,7 @@ UNSETTLED = "unsettled"
 
 @dataclass(frozen=True, slots=True)
 class ListKind:
-    """A list whose members have one kind."""
+    """Kind (static type) of a list: the kind that all its members have."""
 
     member_kind: "Kind"
 
@@ -153,7 +153,7 @@ class RecordKind:
     other_kind: "Kind" = None
 
     def member(self, name: str) -> "Kind":
-        """Return the kind of the member ``name``; None if it is not known."""
+        """Return the kind (static type) of the member ``name``; None if it is not known."""
         known = self.members if self.declared_type is None else member_kinds(self.declared_type)
         return known.get(name, self.other_kind)
 
@@ -185,7 +185,7 @@ def describe_kind(kind: Kind) -> str:
 
 
 def join_kinds(one: Kind, other: Kind) -> Kind:
-    """Return the kind of a value that is of kind ``one`` or ``other``; None if they have nothing in common."""
+    """Return the kind (static type) of a value that has kind ``one`` or ``other``; None if nothing fits both."""
     if one == other or other in (UNSETTLED, NOTHING):
         return one
     if one in (UNSETTLED, NOTHING):
@@ -199,7 +199,7 @@ def join_kinds(one: Kind, other: Kind) -> Kind:
 
 
 def kind_of_value(value: object) -> Kind:
-    """Return the kind of a value."""
+    """Return the kind (static type) of a value, such as "length" for a quantity in metres."""
     if isinstance(value, Quantity):
         return value.dimension
     if isinstance(value, bool):
@@ -212,7 +212,7 @@ def kind_of_value(value: object) -> Kind:
 
 
 def kind_of_type(hint: Any) -> Kind:
-    """Return the kind of a type or an annotation."""
+    """Return the kind (static type in missions) of a Python type or annotation; None if it has none."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return next((each for each in arguments[1:] if each in UNITS), None)
@@ -238,7 +238,7 @@ def _kind_of_class(kind: type) -> Kind:
 
 @cache
 def member_kinds(kind: type) -> Mapping[str, Kind]:
-    """Return the kinds of the members of a class, from its annotations and those of its properties."""
+    """Return the kinds (static types) of the members of a class, from its annotations and those of its properties."""
     hints = _hints(kind)
     for name in members_of(kind):
         declared = getattr(kind, name, None)

@@ -144,7 +144,7 @@ _READERS = {"never": _never, "always eventually": _eventually, "can": _can}
 MISSION_KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
 
 IF_INTERRUPTED = ("retry", "give_up")
-"""Options for a mission that, as a task, was interrupted at an unknown point."""
+"""Values of the key ``if_interrupted``: what to do with a task whose run was interrupted at an unknown point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +211,7 @@ def _header(context: CheckContext, root: Mapping, key: str, *, required: bool = 
 
 
 def _has_misspelt_key(root: Mapping, key: str) -> bool:
-    """Return True if the mission file has a synonym of ``key``, such as one of another system; it was reported."""
+    """Return True if the mission file has a key of another system that means ``key``; an error was reported for it."""
     return any(word not in MISSION_KEYS and own_words_for(word, SYNONYMS, (key,)) for word in root.keys())  # noqa: SIM118 - no dict
 
 

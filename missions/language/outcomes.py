@@ -91,14 +91,20 @@ def _check_skipped_if(context: CheckContext, step: Step) -> None:
 
 
 def _first_changing_step(step: Step) -> Step:
-    """Return the first step inside ``step`` that is not a modifier which succeeds whenever its child does."""
+    """Return ``step``, or the first step inside it whose success does not follow from the success of its child.
+
+    Modifiers that succeed whenever their child does are skipped.
+    """
     while step.kind in PASS_SUCCESS_MODIFIERS:
         step = step.children[0]
     return step
 
 
 def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
-    """Report a modifier (``step``) without effect, since its child never ends in the way that it reacts to."""
+    """Report the modifier ``step`` as without effect if its child never has the result that it reacts to.
+
+    For example, ``retry`` reacts to a failure.
+    """
     occasion, leaf = MODIFIERS[step.kind].relevant_end, child.leaf
     if step.arguments["value"] is INVALID_VALUE:
         return
@@ -154,7 +160,10 @@ def innermost_step(step: Step) -> Step:
 
 
 def possible_ends(step: Step) -> Ends:
-    """Return the possible ends of a step; empty if it never ends. Any step can also be halted."""
+    """Return the results (success, failure) with which a step can end; empty if it never ends.
+
+    Any step can also be halted.
+    """
     if step.leaf is not None:
         return step.leaf.ends
     below = [possible_ends(child) for child in step.children]
@@ -170,7 +179,7 @@ def possible_ends(step: Step) -> Ends:
 
 
 def early_ends(step: Step) -> Ends:
-    """Return the ends of a modifier that are possible before its child has ended."""
+    """Return the results (success, failure) that a modifier can have before its child has ended."""
     status = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
     cut = MODIFIERS[step.kind].early_ends
     return cut if status is None or step.kind != "on_running" else cut & {status}
@@ -195,9 +204,9 @@ def _composite_ends(step: Step, below: list[Ends]) -> Ends:
 
 
 def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
-    """Return the possible ends of a composite that ends with ``all_end`` if all children do.
+    """Return the possible results of a composite that ends with ``all_end`` if all its children do.
 
-    It ends with ``one_ends`` if any child does. ``below`` are the possible ends of the children.
+    It ends with ``one_ends`` as soon as one child does. ``below`` are the possible results of each child.
     """
     found = set()
     for each in below:
@@ -214,7 +223,10 @@ def _forever(step: Step) -> bool:
 
 
 def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
-    """Return the possible ends of a parallel, given those of its children (``below``) and its counts."""
+    """Return the possible results (success, failure) of a parallel.
+
+    They depend on those of its children (``below``), and on the counts beside it.
+    """
     if any(value.template is not None for value in step.arguments.values()):
         return BOTH_ENDS
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
@@ -226,7 +238,10 @@ def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
 
 
 def _for_each_ends(step: Step, below: Ends) -> Ends:
-    """Return the ends of a for_each; with an empty list it always succeeds."""
+    """Return the possible results of a for_each, of which ``below`` are those of its child.
+
+    With an empty list it always succeeds.
+    """
     members = step.arguments["in"].constant
     count = members.count if isinstance(members, ListMembers) else None
     return frozenset({SUCCESS}) if count == 0 else below if count else below | {SUCCESS}
@@ -253,7 +268,10 @@ RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
 
 
 def actions_as_guards(tree: Step) -> list[Diagnostic]:
-    """Return a hint for each child before the last of a reactive composite that runs at every tick."""
+    """Return hints about reactive composites in which a child takes time although it runs again at every tick.
+
+    Only the last child of a reactive composite is meant to take time.
+    """
     found = []
     for step in tree.walk():
         kind = COMPOSITES.get(step.kind)
@@ -294,9 +312,9 @@ def _find_running(step: Step) -> Step | None:
 
 
 def _first_that_decides(children: Sequence[Step]) -> Step | None:
-    """Return the step that takes time in the first such child of a sequence, if all children before it succeed.
+    """Return the step that takes time in the first child of a sequence that contains one.
 
-    None if an earlier child may fail, or if no child takes time.
+    None if no child takes time, or if a child before it may fail or not end.
     """
     for child in children:
         cause = _find_running(child)

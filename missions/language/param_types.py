@@ -101,7 +101,7 @@ class ParamType:
 
     @property
     def value_kind(self) -> Kind:
-        """Kind of the param's values, for the checks of expressions that read it."""
+        """Kind (static type) of the param's values, for the checks of expressions that read it."""
         return ListKind(param_kind(self.member_type)) if self.kind == LIST_TYPE else param_kind(self.member_type)
 
     def scalar_value(self, node: Scalar) -> Plain:
@@ -153,7 +153,7 @@ class ParamType:
 
 
 def param_kind(word: str) -> Kind:
-    """Return the kind of values for a word of PARAM_TYPES, or "list of WORD"; None if the kind is unknown."""
+    """Return the kind (static type) of values for a word of PARAM_TYPES, or "list of WORD"; None if it is unknown."""
     if word.startswith(f"{LIST_TYPE} of "):
         return ListKind(param_kind(word.removeprefix(f"{LIST_TYPE} of ")))
     if word in UNITS:
@@ -295,7 +295,7 @@ def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str |
 # Variables that a mission sets: read before its steps, since an expression may be above the step that sets it.
 
 KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
-"""Words that can stand beside a behaviour or name one, in addition to leaves and ``as``."""
+"""Words that a node can contain, in addition to ``as`` and leaves: composites, modifiers, counts, name, with."""
 
 Leaves = Named[str, type[Leaf]]
 

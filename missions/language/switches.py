@@ -23,7 +23,7 @@ YES_NO_MEANINGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 
 
 def impossible_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
-    """Yield an error for each case that an expression of this kind never equals."""
+    """Yield an error for each case of a switch that no value of this kind (static type) of its expression equals."""
     for case, mark in zip(step.cases, step.case_marks, strict=True):
         if not _can_be(case, kind):
             word = str(case).lower() if isinstance(case, bool) else format_value(case)
@@ -69,7 +69,7 @@ def _repeated_cases(step: Step, written: Sequence[Scalar]) -> Iterator[Diagnosti
 
 
 def _can_be(case: object, kind: Kind) -> bool:
-    """Return whether a case can equal a value of this kind; "3" matches the number and the text."""
+    """Return whether a case can equal a value of this kind (static type); the case "3" equals a number and a text."""
     if case is None or not (kind in (FLAG, TEXT) or is_numeric(kind)):
         return True
     if kind == FLAG or isinstance(case, bool):

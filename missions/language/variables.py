@@ -58,7 +58,7 @@ def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, foun
 
 
 def variable_kinds(tree: Step, params: Kinds) -> Kinds:
-    """Return the kinds of the variables of one mission, given the kinds of its ``params``."""
+    """Return the kinds (static types) of the variables of one mission, given the kinds of its ``params``."""
     setters = [setter for step in steps_in_scope(tree) for setter in _setters(step)]
     kinds: dict[str, Kind] = {**dict.fromkeys((name for name, _ in setters), UNSETTLED), **params}
     readers: dict[str, list[int]] = defaultdict(list)
@@ -110,7 +110,7 @@ def _setters(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds],
 
 
 def _member_kind(among: Value, kinds: Kinds) -> Kind:
-    """Return the kind of the members of the list ``among``."""
+    """Return the kind (static type) of the members of the list ``among``; ``kinds`` are those of variables."""
     if isinstance(among.constant, ListMembers):
         return kind_of_value(among.constant.values[0]) if among.constant.values else UNSETTLED
     kind = kind_of_result(among, kinds)
@@ -118,7 +118,7 @@ def _member_kind(among: Value, kinds: Kinds) -> Kind:
 
 
 def _param_kinds(step: Step) -> Kinds:
-    """Return the kinds of the params of a sub-mission."""
+    """Return the kinds (static types) of the params of the sub-mission ``step``, by name."""
     return {name: _declared_kind(value) for name, value in step.arguments.items()}
 
 

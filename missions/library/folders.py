@@ -35,9 +35,9 @@ def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def _folder(named: str, otherwise: str) -> Path:
-    """Return the folder ``missiontree`` in ``named``, a path from the environment.
+    """Return the folder ``missiontree`` in the folder ``named``, which comes from an environment variable.
 
-    If that is not an absolute path, return the one in the folder ``otherwise`` of the home folder.
+    If that is not an absolute path, it is in ``otherwise``, a folder relative to the home folder.
     """
     return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"
 

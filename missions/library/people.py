@@ -149,7 +149,10 @@ def people_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def proper_name(name: str) -> str:
-    """Return the stored form of a name. Raises PeopleError for an invalid name."""
+    """Return a person's name as it is stored: with composed letters (Unicode NFC), and no spaces around it.
+
+    Raises PeopleError for an invalid name.
+    """
     found = unicodedata.normalize("NFC", name).strip()
     if found.casefold() == UNKNOWN:
         raise PeopleError(f"'{UNKNOWN}' is reserved for strangers", hint="choose another name")

@@ -1,6 +1,6 @@
 """Private output files: readable by their owner only, complete or absent, not overwriting by default.
 
-They are made of records, which show people and their names.
+The files are exported from records, which show people and contain their names.
 """
 
 import errno

@@ -66,7 +66,7 @@ def _synthesise(words: Sequence[str], clock: Clock) -> Mapping[str, str]:
 
 
 def _is_english(word: str) -> bool:
-    """Return whether an English synthesiser can pronounce a word; it would spell unknown letters."""
+    """Return whether an English synthesiser can pronounce a word; it would spell words with non-ASCII letters."""
     return word.isascii()
 
 

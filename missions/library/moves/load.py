@@ -188,7 +188,9 @@ def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
 def build_movement(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
     """Return the movement of a ``sheet`` as its ``move`` file describes it.
 
-    ``rate`` and ``arm`` are as in ``load_move``. Raises InvalidFileError with all errors in the sheet.
+    ``rate`` (Hz) is that of the rows, if neither sheet nor move file has times. With an ``arm``, its joints and limits
+    are checked, and changes below the resolution of a servo are ignored. Raises InvalidFileError with all errors in the
+    sheet.
     """
     _check_headings(sheet, move, arm)
     times = _times(sheet, move.rate or rate)
@@ -325,7 +327,10 @@ def _report_problems(sheet: Sheet, source: JointSource, problems: Sequence[tuple
 
 
 def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
-    """Return the change of an angle (rad) below which a joint is not moved: from the move file, or of its servo."""
+    """Return the change of an angle (rad) below which a joint is not moved: as in the move file, else its resolution.
+
+    It is 0 if both are unknown.
+    """
     if move.dead_band is not None or arm is None:
         return move.dead_band or 0.0
     return arm.resolution(joint)

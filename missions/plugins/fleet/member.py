@@ -40,8 +40,7 @@ Each round wakes the processor: at ten a second, rounds are three quarters of th
 """
 
 DISK_TIMEOUT = 0.1
-"""Maximum seconds for which the confirmation of a stop waits until the stop is stored; the robot stands still before.
-"""
+"""Maximum seconds for which the confirmation of a stop waits for the disk that stores it; the robot stands by then."""
 
 HEARTBEAT_INTERVAL = 5.0
 """Maximum seconds between two states that a robot publishes."""

@@ -82,7 +82,7 @@ class Address:
 
 
 def zenoh_key(fleet: str, kind: str, where: str = "*/*") -> str:
-    """Return the Zenoh key for messages of one ``kind``: here, state, stop or ask.
+    """Return the Zenoh key for messages of one ``kind``, which is "here", "state", "stop" or "ask".
 
     ``where`` is the address of a robot, or ``*/*`` for all robots.
     """

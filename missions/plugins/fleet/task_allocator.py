@@ -239,7 +239,10 @@ class TaskAllocator:
         return FleetAnswer()
 
     def _change(self, task: FleetTask, changes: Mapping[str, object]) -> None:
-        """Store changes of a task; a new reason keeps the old notes about robots that finished the task late."""
+        """Store ``changes`` of fields of a task.
+
+        If they change the reason, notes in the old reason about robots that finished the task late are kept.
+        """
         if "reason" in changes:
             reason = str(changes["reason"])
             also = [each for each in task.reason.split("; ") if each.startswith(LATE_PREFIX) and each not in reason]

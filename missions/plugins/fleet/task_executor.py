@@ -103,7 +103,10 @@ class _ReportState:
 
 
 class TaskExecutor:
-    """A FleetService that accepts tasks, reports on them, and releases tasks whose lease has expired."""
+    """A FleetService that accepts tasks and reports on them to their allocators.
+
+    It cancels a task if its allocator has not answered for the time of its lease, since another robot may get it then.
+    """
 
     def __init__(
         self,
@@ -199,7 +202,10 @@ class TaskExecutor:
                 self._queue.approve(task.id, self._wall(), APPROVED_BY)
 
     def _release_expired(self, errand: TaskAssignment, talk: _ReportState, now: float) -> None:
-        """Cancel a repeatable or waiting task if its lease has expired: another robot may get it."""
+        """Cancel a repeatable or waiting task whose allocator has not answered for the time of its lease.
+
+        Another robot may get the task then.
+        """
         since = talk.begun_at if talk.leased_at is None else talk.leased_at
         waits = errand.task.awaits_approval
         if not errand.task.has_ended and (errand.again or waits) and now > since + self._timeouts.lease:

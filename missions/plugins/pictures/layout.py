@@ -35,7 +35,7 @@ _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
 """Widths of characters outside the table: small letters of other scripts; signs and capitals; East Asian characters."""
 _BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹωϖϣͳЉЊЖШЩЮжмфшщыюљњ‰‱№")
 _BROADER = 1.4
-"""Width of a wide letter or sign as a multiple of the usual width of its kind, such as of small letters."""
+"""Factor by which wide letters and signs, such as æ and Ж, are wider than usual ones of the same kind."""
 _HORN = 0.15
 """Additional width of a letter with a horn, or with a caron written as an apostrophe, as in ơ and ľ."""
 

@@ -15,7 +15,8 @@ from drivers.api import JointLimits
 def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None) -> Path:
     """Write a figure atomically, in the format of the file's suffix; return its path.
 
-    ``mode`` is that of ``whole_file``. Raises OSError; ValueError for a suffix that Matplotlib does not support.
+    ``mode`` are the permission bits of the file. Raises OSError; ValueError for a suffix that Matplotlib does not
+    support.
     """
     with replace_file(path, mode) as file:
         figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".") or "png")

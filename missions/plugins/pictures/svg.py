@@ -261,7 +261,7 @@ def _legend(canvas: SvgCanvas, y: int, samples: Sequence[tuple[str, str, str]]) 
 class _TreeDrawing:
     """Drawing of one tree.
 
-    ``changes`` has by node key how a node differs from the tree beside it.
+    ``changes`` says for each node, by its key, how the node differs from the tree beside this one: "same", "added"...
     """
 
     def __init__(self, canvas: SvgCanvas, live: bool, changes: Mapping[str, Change]) -> None:

@@ -154,9 +154,10 @@ def _find_first_difference(
             differences.append(FirstDifference(places[key], became))
 
     def rank(split: FirstDifference) -> tuple[float, bool, bool, int]:
-        """Return the sort key of a difference: the earliest first, then those of nodes that were not only halted.
+        """Return the sort key of a difference between the runs, of which the smallest is the likely cause.
 
-        Of these, leaves come first, then nodes nearer to the root.
+        The earliest difference comes first. At one time, nodes that did more than halt come first, then leaves, then
+        the order of the tree.
         """
         changes = [change for change in split.changes if change is not None]
         halted = all(change.status == "idle" for change in changes)
@@ -195,9 +196,9 @@ def _compare_leaves(
 
 
 def _nodes_of_second_tree(root: TreeBox, back: Mapping[str, str]) -> Mapping[str, tuple[None, str]]:
-    """Return the nodes that only the second tree has, as (None, key).
+    """Return the nodes that only the second tree has, each as (None, key), by a label such as "b 1.2".
 
-    The label under which each is returned is not a key of the first tree.
+    The label differs from all keys of the first tree.
     """
     return {f"b {box.key}": (None, box.key) for box in root.walk() if box.key not in back}
 

@@ -19,10 +19,10 @@ from missions.plugins.records.recording.tick_codec import TickDecoder, TickEncod
 from missions.plugins.records.recording.validation import parse_message, reject_malformed
 
 STATE_KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
-"""Topics whose last messages describe the state of a run at a time, with the message fields that identify its subject.
+"""Topics whose last messages before a time describe the state of a run at that time, with their key fields.
 
-For example, ``/nodes`` has a last message for each value of the field ``node``. All topics ``/state/...`` count as
-well.
+For example, the state includes the last message on ``/nodes`` for each value of the field ``node``. It also includes
+the last message on each topic ``/state/...``.
 """
 
 

@@ -248,7 +248,10 @@ class RunRecord:
 
     @cached_property
     def end_time(self) -> float:
-        """Time (s) of the last message or event. Messages are stamped in whole nanoseconds, events exactly."""
+        """Time (s) of the last message or event in the record.
+
+        Both are compared, since messages are stamped in whole nanoseconds and events exactly.
+        """
         return max([self._last_message_time, *(event.t for event in self.events[-1:])])
 
     @cached_property

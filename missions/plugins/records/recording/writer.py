@@ -367,7 +367,7 @@ MAX_CHUNK_BYTES = 1_000_000
 """Size of the messages of a chunk, in bytes, from which on the chunk is written."""
 
 MESSAGE_OVERHEAD = 64
-"""Estimated bytes of a message in addition to its content; also of each topic of a chunk in the file's index."""
+"""Estimated bytes of a message in the file in addition to its content, and of each topic of a chunk in the index."""
 
 LOST_TOPIC = "/lost"
 """Topic of messages that count lost messages."""

@@ -1,4 +1,4 @@
-"""Run today's perception on recorded pictures, and compare the results with the recorded ones.
+"""Search recorded pictures again with the installed version of perception, and compare with the recorded results.
 
 Single pictures cannot be compared: they are JPEGs, and the record lacks some that the run searched. So tracks are
 compared. A track counts as found if, in most of its pictures, the other search has it at the same position.
@@ -30,10 +30,10 @@ MIN_FOUND_SHARE = 0.5
 
 @dataclass(slots=True)
 class ComparedTrack:
-    """A tracked percept of one search, recorded or of today, compared with the other search of the same pictures.
+    """A tracked percept of one search of the pictures, either the recorded search or the new one.
 
-    ``picture_count`` is the number of pictures with it, ``found_count`` the number of those in which the other search
-    finds it too. ``start`` is the time (s) of the first picture with it.
+    It is compared with the other search: ``picture_count`` is the number of pictures with it, ``found_count`` the
+    number of those in which the other search finds it too. ``start`` is the time (s) of the first picture with it.
     """
 
     label: str
@@ -56,7 +56,7 @@ class ComparedTrack:
 class PerceptionComparison:
     """Result of a perception rerun: number of compared pictures, and the tracks of both searches.
 
-    ``recorded`` are the tracks of the recorded search, ``current`` those of today's perception.
+    ``recorded`` are the tracks of the recorded search, ``current`` those of the new search with the installed version.
     """
 
     picture_count: int
@@ -65,12 +65,12 @@ class PerceptionComparison:
 
     @property
     def lost_tracks(self) -> tuple[ComparedTrack, ...]:
-        """Confirmed tracks of the recorded run that today's perception finds in too few pictures."""
+        """Confirmed tracks of the recorded run that the new search finds in too few pictures."""
         return tuple(track for track in self.recorded if track.is_missed)
 
     @property
     def new_tracks(self) -> tuple[ComparedTrack, ...]:
-        """Confirmed tracks of today's perception that the recorded run has in too few pictures."""
+        """Confirmed tracks of the new search that the recorded run has in too few pictures."""
         return tuple(track for track in self.current if track.is_missed)
 
 
@@ -93,7 +93,7 @@ def rerun_perception(record: RunRecord, camera: CameraKeys, interests: Interests
 
 
 class _TrackCollector:
-    """Collects the tracks of one search of the pictures, either the recorded search or that of today's perception."""
+    """Collects the tracks of one search of the pictures: either the recorded search, or the new one."""
 
     def __init__(self) -> None:
         self._tracks: dict[tuple[str, int], ComparedTrack] = {}
@@ -122,7 +122,7 @@ class _Frame:
 
 
 def _current_views(record: RunRecord, camera: CameraKeys, interests: Interests) -> Iterator[View]:
-    """Yield the view of each recorded picture, as today's perception finds it."""
+    """Yield the percepts that the installed version of perception finds in each recorded picture."""
     clock, found, gaze = ManualClock(), list[View](), _GazeHistory(record)
     vision = make_vision(
         gaze.at,

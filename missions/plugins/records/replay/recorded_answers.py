@@ -97,7 +97,8 @@ class RecordedAnswers:
     def command(self, part: str, name: str, accept: Callable[[], object], *arguments: object) -> Any:
         """Return the recorded result of a command to ``part``.
 
-        If the command differs from the record, report it, and return the result of ``accept``.
+        If the command differs from the record, report it, and return the result of ``accept``, a function that returns
+        a default.
         """
         row = self._commands.get(part)
         recorded = row.popleft() if row else None

@@ -85,10 +85,10 @@ def recorded_robot(
 
 
 class ReplayedPart:
-    """A part of any ``protocol`` that replies from ``answers``, behind its proxy; see ``drivers.api.marks``.
+    """A part of the robot that has the methods of ``protocol``, and replies from the recorded ``answers``.
 
-    ``part`` is its name in the record. The reply to a command that differs from the record is not recorded. It is the
-    one that the command's mark declares: for a velocity, the limited velocity.
+    ``part`` is its name in the record. If a command differs from the record, there is no recorded reply to it. It then
+    gets the reply that the protocol declares: for a velocity, the limited velocity (``drivers.api.marks``).
     """
 
     def __init__(self, name: str, protocol: type, answers: RecordedAnswers, part: str) -> None:

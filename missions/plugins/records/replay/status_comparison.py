@@ -174,9 +174,9 @@ class StatusComparison:
 
 
 def _states_by_node(changes: Iterable[NodeChanged]) -> dict[str, list[NodeStatus]]:
-    """Return the status changes of each node by key, in order.
+    """Return the status changes of each node by key, in order, with "skipped" replaced by "success".
 
-    Older records have success where newer ones have skipped.
+    Older records do not tell the two apart.
     """
     found: dict[str, list[NodeStatus]] = defaultdict(list)
     for change in changes:

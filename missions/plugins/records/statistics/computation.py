@@ -168,7 +168,7 @@ def _counter_totals(
 def _counter_growth(
     devices: Sequence[Mapping[str, Mapping[str, int]]], *, since_begin: bool
 ) -> Iterator[tuple[str, str, Mapping[str, int]]]:
-    """Yield device, counter name, and the increase of all counters of the device, once for each counter of each device.
+    """Yield device, counter name, and the increases of all counters of that device, for each counter.
 
     With ``since_begin`` all counters began at 0; otherwise the first values in the record are subtracted.
     """

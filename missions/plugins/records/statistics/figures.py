@@ -26,7 +26,7 @@ class RunKind(NamedTuple):
 
 
 MAX_KEY_DIGITS = 9
-"""Number of digits of a number in a node key from which on the key is invalid."""
+"""Number of digits from which on a number in a node key, such as "1.2", is taken for damaged data."""
 
 
 class NodeLabel(NamedTuple):
