@@ -46,7 +46,7 @@ SIDES = ("any", "left", "centre", "right")
 
 
 class BaseCondition(Leaf):
-    """Base of conditions on the newest report of the base; suspended while there is no recent report."""
+    """Base class of conditions on the newest report of the base; suspended while there is no recent report."""
 
     needs = frozenset({"base"})
     instant = True
@@ -63,7 +63,7 @@ class BaseCondition(Leaf):
 
 
 class _SideCondition(BaseCondition):
-    """Base of conditions on a sensor with a left, a centre and a right."""
+    """Base class of conditions on a sensor with a left, a centre and a right."""
 
     side: str = argument("choice", "side of the sensor", default="any", choices=SIDES, principal=True)
     noun: str

@@ -1,4 +1,4 @@
-"""Leaves that turn the head to angles or to a point, and the base of leaves that look for percepts."""
+"""Leaves that turn the head to angles or to a point, and the base class of leaves that look for percepts."""
 
 import math
 from abc import abstractmethod
@@ -23,7 +23,7 @@ DEFAULT_MAX_AGE = 0.5
 
 
 class PerceptLeaf(Leaf, Generic[P]):
-    """Base of leaves that look for one type of percept.
+    """Base class of leaves that look for one type of percept.
 
     Subclasses set ``percepts`` (largest first), and ``noun``, the word for such a percept in messages: "face".
     """
@@ -74,7 +74,7 @@ class PerceptLeaf(Leaf, Generic[P]):
 
 
 class SeenLeaf(PerceptLeaf[P]):
-    """Base of conditions that succeed with the largest recent percept, and are suspended without pictures."""
+    """Base class of conditions that succeed with the largest recent percept, and are suspended without pictures."""
 
     instant = True
 
@@ -127,7 +127,7 @@ class ArrivalDetector:
 
 
 class _HeadTurnLeaf(Leaf):
-    """Base of leaves that turn the head to one pose."""
+    """Base class of leaves that turn the head to one pose."""
 
     needs = frozenset({"head"})
     drives = frozenset({"head"})

@@ -12,7 +12,7 @@ from drivers.api import HeadPose
 
 
 class _HeadSwing(Leaf):
-    """Base of leaves that swing the head on one axis about its start pose."""
+    """Base class of leaves that swing the head on one axis about its start pose."""
 
     needs = frozenset({"head"})
     drives = frozenset({"head"})
@@ -66,7 +66,7 @@ class _HeadSwing(Leaf):
 
 
 class _HeadGesture(_HeadSwing):
-    """Base of gestures: the head swings to one side and back to the other, ``times`` times, then to its start pose."""
+    """Base class of gestures: the head swings to one side and back, ``times`` times, then to its start pose."""
 
     axis: ClassVar[str] = ""
     times: int

@@ -19,7 +19,7 @@ MAX_AGE = 30.0
 
 
 class HearingLeaf(Leaf):
-    """Base of leaves that wait for phrases, out of all the phrases that the mission listens for."""
+    """Base class of leaves that wait for phrases, out of all the phrases that the mission listens for."""
 
     needs = frozenset({"microphone"})
     output_doc = "the phrase, as written in the mission"

@@ -1,4 +1,4 @@
-"""Base of leaves that move joints along a path, with limited steps, and the measurement of the tracking error."""
+"""Base class of leaves that move joints along a path, with limited steps, and the measurement of the tracking error."""
 
 import math
 from abc import abstractmethod
@@ -186,7 +186,7 @@ class JointPath(Protocol):
 
 
 class JointMotion(Leaf):
-    """Base of leaves that move joints along a path from their present positions, and hold them when halted.
+    """Base class of leaves that move joints along a path from their present positions, and hold them when halted.
 
     Subclasses implement ``moved_joints``, ``path`` and ``follow``.
     """

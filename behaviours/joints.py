@@ -49,7 +49,7 @@ class JointAt(Leaf):
 
 
 class _AnyJoint(Leaf):
-    """Base of conditions that succeed if one of several joints fulfils them."""
+    """Base class of conditions that succeed if one of several joints fulfils them."""
 
     needs = frozenset({"arm"})
     instant = True

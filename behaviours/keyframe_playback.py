@@ -159,7 +159,7 @@ ARRIVAL_TIMEOUT = 1.5
 
 
 class PlaybackLeaf(JointMotion):
-    """Base of leaves that play a movement at ``speed`` times its recorded speed.
+    """Base class of leaves that play a movement at ``speed`` times its recorded speed.
 
     No joint moves faster than ``run_in`` (rad/s) to the first pose.
     """

@@ -53,7 +53,7 @@ A class that still uses an old name is an error whose message has the new name; 
 
 
 class Leaf(HaltableNode):
-    """Base of leaves: an action or condition of the robot. Subclasses declare it in class attributes.
+    """Base class of leaves: an action or condition of the robot. Subclasses declare it in class attributes.
 
     The docstring is the help text of the leaf: the first line describes the action, the rest when it is running,
     succeeds and fails.

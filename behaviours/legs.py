@@ -35,7 +35,7 @@ READY_TIMEOUT = 15.0
 
 
 class WalkMotion(BaseMotion):
-    """Base of walks that end in a stand. A halt lets the legs finish the steps that lead to a stand."""
+    """Base class of walks that end in a stand. A halt lets the legs finish the steps that lead to a stand."""
 
     halt_limit = STAND_TIMEOUT
 
@@ -193,7 +193,7 @@ UPRIGHT_TIMEOUT = 2.0
 
 
 class LegActLeaf(WalkMotion):
-    """Base of leaves that perform an ``act`` of the legs, such as ``stand`` (see ``drivers.api.base.LEG_ACTS``)."""
+    """Base class of leaves that perform an ``act`` of the legs (``drivers.api.base.LEG_ACTS``), such as ``stand``."""
 
     needs = frozenset({"base", "legs"})
     act: ClassVar[str]

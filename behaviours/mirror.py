@@ -30,7 +30,7 @@ GOAL_TIME = 0.1
 
 
 class _LeaderFollowerLeaf(Leaf):
-    """Base of leaves that make leaders limp and let followers follow them, until halted.
+    """Base class of leaves that make leaders limp and let followers follow them, until halted.
 
     A halt restores the torque of the leaders. After an interruption (a pause holds all joints), the followers approach
     slowly again. After a lost bus, the driver itself does that and resumes. If leaders and followers are on different

@@ -1,4 +1,4 @@
-"""Base of all our behaviours and composites: a py_trees behaviour that is ticked without generators.
+"""Base class of all our behaviours and composites: a py_trees behaviour that is ticked without generators.
 
 py_trees drives its nodes through ``tick()``, a generator, and stops them through ``stop()``, which it also sends to
 nodes that have ended. Our nodes have three plain methods instead: ``execute_tick``, ``halt`` (stop a running node once,
@@ -48,7 +48,7 @@ RUNNING, IDLE = Status.RUNNING, Status.INVALID  # looked up once: that takes ten
 
 
 class Node(Behaviour):
-    """Base of all nodes: a py_trees behaviour with a place in a mission.
+    """Base class of all nodes: a py_trees behaviour with a place in a mission.
 
     ``key`` is its id within the tree ("1.2"), ``kind`` its tag in the mission language, ``line`` its line in ``file``.
     ``scope`` holds the variables of its mission. ``feedback_message`` (of py_trees) is the reason of a failure or a

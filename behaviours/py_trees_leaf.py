@@ -20,7 +20,7 @@ ARGUMENT_KINDS: dict[object, str] = {float: "number", int: "count", str: "text",
 
 
 class PyTreesLeaf(Leaf):
-    """Base of leaves around a behaviour, or a whole tree, that py_trees ticks by its own rules.
+    """Base class of leaves around a behaviour, or a whole tree, that py_trees ticks by its own rules.
 
     Statuses and calls are those of py_trees' own ``tick_once``, with these intended exceptions:
 

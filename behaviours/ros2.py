@@ -15,7 +15,7 @@ from drivers.errors import BadRequest
 
 
 class _DrivingRequestLeaf(Ros2RequestLeaf):
-    """Base of requests that may drive the base: none starts while the base is latched, and a latch cancels it.
+    """Base class of requests that may drive the base: none starts while the base is latched, and a latch cancels it.
 
     A pause cancels it too. A ``repeatable`` request starts again at the next tick; others fail, since their goal may be
     a distance, which would be driven twice.

@@ -1,4 +1,4 @@
-"""Base of leaves that send a request to a ROS 2 node, follow its progress, and cancel it when halted."""
+"""Base class of leaves that send a request to a ROS 2 node, follow its progress, and cancel it when halted."""
 
 import json
 from abc import abstractmethod
@@ -18,7 +18,7 @@ CANCELLED_STATES = frozenset({GoalState.CANCELLED, GoalState.FAILED})
 
 
 class Ros2RequestLeaf(Leaf):
-    """Base of leaves with one request. ``begin`` sends it; a halt cancels it and waits for its end.
+    """Base class of leaves with one request. ``begin`` sends it; a halt cancels it and waits for its end.
 
     Running until the request is over; then it succeeds or fails with the request's reason. If no node offers the
     service or action, it waits, as for an unplugged part.

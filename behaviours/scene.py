@@ -9,7 +9,7 @@ from perception.api import Scene
 
 
 class _PictureCondition(Leaf):
-    """Base of conditions on the newest picture; suspended until a picture is recent enough."""
+    """Base class of conditions on the newest picture; suspended until a picture is recent enough."""
 
     instant = True
     needs = frozenset({"camera"})

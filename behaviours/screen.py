@@ -9,7 +9,7 @@ MOODS = tuple(mood.value for mood in Mood)
 
 
 class ScreenLeaf(Leaf):
-    """Base of leaves that show content for a time, or until other content replaces it."""
+    """Base class of leaves that show content for a time, or until other content replaces it."""
 
     needs = frozenset({"screen"})
     drives = frozenset({"screen"})

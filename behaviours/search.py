@@ -13,7 +13,7 @@ from perception.api import Thing, ThingSpec
 
 
 class HeadSearch(PerceptLeaf[P]):
-    """Base of searches with the head: first straight at the present pose, then row by row, back and forth.
+    """Base class of searches with the head: first straight at the present pose, then row by row, back and forth.
 
     Running until a matching percept is seen; then it succeeds and the head stays on it. Fails after ``scans`` rounds.
     """

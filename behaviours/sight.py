@@ -79,7 +79,7 @@ NAME_TIMEOUT = 2.0
 
 
 class FacePerceptLeaf(PerceptLeaf[Face]):
-    """Base of leaves that look for faces, or for the faces of one person."""
+    """Base class of leaves that look for faces, or for the faces of one person."""
 
     noun = "face"
     person_name: str = argument(

@@ -50,7 +50,7 @@ MIN_WORDS_PER_MINUTE, MAX_WORDS_PER_MINUTE = 80, 450
 
 
 class SpeechLeaf(Leaf):
-    """Base of leaves that play audio: RUNNING until playback ends, cancelled on halt.
+    """Base class of leaves that play audio: RUNNING until playback ends, cancelled on halt.
 
     If the voice disconnects before the end, the leaf waits for it and repeats the audio once. A second interruption is
     a failure.

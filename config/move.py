@@ -1,4 +1,4 @@
-"""Move files: how the columns of a spreadsheet become a movement of joints."""
+"""Move files, which say how the columns of a spreadsheet become a movement of joints."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -60,7 +60,7 @@ class SourceKeys:
 
 @keys
 class MoveKeys:
-    """Keys of a move file."""
+    """Keys of a move file, which says how the columns of a spreadsheet become a movement of joints."""
 
     move: str = key(help="Name.")
     summary: str = key(default="", help="Description in a line.")

@@ -90,7 +90,7 @@ def problem_line(error: yaml.YAMLError) -> int:
 
 
 def _common_error(source: SourceText, line: str, mark: Mark, problem: str) -> Diagnostic | None:
-    """Return a diagnostic for the most frequent errors."""
+    """Return a diagnostic if a syntax error is a frequent one, such as a tab or a missing colon, else None."""
     if "\t" in line[: len(line) - len(line.lstrip())]:
         return Diagnostic(source, Mark(mark.line, line.index("\t") + 1), "a tab in the indentation", _INDENT)
     if "'\\t'" in problem or line[mark.column - 1 : mark.column] == "\t":
@@ -118,7 +118,10 @@ def _common_error(source: SourceText, line: str, mark: Mark, problem: str) -> Di
 
 
 def _key_above(source: SourceText, number: int) -> Diagnostic | None:
-    """Find a line above, in the column of this key, with words but no colon: its first word should be a key."""
+    """Return a diagnostic if the line above line ``number``, equally indented, has words but no colon, else None.
+
+    Its first word should then be a key.
+    """
     above, line = source.line(number - 1), source.line(number)
     word, _, rest = above.strip().partition(" ")
     alike = len(above) - len(above.lstrip()) == len(line) - len(line.lstrip())
@@ -129,10 +132,10 @@ def _key_above(source: SourceText, number: int) -> Diagnostic | None:
 
 
 def _under_dash(source: SourceText, number: int) -> Diagnostic | None:
-    """Find a key in the column of the dashes above, which should be indented under the last dash.
+    """Return a diagnostic for a key that is in the column of the dashes above, or None.
 
-    The parser reports the error only here or at the next dash, since until then the key could belong to the enclosing
-    mapping.
+    It should be indented under the last dash. The parser reports the error only at line ``number`` or at the next dash,
+    since until then the key could belong to the enclosing mapping.
     """
     line, key = source.line(number), None
     indent = len(line) - len(line.lstrip(" "))
@@ -188,7 +191,11 @@ def _open_expression(line: str) -> re.Match[str] | None:
 
 
 def _dash_without_space(source: SourceText, number: int) -> Diagnostic | None:
-    """Find the first line of the column, up to this one, that begins with a dash and a letter: ``-nod``."""
+    """Return a diagnostic for a line that begins with a dash and a letter (``-nod``), or None.
+
+    The lines searched are line ``number`` and those above it with the same indentation; the first such line is
+    reported.
+    """
     line = source.line(number)
     column, found = len(line) - len(line.lstrip()), None
     while number > 0 and (not line.strip() or len(line) - len(line.lstrip()) == column):
@@ -205,7 +212,10 @@ def _dash_without_space(source: SourceText, number: int) -> Diagnostic | None:
 
 
 def _bare_word_above(source: SourceText, number: int) -> tuple[str, Mark] | None:
-    """Find the most frequent error: ``- find_face`` with ``timeout: 5 s`` under it, instead of ``- find_face:``."""
+    """Return the word of the most frequent error, and its position; None if line ``number`` does not have this error.
+
+    The error is ``- find_face`` with ``timeout: 5 s`` under it, instead of ``- find_face:``.
+    """
     key = re.match(r"\s*(?=\w+:(\s|$))", source.line(number))
     if key is None:
         return None
@@ -324,12 +334,12 @@ def _with_colon(line: str) -> Iterator[str]:
 
 
 def _above(lines: list[str], place: int) -> int:
-    """Return the last non-empty line before ``place``, or -1."""
+    """Return the index of the last non-empty line before line ``place``, or -1."""
     return next((at for at in range(place - 1, -1, -1) if lines[at].strip()), -1)
 
 
 def _end(lines: list[str], place: int) -> int:
-    """Return the line after the block of deeper indented lines that begins at ``place``."""
+    """Return the index of the line after the block of deeper indented lines under line ``place``."""
     for at in range(place + 1, len(lines)):
         if lines[at].strip() and _indent(lines[at]) <= _indent(lines[place]):
             return at

@@ -41,7 +41,7 @@ _MARKER_SPACE = 0.21  # metres that the side of a robot must have for its marker
 
 
 class PlacedItem:
-    """Base of items with a position ``at``, whose first two numbers are metres along x and y."""
+    """Base class of items with a position ``at``, whose first two numbers are metres along x and y."""
 
     at: tuple[float, ...]
 
@@ -58,14 +58,14 @@ class PlacedItem:
 
 @keys
 class FloorItem(PlacedItem):
-    """Base of items with a position on the floor."""
+    """Base class of items with a position on the floor."""
 
     at: FloorPoint = key("length", wrong=PLACE_ERROR, help="Position of its middle: [x, y].")
 
 
 @keys
 class StandingItem(PlacedItem):
-    """Base of items that stand on the floor or on another item."""
+    """Base class of items that stand on the floor or on another item."""
 
     name: str = key(help="Name.")
     at: FloorPoint | Vector3D = key(
@@ -164,7 +164,7 @@ class DockConfig(FloorItem):
 
 @keys
 class WalkerConfig(FloorItem):
-    """Base of people and robots that may move along a path."""
+    """Base class of people and robots that may move along a path."""
 
     name: str = key(help="Name.")
     path: tuple[Annotated[FloorPoint, inside("length", wrong=PLACE_ERROR)], ...] = key(
@@ -461,7 +461,11 @@ class FloorPlan:
         about: ItemPath = ("room",),
         otherwise: ItemPath = (),
     ) -> KeyDiagnostic:
-        """Return an error that involves an item, the room, and possibly another item."""
+        """Return an error about an item in the room, such as two items at one place.
+
+        ``about`` is the path of the other item that is involved. ``otherwise`` is the path that is marked in the file
+        if the item's own path is not there.
+        """
         return KeyDiagnostic(message, thing.mark, otherwise, hint=hint, about=(("room",), thing.subject_path, about))
 
 

@@ -1,4 +1,4 @@
-"""Leaf that drives to a place, and the base of motions that a ROS 2 action can take over."""
+"""Leaf that drives to a place, and the base class of motions that a ROS 2 action can take over."""
 
 import math
 from abc import abstractmethod
@@ -30,7 +30,7 @@ NO_PROGRESS_REASON = f"no progress for {NO_PROGRESS_TIMEOUT:g} s"
 
 
 class DelegatedMotion(BaseMotion):
-    """Base of motions that use a ROS 2 action if the robot offers one, and drive by themselves otherwise.
+    """Base class of motions that use a ROS 2 action if the robot offers one, and drive by themselves otherwise.
 
     While the base is latched, no action starts. If the base is latched while the action runs, the leaf fails. A halt or
     failure cancels the action, and a halt waits for its end. A pause cancels the action too, and the next tick starts

@@ -1,4 +1,4 @@
-"""Base of leaves that drive the base, with time limits and obstacle checks, and the leaves for simple motions."""
+"""Base class of leaves that drive the base, with time limits and obstacle checks, and the leaves for simple motions."""
 
 import math
 from abc import abstractmethod
@@ -154,7 +154,7 @@ class MotionDirection(Enum):
 
 
 class BaseMotion(Leaf):
-    """Base of leaves that drive the base; subclasses implement ``go``. The base stops unless the leaf succeeds.
+    """Base class of leaves that drive the base; subclasses implement ``go``. The base stops unless the leaf succeeds.
 
     It fails at an obstacle in its ``motion_direction``, and while the base is latched. While a person or a reflex has
     control, it waits, then continues from the new pose. It also fails if the base refuses a command for another reason,
@@ -383,7 +383,7 @@ MAX_NUDGES = 3
 
 
 class Spin(BaseMotion):
-    """Base of motions that turn to a heading, with corrections.
+    """Base class of motions that turn to a heading, with corrections.
 
     The base's reaction time is not known exactly, so a turn stops up to half a degree before or after the heading.
     Corrections turn for a computed time instead, so that the reaction time does not matter.

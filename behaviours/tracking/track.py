@@ -32,7 +32,7 @@ COAST_TIME = 0.6
 
 
 class TrackLeaf(Leaf):
-    """Base of leaves that follow one percept.
+    """Base class of leaves that follow one percept.
 
     Subclasses set ``percepts`` (largest first), and ``noun``, the word for the target in messages: "face". The leaf
     stays with its target by id while that is in view; afterwards it takes a percept that may be the same. For a moment

@@ -95,7 +95,7 @@ class TreeBox:
 
     @property
     def nodes(self) -> int:
-        """Number of nodes from this box on, including modifiers and folded nodes."""
+        """Number of nodes in this box and all boxes below it, including modifiers and folded nodes."""
         return 1 + len(self.badges) + self.folded + sum(child.nodes for child in self.children)
 
     @property

@@ -15,7 +15,7 @@ CONDITION_SYMBOL, ACTION_SYMBOL = "◇", "■"
 
 
 def symbol_of(step: Step) -> str:
-    """Return the symbol of a step that is not a modifier."""
+    """Return the character that pictures of trees show for the kind of a step; the step must not be a modifier."""
     leaf = step.leaf
     if leaf is None:
         return BRANCHES[step.kind].symbol
@@ -73,7 +73,10 @@ def one_line(text: str) -> str:
 
 
 def _box(step: Step, key: str, case: str) -> TreeBox:
-    """Return the box of ``step``, or of the step that the modifier ``step`` modifies."""
+    """Return the box of ``step``; a modifier becomes a badge of the box of the step that it modifies.
+
+    ``case`` is the case of a switch under which the step stands, or empty.
+    """
     badges: list[Badge] = []
     while step.kind in MODIFIERS:
         badges.append(Badge(key, step.kind, one_line(step.text), step.mark.line))

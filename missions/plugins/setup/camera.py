@@ -44,10 +44,10 @@ def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: 
 
 
 def picture_size(path: Path) -> tuple[int, int]:
-    """Return the width and height of a robot's camera pictures, from a robot file whose lens is to be written.
+    """Return the width and height of a robot's camera pictures, from a robot file whose lens keys are to be written.
 
-    Call it before the calibration. Raises NotEditableError for a file that cannot be written, InvalidFileError for an
-    invalid robot file.
+    Call it before the calibration, so that an unusable file is found before the user does the work. Raises
+    NotEditableError for a file that cannot be written, InvalidFileError for an invalid robot file.
     """
     require_own(path, RETRY_COMMAND)
     camera = _camera(parse_robot(read_source(path)))
@@ -55,7 +55,7 @@ def picture_size(path: Path) -> tuple[int, int]:
 
 
 def write_lens(path: Path, entries: dict[str, str]) -> None:
-    """Write ``lens_entries`` into a robot file, and nothing else.
+    """Write the lens keys ``entries``, made by the function ``lens_entries``, into a robot file; change nothing else.
 
     Raises NotEditableError if that is not possible, InvalidFileError for an invalid robot file, OSError.
     """
@@ -217,7 +217,7 @@ def _collect_views(views: BoardViews, source: str, seconds: float, size: tuple[i
 
 
 def _report_calibration(calibration: LensCalibration, views: BoardViews, keep: Path | None) -> int:
-    """Print the lens as in a robot file, and write it to ``keep`` if given; return the exit code."""
+    """Print the lens keys as in a robot file, write them to the file ``keep`` if given, and return the exit code."""
     width, height = views.size
     click.echo(
         f"# {calibration.views} views of {width}x{height} pixels, "

@@ -60,7 +60,10 @@ def robot_camera_frames(config: RobotConfig, seconds: float) -> Iterator[tuple[f
 
 
 def _frames_until(camera: Camera, clock: Clock, seconds: float, *, live: bool) -> Iterator[tuple[float, Image]]:
-    """Yield time since opening (s) and picture of a camera for ``seconds`` after the first picture."""
+    """Yield time since opening (s) and picture of a camera for ``seconds`` after the first picture.
+
+    If the camera is not ``live``, it is a film, and its end ends the pictures too.
+    """
     begin = clock.now()
     camera.open()
     end = inf

@@ -28,7 +28,7 @@ from missions.library.folders import data_folder, state_folder
 
 
 def check_folders() -> Iterator[Finding]:
-    """Yield findings on user folders that cannot be written: those of records, answers and defaults."""
+    """Yield a finding for each of the user's folders (configuration, state, data) that cannot be written."""
     for what, folder in (("configuration", config_folder()), ("state", state_folder()), ("data", data_folder())):
         there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
         if not there.is_dir():
@@ -54,7 +54,7 @@ def check_installation() -> Iterator[Finding]:
 
 
 PROBE_EXTRA_TIMEOUT = 0.02
-"""Extra seconds to wait for a device's reply to a probe, since a program on a busy computer may be slow."""
+"""Extra seconds to wait for a device's reply to a probe: on a busy computer, MissionTree may read the reply late."""
 
 VIRTUAL_PORT_PREFIX = "/dev/pts/"
 """Path prefix of the serial ports of virtual devices, which reply late."""
@@ -77,10 +77,10 @@ def check_robot(
     ports: Mapping[str, str],
     resets: bool = False,
 ) -> Iterator[PartFinding]:
-    """Yield the findings on each part of a robot, in the order of the file. Nothing moves.
+    """Yield the findings on each part of a robot, in the order of the robot file. Nothing moves.
 
-    ``robot_name`` is the name for hints, ``ports`` override those of the file. A board that resets when its port is
-    opened is probed only with ``resets``.
+    ``robot_name`` is the robot's name in the suggested commands. ``ports`` replace the ports in the robot file, by
+    part. A board that resets when its port is opened is probed only if ``resets`` is True.
     """
     known_ports = {name: port for port in find_serial_ports(machine) for name in (port.path, *port.names)}
     port_names = {
@@ -114,7 +114,10 @@ def check_part(section: Section, machine: HostMachine, clock: Clock) -> Iterator
 
 
 def _check_extra(section: Section) -> Iterator[Finding]:
-    """Yield a finding if packages that a part's driver needs are missing; a voice works without them."""
+    """Yield a finding if packages that a part's driver needs are missing.
+
+    A voice is not checked, because it can also speak without these packages.
+    """
     extra = section.driver.extra
     if extra and section.driver.kind != "voice" and (missing := missing_distributions(extras().get(extra, ()))):
         what = f"{', '.join(missing)}: not installed, but its driver needs it"
@@ -158,7 +161,10 @@ def _check_device(
 
 
 def _may_reset(section: Section, port: SerialPortInfo) -> bool:
-    """Return whether opening a port may reset a board; an unknown adapter may belong to the board of a head."""
+    """Return whether opening a port may reset the board behind it.
+
+    For a head, an unknown USB adapter counts as a board that resets, since it may belong to an Arduino.
+    """
     if port.usb is None:
         return False
     return port.usb.resets_on_open or (section.driver.kind == "head" and port.usb.ids not in ADAPTERS)
@@ -180,7 +186,7 @@ def _run_checkup(section: Section, keys: object, site: DriverContext) -> Iterato
 
 
 def _probe_port(section: Section, port: SerialPortInfo, machine: HostMachine, clock: Clock) -> Finding:
-    """Probe a port with the part's driver."""
+    """Probe a port with the part's driver; return the description of the device that replied, or the problem."""
     path = str(machine.local_path(port.path))
     reply = probe_port(port, [section.driver], clock, consent=True, extra_timeout=PROBE_EXTRA_TIMEOUT, path=path)
     trouble = reply.trouble or reply.skip_reason

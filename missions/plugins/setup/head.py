@@ -92,7 +92,11 @@ def trim_by_hand(
 
 
 def _turn(head: Trimmable, turn: tuple[int, int], signs: tuple[int, int], step: float) -> None:
-    """Turn the head by one trim step in the direction of an arrow key, up to the limit of the trim."""
+    """Turn the head by one trim step in the direction of an arrow key, up to the limit of the trim.
+
+    ``turn`` is the direction on each axis: 1, 0 or -1. ``signs`` are -1 for an axis whose motor turns opposite to the
+    head.
+    """
     pan, tilt = (trim + way * sign * step for trim, way, sign in zip(head.trim(), turn, signs, strict=True))
     try:
         head.trim(pan=pan, tilt=tilt)

@@ -186,7 +186,10 @@ def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
 
 
 def _wait_until(condition: Callable[[], bool], ears: MicrophoneEars, hint: str) -> None:
-    """Wait for ``condition`` in real time. Raises NoReply after ``RECOGNITION_TIMEOUT``."""
+    """Wait in real time until ``condition`` returns True. Raises NoReply after ``RECOGNITION_TIMEOUT``.
+
+    The error tells the fault that the microphone ``ears`` reports, and the suggestion ``hint``.
+    """
     clock, pause = SystemClock(), Event()
     while not condition():
         if clock.now() > RECOGNITION_TIMEOUT:

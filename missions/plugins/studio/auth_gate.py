@@ -32,7 +32,7 @@ CONTENT_POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-"""Content security policy of the page: scripts, styles and connections of its own origin only; no frames."""
+"""Content security policy of the studio's page: scripts, styles and connections of its own origin only; no frames."""
 
 HEADERS: Mapping[str, str] = {
     "Content-Security-Policy": CONTENT_POLICY,

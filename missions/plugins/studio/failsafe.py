@@ -1,4 +1,4 @@
-"""Answers to the command `failsafe`: reactions of a base to faults, simulated with the classes of real bases."""
+"""Answers to the command `failsafe`: reactions of a base to faults, simulated with the code that guards real bases."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -12,7 +12,10 @@ from missions.plugins.testing.failsafe.scenario_text import distinct_moments
 Json = dict[str, object]
 
 FIRST_CHOICES: Mapping[str, str] = {"fault": "bumper left"}
-"""Choices that are shown first, if not the first of ``CHOICES``: without a fault there is nothing to see."""
+"""Choices of the failsafe view that are shown first, by field; by default the first of ``CHOICES``.
+
+Without a fault there is nothing to see.
+"""
 
 
 def answer_failsafe(command: ClientCommand) -> Json:

@@ -91,7 +91,7 @@ class FileReader:
             raise BadMessage("fault", f"it took more than {WORK_TIMEOUT:g} s") from error
 
     def close(self) -> None:
-        """End the processes at once, even during work."""
+        """End the worker processes at once, even while they work."""
         _end_pool(self._pool)
 
 

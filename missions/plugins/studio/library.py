@@ -181,7 +181,7 @@ def check_name(kind: str, name: str) -> str:
 
 
 def answer_library(command: ClientCommand) -> Json:
-    """Return the answer to the command `library`."""
+    """Return the answer to the command `library`: the lists of missions, robots, worlds and people."""
     known = {kind: _shipped_files(kind) for kind in ENTRY_MAKERS}
     faults: list[str] = []
     own = {kind: _own_files(kind, known[kind], faults) for kind in ENTRY_MAKERS}
@@ -226,7 +226,7 @@ def _option_json(option: Option) -> Json:
 
 
 def answer_mission(command: ClientCommand) -> Json:
-    """Return the answer to the command `mission`."""
+    """Return the answer to the command `mission`: summary, params, drawing and needed parts of a mission."""
     name = check_name("missions", command.name if isinstance(command, MissionQuery) else "")
     found = load_with_behaviours(name)
     return {
@@ -242,7 +242,7 @@ def answer_mission(command: ClientCommand) -> Json:
 
 
 def answer_world(command: ClientCommand) -> Json:
-    """Return the answer to the command `world`."""
+    """Return the answer to the command `world`: a world's floor plan, and the pose of the odometry's origin in it."""
     name = check_name("worlds", command.name if isinstance(command, WorldQuery) else "")
     config = load_world(find_file("worlds", name))
     built = build_world(config)

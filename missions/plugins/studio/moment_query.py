@@ -35,7 +35,7 @@ PART_FIGURES: Mapping[str, Mapping[str, str]] = {
 
 
 def answer_moment(command: ClientCommand) -> Json:
-    """Return the answer to the command `moment`."""
+    """Return the answer to the command `moment`: the state of a recorded run at one time."""
     if not isinstance(command, MomentQuery):
         raise TypeError(command.word)
     opened, time = ChunkedRecord(path_of(command.name)), command.t
@@ -115,7 +115,7 @@ def _scan(message: Mapping[str, Any]) -> list[list[float]]:
 def _picture(opened: ChunkedRecord, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:
     """Return the latest picture up to a time in seconds, with its detections; None if there is none.
 
-    ``spans`` are the ranges of the record to search, the latest first.
+    ``spans`` are the parts of the record to search, the latest first, each as a range of chunk indices.
     """
     for first, last in spans:
         piece = opened.excerpt(first, last)

@@ -38,9 +38,10 @@ DOCUMENT = (
 
 
 class PageOpener:
-    """Opens the page with a one-time token; removes its file when the token is used or expired.
+    """Opens the studio's page in a browser with a one-time token, by a file that redirects to the page.
 
-    ``link`` returns the link of a token; ``report`` shows a text to the user.
+    The file is removed when the token is used or expired. ``link`` returns the link of a token; ``report`` shows a text
+    to the user.
     """
 
     def __init__(self, access: StudioAccess, link: Callable[[str], str], report: Callable[[str], object]) -> None:
@@ -61,7 +62,7 @@ class PageOpener:
         Thread(target=self._start, args=(path,), name="browser", daemon=True).start()
 
     def close(self) -> None:
-        """Remove the file."""
+        """Remove the file that redirects to the page."""
         self._ended.set()
         if self._waiting is not None:
             self._waiting.join()

@@ -43,7 +43,7 @@ MAX_WHOLE_BYTES = 200_000_000
 
 
 def answer_records(command: ClientCommand) -> Json:
-    """Return the answer to the command `records`."""
+    """Return the answer to the command `records`: the list of stored records, and their folder."""
     del command
     return {
         "folder": str(studio_records_folder()),
@@ -52,7 +52,7 @@ def answer_records(command: ClientCommand) -> Json:
 
 
 def answer_record(command: ClientCommand) -> Json:
-    """Return the answer to the command `record`."""
+    """Return the answer to the command `record`: one piece of a record, and where the next piece begins."""
     if not isinstance(command, studio_commands.RecordQuery):
         raise TypeError(command.word)
     opened = ChunkedRecord(path_of(command.name))
@@ -79,7 +79,7 @@ def render_report(name: str) -> str:
 
 
 def answer_compare(command: ClientCommand) -> Json:
-    """Return the answer to the command `compare`."""
+    """Return the answer to the command `compare`: the differences of two records."""
     if not isinstance(command, studio_commands.CompareRecords):
         raise TypeError(command.word)
     names = command.name, command.other
@@ -99,7 +99,7 @@ HANDLERS: Mapping[str, Callable[[ClientCommand], Json]] = {
 
 
 def messages(piece: RunRecord, topics: frozenset[str], time: float = inf) -> "Iterator[McapMessage]":
-    """Yield the messages of topics up to a time in seconds; no other part of the piece is read."""
+    """Yield a record's messages on ``topics``, up to a time in seconds; messages on other topics are not read."""
     latest = start_time_ns(piece.header) + (time + STAMP_TOLERANCE) * 1e9
     return (message for message in piece.container.messages(topics) if message.time <= latest)
 

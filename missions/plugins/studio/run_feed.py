@@ -22,7 +22,10 @@ from missions.control.sockets import MAX_MESSAGE_BYTES, REPLY_TIMEOUT
 # Connection of the studio to a run's control socket: sends commands, forwards messages unchanged.
 
 OnLine = Callable[[bytes], Awaitable[None]]
-"""Callback for each line that a run sends. While it waits, the run keeps only its newest state for sending."""
+"""Async callback for each line that a run sends.
+
+While the callback waits, no line is read, so the run keeps only its newest state for sending.
+"""
 
 
 async def ignore_line(line: bytes) -> None:
@@ -224,7 +227,7 @@ class FeedClient(ClientQueue):
         self._has_more.set()
 
     def end(self) -> None:
-        """End the queue."""
+        """End the queue: ``lines`` then yields no more lines."""
         self.is_over = True
         self._has_more.set()
 
@@ -256,7 +259,10 @@ class RunFeed:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def encode_state(self, state: Mapping[str, object]) -> bytes:
-        """Return a state as a line of JSON. The state received last is not encoded again: its own line is returned."""
+        """Return a state as a line of JSON.
+
+        The state that was received last is not encoded again: the line in which it arrived is returned.
+        """
         return self._line[1] if self._line[0] is state else encode_json(state)
 
     async def watch(self, client: FeedClient, command: WatchCommand) -> None:
@@ -287,7 +293,7 @@ class RunFeed:
             task.add_done_callback(self._tasks.discard)
 
     async def close(self) -> None:
-        """Close the connection."""
+        """Close the feed's connection to its run, if it is open."""
         if self._link is not None:
             link, self._link, self._picture = self._link, None, None
             await link.close()

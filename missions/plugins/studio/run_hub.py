@@ -1,4 +1,7 @@
-"""Connections of the studio to all runs of this user here, found by their control sockets, to watch and stop them."""
+"""Connections of the studio to all runs of this user on this computer, to watch and stop them.
+
+The runs are found by their control sockets.
+"""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Container, Mapping, Sequence
@@ -37,9 +40,10 @@ MAX_PENDING_PRESSES = 3
 
 
 class RunHub:
-    """Connections to all runs of this user here, kept open so that a stop need not connect first. A context manager.
+    """Connections to all runs of this user on this computer, kept open so that a stop need not connect first.
 
-    ``on_change`` is called when a run has come, gone, been stopped or been released; it must return at once.
+    Use it as a context manager. ``on_change`` is called when a run has come, gone, been stopped or been released; it
+    must return at once.
     """
 
     def __init__(self, on_change: Callable[[], None], *, clock: Clock | None = None) -> None:
@@ -167,7 +171,7 @@ class RunHub:
         return results
 
     async def _stamp_shared(self) -> str:
-        """Store the time of a stop with ``stamp_stop``; return its warning, empty on success.
+        """Store the time of a stop, so that runs that are just starting stop too; return a warning, empty on success.
 
         Concurrent calls share one time stamp.
         """

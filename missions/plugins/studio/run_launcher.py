@@ -62,7 +62,7 @@ def command_arguments(command: StartRun | AddTask) -> Iterator[str]:
 
 
 class RunLauncher:
-    """Starts runs in processes of their own. A run is recorded if both its request and ``record`` are true."""
+    """Starts runs in processes of their own. A run is recorded if its request asks for it and ``record`` is true."""
 
     def __init__(self, *, record: bool, command: Sequence[str] = RUN_COMMAND) -> None:
         self._record, self._command = record, command
@@ -158,7 +158,7 @@ TASK_TIMEOUT = 30.0
 
 
 def answer_tasks(command: ClientCommand) -> Json:
-    """Return the answer to the command `tasks`."""
+    """Return the answer to the command `tasks`: the tasks of the queue, and whether a task server runs."""
     ended = isinstance(command, TasksQuery) and command.ended
     path, now = queue_file(state_folder()), wall_clock()
     if not path.exists():
@@ -185,12 +185,12 @@ def answer_add_task(command: ClientCommand) -> Json:
 
 
 def answer_cancel_task(command: ClientCommand) -> Json:
-    """Return the answer to the command `cancel_task`."""
+    """Return the answer to the command `cancel_task`: the output of `mission task remove`."""
     return {"message": _run_task_command("remove", str(command.task if isinstance(command, CancelTask) else 0))}
 
 
 def answer_approve_task(command: ClientCommand) -> Json:
-    """Return the answer to the command `approve_task`."""
+    """Return the answer to the command `approve_task`: the output of `mission task approve`."""
     return {
         "message": _run_task_command("approve", f"--by={command.by}", str(command.task))
         if isinstance(command, ApproveTask)
@@ -199,7 +199,7 @@ def answer_approve_task(command: ClientCommand) -> Json:
 
 
 def answer_move_task(command: ClientCommand) -> Json:
-    """Return the answer to the command `move_task`."""
+    """Return the answer to the command `move_task` (a new priority): the output of `mission task move`."""
     if not isinstance(command, MoveTask):
         raise TypeError(command.word)
     return {"message": _run_task_command("move", f"--priority={command.priority}", "--", str(command.task))}

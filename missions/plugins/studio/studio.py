@@ -238,7 +238,7 @@ def _answers_json(answers: Mapping[Address, FleetAnswer]) -> Json:
 
 
 PAGE_FOLDER = Path(__file__).with_name("page")
-"""Folder of the page: its files are served, and no others."""
+"""Folder of the studio's page in the browser. Only files of this folder are served."""
 
 
 MAX_KEPT_PRESSES = 256
@@ -264,7 +264,7 @@ class StudioClient(Protocol):
 
 @cache
 def page_edition() -> str:
-    """Return the version of the page, which differs between releases."""
+    """Return the version of the studio's page, which differs between releases."""
     digest = hashlib.sha256()
     for path in sorted(PAGE_FOLDER.glob("*")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
@@ -296,7 +296,7 @@ class Studio:
         return f"{role} {self._name_count}"
 
     def welcome(self, role: Role, name: str) -> WelcomeMessage:
-        """Return the first message to a client."""
+        """Return the first message to a client: role, name, and the versions of protocol, page and MissionTree."""
         return WelcomeMessage(
             version=PROTOCOL_VERSION, page=page_edition(), role=role, name=name, release=version("missiontree")
         )

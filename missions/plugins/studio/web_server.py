@@ -1,4 +1,4 @@
-"""Web server of the studio: its socket, request time limits, TLS certificate, routes, and end."""
+"""Web server of the studio: its socket, request time limits, TLS certificate, routes, and shutdown."""
 
 import asyncio
 import signal
@@ -43,7 +43,7 @@ CLOSE_TRY_LATER = 1013
 """Websocket close code if there is no room for a client."""
 
 VERSION_MARK = 'name="version" content=""'
-"""Text in the page that is replaced with the version."""
+"""Text in the studio's page that is replaced with the page's version."""
 
 REPORT_POLICY = "sandbox allow-scripts; frame-ancestors 'none'"
 """Content security policy of a report: its own inline script in an opaque origin.
@@ -95,7 +95,7 @@ async def serve_websocket(socket: WebSocket) -> None:
 
 
 async def serve_page(request: Request) -> Response:
-    """Serve the page with its version inserted."""
+    """Serve the studio's page with its version inserted."""
     del request
     try:
         text = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
@@ -107,7 +107,7 @@ async def serve_page(request: Request) -> Response:
 
 
 async def serve_asset(request: Request) -> Response:
-    """Serve a file of the page."""
+    """Serve a file of the studio's page, such as a script or a style sheet."""
     name = request.path_params["name"]
     if name == "index.html":
         return await serve_page(request)
@@ -157,7 +157,7 @@ def _log_download(request: Request, word: str, outcome: str) -> None:
 
 
 def _revalidate_header() -> dict[str, str]:
-    """Return the header with which a browser checks for a new page each time."""
+    """Return the header that makes a browser ask at each visit whether the page has changed."""
     return {"Cache-Control": "no-cache"}
 
 

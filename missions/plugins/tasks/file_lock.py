@@ -19,7 +19,7 @@ RETRY_INTERVAL = 0.02
 
 
 class LockHeldError(TaskError):
-    """Error: another program holds the lock."""
+    """Error: another program holds the lock file that a task server or run needs."""
 
 
 def server_lock(folder: Path) -> Path:

@@ -156,5 +156,5 @@ def _column_value(kind: Any, value: Any) -> Any:
 
 
 def to_new_task(task: Task) -> NewTask:
-    """Return a task as it was added."""
+    """Return the values with which a task was added to the queue, without its state."""
     return NewTask(**{name: getattr(task, name) for name in NewTask.__dataclass_fields__})

@@ -63,7 +63,7 @@ def checkpoint_log(connection: sqlite3.Connection) -> None:
 
 
 def describe_retry(path: Path, error: sqlite3.OperationalError) -> str:
-    """Return the error as a text for a server that goes on trying."""
+    """Return the text of a database error for the output of a task server that will try again."""
     problem = queue_error(path, error)
     return f"{problem}; retrying\n  try: {problem.hint}"
 
@@ -83,7 +83,7 @@ def _has_space(folder: Path) -> bool:
 
 
 LOCK_TIMEOUT = 30.0
-"""Seconds to wait for another program that writes."""
+"""Seconds to wait while another program writes to the queue's database."""
 
 MAX_LOG_PAGES = 64
 """Number of pages (4 kB) of the write-ahead log at which SQLite moves them into the database file.

@@ -39,7 +39,10 @@ from missions.plugins.teleop.teaching import PadTeacher
 # The line between a person's keyboard and this program: whether it may be long, and how late it is.
 
 RELAYS: Mapping[str, str] = {"TMUX": "tmux", "STY": "screen", "ZELLIJ": "zellij"}
-"""Terminal multiplexers by an environment variable that shows them; they answer in place of a remote terminal."""
+"""Terminal multiplexers, by an environment variable that is set inside them.
+
+A multiplexer answers queries in place of a remote terminal, so the delay to that terminal cannot be measured.
+"""
 
 RELAY_PROGRAMS = ("tmux", "screen", "zellij", "mosh-server")
 REMOTE_PROGRAMS = ("sshd", "dropbear", "telnetd", "in.telnetd", "ttyd", "gotty")

@@ -82,12 +82,12 @@ def bits_request(kind: int, size: int) -> int:
 
 
 def name_request(size: int) -> int:
-    """Return the ioctl number EVIOCGNAME."""
+    """Return the ioctl number EVIOCGNAME, which reads the name of an input device, as ``size`` bytes."""
     return 2 << 30 | size << 16 | ord("E") << 8 | 0x06
 
 
 ID_REQUEST = 2 << 30 | 8 << 16 | ord("E") << 8 | 0x02
-"""The ioctl number EVIOCGID."""
+"""The ioctl number EVIOCGID, which reads vendor and product of an input device."""
 
 
 def parse_ids(data: bytes) -> tuple[int, int]:
@@ -182,7 +182,7 @@ class PadLayout:
     left: Stick = Stick(STICK_X)
 
     def find_errors(self) -> Iterator[str]:
-        """Yield the contradictions in the layout."""
+        """Yield an error for each contradiction in the layout, such as one button for two purposes."""
         controls = [self.hold, self.enable, *self.stops]
         if not self.stops:
             yield "no button stops the robot"
@@ -200,7 +200,7 @@ class PadLayout:
 
 
 STANDARD_LAYOUT = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(START))
-"""Layout of linux/Documentation/input/gamepad.rst."""
+"""Button layout that Linux defines for game pads (Documentation/input/gamepad.rst)."""
 
 D_MODE_LAYOUT = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
 """Layout of pads in D mode: left shoulder is button 5, Start is button 10.

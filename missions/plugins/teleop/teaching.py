@@ -22,7 +22,7 @@ RELEASE_TIME = 0.3
 """Seconds without a press or a large movement after which all controls count as released."""
 
 MAX_TRIES = 5
-"""Wrong answers to one question after which teaching ends."""
+"""Wrong answers to one question after which the teaching of a pad's layout ends with an error."""
 
 MAX_AXIS_NOISE = 0.1
 """Largest noise of an axis at rest, as a share of its range."""
@@ -47,11 +47,11 @@ HAT_AXES = range(0x10, 0x18)
 
 
 class TeachingError(DriverError):
-    """Teaching ended without a layout."""
+    """The teaching of a game pad's button layout ended without a result."""
 
 
 class PadEventSource(Protocol):
-    """Source of pad events."""
+    """Source of a game pad's button and axis events, such as a ``Pad``."""
 
     def read_events(self) -> list[PadEvent]:
         """Return the events so far, without waiting. Raises NotConnected if the pad has disconnected."""
@@ -285,7 +285,10 @@ def _is_pushed(state: PadState, there: Stick, other: Stick) -> bool:
 
 
 def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
-    """Return the role that a control already has, or None; values of a trigger differ a little from press to press."""
+    """Return the role that a control already has in the layout, such as "enable"; None if it has none.
+
+    Two presses of a trigger count as the same control if both were in the same direction: their values differ a little.
+    """
     for other, role in taken.items():
         same = (control.kind, control.code) == (other.kind, other.code)
         if same and (control.rest is None or (control.end > control.rest) == (other.end > (other.rest or 0))):

@@ -1,4 +1,4 @@
-"""Runs one case: a mission on twins, with mocks and faults, from its start until the robot is at rest."""
+"""Runs one test case: a mission on twins, with mocks and faults, from its start until the robot is at rest."""
 
 import math
 from collections.abc import Callable
@@ -34,9 +34,10 @@ IN_PROCESS_LIMITS = WatchdogLimits(slow=math.inf, stall=math.inf, fail=10.0, los
 
 
 class CaseRunner:
-    """Runs one case, once. ``history`` records its events, ``violations`` the errors that fail any case.
+    """Runs one test case, once. ``history`` records its events.
 
-    The watchdog uses ``limits``; the default limits end the process if a behaviour hangs for good.
+    ``violations`` are errors that fail any case, such as a robot that does not come to rest. The watchdog uses
+    ``limits``; the default limits end the process if a behaviour hangs for good.
     """
 
     def __init__(self, case: Case, limits: WatchdogLimits | None = None) -> None:
@@ -46,7 +47,7 @@ class CaseRunner:
         self._limits = limits
 
     def run(self) -> Runner:
-        """Run the case to its end, and let the robot come to rest.
+        """Run the test case to its end, and let the robot come to rest.
 
         Raises InvalidFileError or UnknownNameError if its files have changed since they were read.
         """

@@ -1,4 +1,4 @@
-"""Runs one case of a test file in simulated time, and compares the run with its expectations."""
+"""Runs one test case in simulated time, and compares the run with the case's expectations."""
 
 import math
 import traceback
@@ -287,7 +287,7 @@ CONTINUATION = "\n" + " " * 12
 
 @dataclass(frozen=True, slots=True)
 class CaseVerdict:
-    """Result of a case: plain data. It has passed if there are no ``misses`` and no ``error``.
+    """Result of a test case: plain data. It has passed if there are no ``misses`` and no ``error``.
 
     ``misses`` are the unmet expectations, ``error`` the traceback of an error outside the mission. ``seconds`` and
     ``ticks`` are in simulated time, ``wall_seconds`` in real time. ``nodes`` are for coverage.
@@ -311,7 +311,7 @@ class CaseVerdict:
 
 
 def play(case: Case, *, limits: WatchdogLimits | None = None) -> CaseVerdict:
-    """Run a case to its end and return its verdict, which includes any error."""
+    """Run a test case to its end and return its verdict, which includes any error."""
     clock, stage = SystemClock(), CaseRunner(case, limits)
     try:
         runner = stage.run()

@@ -63,8 +63,8 @@ def run_mission(
 ) -> MissionRun:
     """Run a mission on twins as fast as the machine allows, and return the finished run.
 
-    Values are written as in a test file, relative to the working directory. A run is interrupted after ``timeout`` of
-    simulated time. Raises InvalidFileError with all errors in the arguments.
+    All values are written as in a test file; paths are relative to the working directory. A run is interrupted after
+    ``timeout`` of simulated time. Raises InvalidFileError with all errors in the arguments.
     """
     case: dict[str, object] = {
         "case": "run_mission",

@@ -132,7 +132,10 @@ class MockSpec:
 
 
 class TurnSequence:
-    """Turns of one script, shared by all mocks that follow it; a halt does not rewind it."""
+    """Turns of one script, shared by all mocks that follow it.
+
+    If a mock is halted, the next mock goes on with the next turn; the script does not start again.
+    """
 
     def __init__(self, script: Script) -> None:
         self._left = [turn for turn in script for _ in range(turn.times)]
@@ -201,7 +204,7 @@ class MockSubstitution:
         self._mocks = [(spec, TurnSequence(spec.script)) for spec in specs]
 
     def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
-        """Return the mock for a step, or ``leaf`` itself, None for a step that is not a leaf."""
+        """Return the mock that replaces a step; without one, return ``leaf`` (None if the step is not a leaf)."""
         for spec, turns in self._mocks:
             if matches_step(spec.target, step):
                 return _mock_step(step, turns, spec.result) if leaf is None else _mock_leaf(leaf, turns, spec.result)

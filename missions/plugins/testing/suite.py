@@ -274,7 +274,10 @@ def _merge_shared(top: Node) -> Node:
 
 
 def merge_case(shared: Mapping | None, case: Node) -> Node:
-    """Return a case with the shared keys: its own keys come first, lists and mappings are joined."""
+    """Return a case with the shared keys added.
+
+    If both have a key, lists and mappings are joined, and for any other value that of the case is used.
+    """
     if shared is None or not isinstance(case, Mapping):
         return case
     entries = [(key, _merge_values(shared.get(key.text), value)) for key, value in case.entries]

@@ -33,7 +33,7 @@ PARAM_SOURCE = "--param"
 
 @dataclass(frozen=True, slots=True)
 class CaseSetting:
-    """Setting of a case: robot, world, people, and the mission's ``plan``, which is None if the mission has errors."""
+    """Setting of a test case: robot, world, people, and the mission's ``plan``; None if the mission has errors."""
 
     params: Named[str, str]
     robot: str | None

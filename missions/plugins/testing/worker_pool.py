@@ -28,7 +28,7 @@ def core_count() -> int:
 
 
 def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[CaseVerdict, None, None]:
-    """Run ``cases`` in up to ``jobs`` processes; yield each verdict when it is ready. See ``run_parallel``."""
+    """Run the test ``cases`` in up to ``jobs`` processes; yield each verdict when it is ready. See ``run_parallel``."""
     return run_parallel(play, cases, lambda case: CaseVerdict(case, error=PROCESS_ENDED), jobs=jobs)
 
 

@@ -21,7 +21,7 @@ from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.plugins.verify.choices import Oracle
 
 PLAIN_TYPES = frozenset((bool, int, float, str))
-"""Types whose values contain no other values, checked first for speed."""
+"""Types whose values contain no other values. Checks of nested values test them first, for speed."""
 
 MAX_COUNT = 3
 """Largest whole number that is kept exactly, so that a counting mission has finitely many states."""
@@ -96,7 +96,7 @@ class TopValue:
 
 
 class NondetSensor:
-    """Part of the robot's state whose flags are a new choice at each read."""
+    """Part of the robot's state, such as the battery: each flag has any of its possible values at each read."""
 
     def __init__(self, oracle: Oracle, part: str) -> None:
         self._oracle = oracle

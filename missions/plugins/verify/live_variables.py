@@ -30,7 +30,7 @@ NO_NAMES: Names = frozenset()
 
 
 class LiveAfter(NamedTuple):
-    """Live variables after each end of a node."""
+    """Variables that may still be read after the success of a node, and after its failure."""
 
     success: Names
     failure: Names

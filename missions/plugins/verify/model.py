@@ -81,7 +81,10 @@ def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozens
 
 
 def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[str]) -> dict[str, Value]:
-    """Return the relevant arguments: stored values, and values that can prevent the start of a leaf."""
+    """Return the abstract arguments of a leaf that matter for the exploration.
+
+    They are the values that the leaf stores, and the values that can prevent its start.
+    """
     if leaf.open_ended:
         return {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):
@@ -251,7 +254,7 @@ def _is_independent(child: Node, leaf: StandIn) -> bool:
 
 
 def _modified_status(node: Node, status: object) -> object:
-    """Return the status of the modifiers from ``node`` on for a status of the leaf inside."""
+    """Return the status of ``node``, a leaf or a modifier around one, when the leaf itself has ``status``."""
     if not isinstance(node, Modifier):
         return status
     below = _modified_status(node.child, status)

@@ -1,4 +1,4 @@
-"""Monitor of a step: leaves that start and end, and violations of rules and properties."""
+"""Monitor of one step of an exploration: which leaves start and end, and which rules and properties they violate."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -54,7 +54,7 @@ class PropertyMonitor:
         return ""
 
     def _overlap(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
-        """Return a text if a leaf that the property forbids runs at the same time as ``leaf``, else an empty text."""
+        """Return a violation text if the property forbids ``leaf`` to start while one of ``live`` runs, else ""."""
         for mine, theirs in ((self.subject, self.other), (self.other, self.subject)):
             clash = next((other for other in live if other in theirs), None)
             if leaf in mine and clash is not None:
@@ -140,13 +140,14 @@ class Monitor(Protocol):
 
 @dataclass
 class RuleMonitor:
-    """Monitors one step of an exploration, given the past: memory of the property monitors, and actuators left moving.
+    """Monitors one step of an exploration.
 
-    ``rounds`` are the nodes under a ``repeat: forever``; the success of one sets ``completed_round``. ``timed_nodes``
-    are the nodes that wait for a time, each with the status that it has when the time is over; ``expired`` are those of
-    them whose time was over in any run. ``reached`` are the nodes reached by any run while all sensors report.
-    ``reads`` has, for each node, the variables that must be set when it starts. ``stand_ins`` caches the classes of
-    leaves.
+    It needs two facts of the steps before: the memory of each property monitor (``happened``), and the actuators that a
+    halted leaf has left ``moving``. ``rounds`` are the nodes under a ``repeat: forever``; if one of them succeeds,
+    ``completed_round`` is set. ``timed_nodes`` are the nodes that wait for a time, each with the status that it has
+    when the time is over. ``expired`` are the timed nodes whose time was over in some run. ``reached`` are the nodes
+    that some run has started in a step in which all sensors reported. ``reads`` has, for each node, the variables that
+    must be set when it starts. ``stand_ins`` caches the stand-in classes.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -170,7 +171,7 @@ class RuleMonitor:
         self._acting.clear()
 
     def begin(self, happened: Sequence[bool], moving: frozenset[str]) -> None:
-        """Begin a step, given the memory of the monitors and the actuators left moving."""
+        """Begin a step, given the memory of the monitors after the step before, and the actuators left moving."""
         self.moving = moving
         self.violations, self.changes, self.completed_round = [], [], False
         self._acting = dict.fromkeys(leaf for leaf in self.live_leaves if leaf.drives)
@@ -179,7 +180,7 @@ class RuleMonitor:
 
     @property
     def happened(self) -> tuple[bool, ...]:
-        """Memory of the monitors."""
+        """Memory of the property monitors: for each of them, whether its event has happened."""
         return tuple(monitor.happened for monitor in self.monitors)
 
     @property
@@ -237,7 +238,7 @@ class RuleMonitor:
     # --- after the step -----------------------------------------------------------------------------------------------
 
     def check_tick(self) -> None:
-        """Check the running leaves after a tick."""
+        """Record violations after a tick: leaves that were not stopped when they ended, and broken properties."""
         for leaf in self.leaves:
             if leaf.status is not RUNNING and (leaf.live or leaf.is_acting):
                 self.add_violation(leaf, "was not stopped when it ended")
@@ -247,7 +248,7 @@ class RuleMonitor:
             self._add_broken(monitor, broken, next(iter(live), self.leaves[0]))
 
     def check_rest(self) -> None:
-        """Check the remaining leaves at the end of the tree, or at rest after a halt."""
+        """Record violations after the end of the tree or of a halt: leaves that still run, actuators that move."""
         for leaf in self.live_leaves:
             self.violations.append(Violation(REST_AFTER_END, f"{leaf.label} still runs", leaf))
         for part in sorted(self.moving):

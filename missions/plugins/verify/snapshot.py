@@ -17,20 +17,23 @@ from missions.plugins.verify.symbolic_time import Instant, SymbolicClock
 
 Row = tuple[Any, ...]
 Rows = tuple[int, ...]
-"""Row number of each node. A row has the node's status, as an index of STATUSES, and its relevant fields."""
+"""State of all nodes: for each node the number of its row, under which ``Snapshots`` stores the row itself.
+
+A row has the node's status, as an index of STATUSES, and its relevant fields.
+"""
 
 STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE)
 
 
 class ZoneInstant(NamedTuple):
-    """Instant in a state: its index in the state's zone, and an offset in seconds."""
+    """Instant in a state: its index in the zone (the time bounds of the state), plus an offset in seconds."""
 
     place: int
     offset: float
 
 
 UNKNOWN_INSTANT = ZoneInstant(-1, 0.0)
-"""Placeholder for an instant with a wait of unknown length: all comparisons are choices."""
+"""Placeholder for an instant from which a node waits for an unknown time: every comparison with it is a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,7 @@ class NodeFields:
 
     @property
     def is_initial(self) -> bool:
-        """Whether all fields that last beyond a run have their initial values."""
+        """Whether all fields that keep their values after the node has ended have their initial values."""
         node = self.node
         return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
 
@@ -80,7 +83,8 @@ class Snapshots:
     def take(self) -> tuple[Rows, dict[int, float]]:
         """Return the rows of all nodes, and the instants in the rows, each with the longest wait from it in seconds.
 
-        An instant is given by its index in the zone. A row refers to an instant by its place in the returned mapping.
+        An instant is given by its index in the zone, the time bounds of the state. A row refers to an instant by its
+        place in the returned mapping.
         """
         instants: dict[int, float] = {}
         running: list[bool] = []

@@ -1,5 +1,6 @@
-"""Symbolic time of an exploration: comparisons of instants and durations use a zone, or a choice.
+"""Symbolic time of an exploration: instants without numbers, of which only bounds on their differences are known.
 
+These bounds are a zone. A comparison whose result does not follow from the zone is a choice of the exploration.
 Instants and durations are floats only so that messages can format them; their float value has no meaning.
 """
 
@@ -31,7 +32,10 @@ def add_bounds(a: Bound, b: Bound) -> Bound:
 
 
 class Zone:
-    """Difference bounds on instants (a DBM), changed in place during a step."""
+    """Upper bounds on the difference of any two instants: a difference bound matrix, changed in place during a step.
+
+    ``bounds[i][j]`` limits how much later instant i is than instant j.
+    """
 
     def __init__(self, rows: Iterable[Iterable[Bound]]) -> None:
         self.bounds = [list(row) for row in rows]
@@ -73,11 +77,11 @@ class Zone:
 
 
 INITIAL_ZONE: Rows = ((ZERO_BOUND,),)
-"""Zone before the first tick."""
+"""Zone (bounds on the differences of instants) before the first tick, with the present instant only."""
 
 
 def extrapolate(rows: Rows, seconds: Sequence[float]) -> Rows:
-    """Return a larger zone whose bounds are among ``seconds`` (sorted), 0, and the negatives of these numbers.
+    """Return a zone with looser bounds, each of them one of ``seconds`` (sorted), 0, or the negative of such a number.
 
     This removes sums, such as the multiples of 2 s within a minute, which would give too many states.
     """
@@ -92,7 +96,7 @@ def extrapolate(rows: Rows, seconds: Sequence[float]) -> Rows:
 
 
 class SymbolicClock:
-    """Clock of an exploration (a drivers.clock.Clock), with the zone of the present step."""
+    """Clock of an exploration (a drivers.clock.Clock), with the zone of the present step: its bounds on instants."""
 
     def __init__(self, oracle: Oracle) -> None:
         self.oracle = oracle
@@ -148,7 +152,7 @@ class UnknownTime(float):
 
 
 class Instant(float):
-    """Instant at ``place`` in the zone plus an offset in seconds."""
+    """Instant number ``place`` of a zone plus an ``offset`` in seconds."""
 
     timing: SymbolicClock
     place: int

@@ -95,7 +95,10 @@ class RuleChecker:
         return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
 
     def _partial_verdict(self, rule: str, count: int, missed: int) -> RuleVerdict:
-        """Return the verdict on a rule about ``count`` nodes; for ``missed`` of them, no run that shows it was seen."""
+        """Return the verdict on a rule that must come true for ``count`` nodes, such as that each is reached.
+
+        For ``missed`` of the nodes it has not come true so far. Then the rule is undecided, otherwise proved.
+        """
         return (
             RuleVerdict(rule, UNDECIDED, so_far=f"true of {count - missed} so far")
             if missed

@@ -27,7 +27,7 @@ MIN_WIDE_COLUMNS = 110
 """Columns from which on the robot is shown beside the tree, not below it."""
 
 MAX_LOG_LINES = 1000
-"""Lines kept in the log."""
+"""Maximum number of lines that the view keeps in its log."""
 
 OrderSender = Callable[[str], None]
 """Sends an order, one of ``missions.trees.feed.VIEW_COMMANDS``."""
@@ -91,7 +91,7 @@ class ViewApp(App[None]):
 
     @property
     def nodes(self) -> NodeTree:
-        """The tree widget."""
+        """Widget that shows the mission's tree."""
         return self.query_one(NodeTree)
 
     async def _read(self) -> None:

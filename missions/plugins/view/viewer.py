@@ -48,7 +48,7 @@ class Viewer:
         return not self._done.is_set()
 
     def open(self) -> None:
-        """Start the process, and the thread that communicates with it."""
+        """Start the view process, and the thread that communicates with it."""
         self._terminal.save()
         ours, theirs = socket.socketpair()
         ours.setblocking(False)
@@ -68,7 +68,7 @@ class Viewer:
         self._thread.start()
 
     def close(self) -> None:
-        """End the process, and restore the terminal. Safe from any state, more than once."""
+        """End the view process, and restore the terminal. Safe from any state, more than once."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join()
@@ -139,7 +139,7 @@ def _block_sigint() -> Iterator[None]:
 
 
 def _wait_for_exit(process: "subprocess.Popen[bytes]") -> int:
-    """Wait for the process to end, and kill it after ``EXIT_TIMEOUT``; return its exit code."""
+    """Wait for the view process to end, and kill it after ``EXIT_TIMEOUT``; return its exit code."""
     try:
         return process.wait(EXIT_TIMEOUT)
     except subprocess.TimeoutExpired:

@@ -91,7 +91,7 @@ def _finish(
 def _save_for_studio(machine: HostMachine, config: RobotConfig | None, found: list[PartFinding]) -> None:
     """Save the warnings and errors for the studio.
 
-    Names that identify the user or the computer are replaced, since viewers of the studio may not know the owner.
+    Names that identify the user or the computer are replaced, because viewers of the studio may be strangers.
     """
     problems = [each for each in found if each.finding.verdict != "ok"]
     lines = [{"part": each.part, **asdict(each.finding)} for each in problems]

@@ -41,8 +41,8 @@ Only the signs of the results are used, so the true distance does not matter.
 class InstrumentReadings:
     """Motion of a base during one step of a trial, as measured by its wheel encoders and gyro.
 
-    ``left`` and ``right`` are metres of the wheels, ``turn`` is the rotation by the wheels and ``gyro`` by the gyro,
-    both in radians. ``gyro`` is None without a gyro.
+    ``left`` and ``right`` are the distances (m) that the wheels have rolled. ``turn`` is the base's rotation computed
+    from the wheels, ``gyro`` its rotation by the gyro, both in radians. ``gyro`` is None without a gyro.
     """
 
     left: float = 0.0
@@ -82,14 +82,14 @@ TRIAL_STEPS: tuple[tuple[str, Velocity, float], ...] = (
 class TrialPhase(Enum):
     """Phase of one step of a base trial.
 
-    ABORTING: the base comes to rest after a fault, and the motion back is left out.
+    In ABORTING, the base comes to rest after a fault. The next step, which would drive it back, is then skipped.
     """
 
     READY, MOVING, SETTLING, ABORTING = range(4)
 
 
 class TrialEvent(Enum):
-    """Event of one step of a base trial."""
+    """Event that changes the phase of a base trial's step, for example the end of the step's time, or a fault."""
 
     START, TIME_UP, FAULT, SETTLED = range(4)
 
@@ -301,9 +301,9 @@ _ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
     (SeenMotion.LEFT, SeenMotion.LEFT): ((0, 1), (0, 1)),
     (SeenMotion.LEFT, SeenMotion.RIGHT): ((-1, 0), (1, 0)),
 }
-"""Directions of the wheels if only one of them turns: in the turn to the left, and in the motion ahead.
+"""Directions in which the wheels really turned if only one wheel turns, by the motions that a person saw.
 
-The key has the motions that a person saw in these two steps.
+Key and value have two members: the first for the turn to the left, the second for the motion ahead.
 """
 
 
@@ -378,7 +378,10 @@ def _motor_findings(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> It
 
 
 def _findings_without_motion(trial: BaseTrial, counted: tuple[Signs, Signs]) -> Iterator[Finding]:
-    """Yield findings on the instruments of a base that did not move."""
+    """Yield findings on the instruments of a base that did not move.
+
+    ``counted`` are the directions of the wheels by the encoders, in the turn and in the motion ahead.
+    """
     if any(signs != (0, 0) for signs in counted):
         what = "counted, though the base did not move: its wheels slip, or hang in the air"
         yield warning("encoders" if trial.counted else "odometry", what, "put it on the floor, and try again")
@@ -412,8 +415,8 @@ def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_rig
 def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: bool) -> Finding:
     """Return a finding on whether the rotations (rad) by ``gyro`` and by ``wheels`` agree; their signs must be equal.
 
-    If they do not agree, the one further from the ``commanded`` rotation is probably wrong. ``counted`` is True for
-    wheel encoders.
+    If they do not agree, the one further from the ``commanded`` rotation is probably wrong. ``counted`` tells whether
+    encoders measured the wheels; otherwise their rotation comes from the odometry.
     """
     both = f"gyro {degrees(gyro):+.1f} deg, {'encoders' if counted else 'odometry'} {degrees(wheels):+.1f} deg"
     ratio = gyro / wheels if wheels else 0.0

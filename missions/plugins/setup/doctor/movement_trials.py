@@ -66,7 +66,7 @@ class Nudge(JointMotion):
     _moved = 0.0
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        """Return an error if the arm has no such joint."""
+        """Return an error if the arm lacks the joint that this leaf moves; otherwise an empty list."""
         return reach.missing_joints((self.joint,))
 
     def moved_joints(self) -> tuple[str, ...]:
@@ -74,7 +74,7 @@ class Nudge(JointMotion):
         return (self.joint,)
 
     def update(self) -> Status:
-        """Check the limits of the joint first."""
+        """Before the motion begins, fail if the joint is outside its limits; then do the work of one tick."""
         here = positions(self.robot.arm).get(self.joint)
         if self._path is None and here is not None:
             limits = self.robot.arm.limits[self.joint]
@@ -185,7 +185,8 @@ def _run_trial(
 ) -> tuple[Result, Node]:
     """Run the mission of a trial movement; return its result, and the root node of its tree.
 
-    Raises KeyboardInterrupt if the run was interrupted.
+    ``on_frame`` is called with each camera picture. ``extra_leaves`` are leaves by tag that the mission may use in
+    addition. Raises KeyboardInterrupt if the run was interrupted.
     """
     own: dict[str, type[Leaf]] = {Nudge.tag: Nudge, TryBase.tag: TryBase, **extra_leaves}
     plan = check_plan(trial.source, {**LEAVES, **own}, LOOKUPS, robot=target_of(config))

@@ -40,7 +40,10 @@ def private_words(machine: HostMachine) -> dict[str, str]:
 
 
 def anonymise(text: str, replacements: dict[str, str]) -> str:
-    """Return a text without private words, keys, addresses and folders."""
+    """Return a text in which private names, keys, addresses and folders are replaced.
+
+    ``replacements`` are the names from ``private_words``, each with its replacement.
+    """
     for name, instead in replacements.items():
         text = re.sub(rf"(?<![A-Za-z0-9]){re.escape(name)}(?![A-Za-z0-9])", instead, text)
     for pattern, instead in _PRIVATE_PATTERNS:

@@ -152,7 +152,7 @@ def _list_data(known: list[KnownPerson], calibration: GalleryCalibration | None)
 
 
 def _calibration_text(calibration: GalleryCalibration) -> str:
-    """Return the measured error rates as text."""
+    """Return the measured error rates of the face recognition as text."""
     if calibration.refusal_rate is None:
         return "too few pictures to measure the error rates"
     refused = f"of 100 looks at known people, {100 * calibration.refusal_rate:.0f} are not recognised"
@@ -180,7 +180,8 @@ INSTRUCTIONS = (
 MIN_SHARPNESS = 30.0
 """Minimum sharpness of a face's picture, measured as the variance of its Laplacian.
 
-Faces up to 3 m away had 33 to 1000, the same ones blurred by a thirtieth of their width 9 to 30 (drawn ones up to 45).
+Sharp faces up to 3 m away had values of 33 to 1000. The same faces, blurred by a thirtieth of their width, had 9 to 30.
+Blurred drawings of faces reached 45.
 """
 
 PICTURE_INTERVAL = 0.8
@@ -194,8 +195,8 @@ SAME_PICTURE = "identical to an earlier picture: is the camera frozen?"
 MAX_LIKENESS = 0.88
 """Likeness of two pictures of a face from which on they are too similar to store both.
 
-Consecutive frames of a person who holds still had 0.8 to 0.98, frames 0.8 s apart 0.58 to 0.89, and pictures of one
-person that were taken to differ 0.58 to 0.83.
+Consecutive frames of a person who holds still had a likeness of 0.8 to 0.98, frames 0.8 s apart 0.58 to 0.89. Pictures
+of one person in intentionally different poses had 0.58 to 0.83.
 """
 
 TOO_SIMILAR = "too similar to an earlier picture: follow the instructions"

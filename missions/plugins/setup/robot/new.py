@@ -168,7 +168,10 @@ def run_dialogue(
 
 
 def _ask_default_robot(talk: Dialogue, devices: Sequence[ProbedDevice]) -> bool:
-    """Return whether to make the new robot this computer's own; not with --yes, nor without connected devices."""
+    """Ask whether to make the new robot this computer's own; return the answer.
+
+    It asks nothing and returns False with --yes, or if no device is connected.
+    """
     if talk.yes or not any(each.about or each.units for each in devices):
         return False
     return talk.ask_yes_no("use", "make it this computer's robot?", default=True)
@@ -299,7 +302,10 @@ def _write_files(
 
 
 def _calibration_commands(config: RobotConfig, called: str) -> Iterator[str]:
-    """Yield a command for each arm with joints without limits in the robot file."""
+    """Yield the calibration command for each arm that has joints without limits in the robot file.
+
+    ``called`` is the name or path of the robot file in these commands.
+    """
     arms = {part: section for part, section in config.sections.items() if section.driver.kind == "arm"}
     for part, section in arms.items():
         keys = section.keys

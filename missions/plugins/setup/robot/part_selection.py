@@ -66,7 +66,9 @@ class ReferenceRobot:
 def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> ReferenceRobot | None:
     """Ask which known robot is similar; the default is the one with the most devices in common.
 
-    If several match equally, there is no default; with --yes, one that holds its arm is taken, with reduced torque.
+    If several match equally, there is no default. With --yes there is no question: one of them is taken, if possible
+    one whose arm holds its position at the end of a run, and its torque is reduced. Return None if the user selects
+    none.
     """
     models = [
         model
@@ -94,7 +96,10 @@ def choose_reference(talk: Dialogue, devices: Sequence[ProbedDevice]) -> Referen
 
 
 def _equal_matches(devices: Sequence[ProbedDevice], references: Sequence[ReferenceRobot]) -> list[ReferenceRobot]:
-    """Return the ``references`` that match the devices as well as the first one, and whose arms have the servos."""
+    """Return those of the ``references`` that match the connected devices as well as the first (best) one does.
+
+    Only robots whose arm has the same servos as one of the devices are returned.
+    """
     arms = [each for each in devices if each.units]
     best = [
         model for model in references if round(_likeness(devices, model)) == round(_likeness(devices, references[0]))
@@ -112,7 +117,7 @@ def _end_note(reference: ReferenceRobot) -> str:
 
 
 GENTLE_TORQUE = "50 %"
-"""Maximum torque of the joints of an arm that was only assumed, and that the user has not confirmed."""
+"""Maximum torque of an arm's joints if --yes has selected one of several matching robots, so the arm may be another."""
 
 
 def _with_gentle_torque(reference: ReferenceRobot) -> ReferenceRobot:
@@ -231,7 +236,10 @@ def _choose_device(
 
 
 def _add_part(talk: Dialogue, parts: RobotParts, key: str, driver: Driver, part: RobotPart, at: str = "") -> None:
-    """Ask for the name of a further part of a kind, as missions will use it; add the part, unless the user declines."""
+    """Ask for the name of a further part of a kind, as missions will use it; add the part, unless the user declines.
+
+    The answer is saved under ``key``. ``at`` is the port of the part, as a text for the question.
+    """
     kind = driver.kind
     reserved, such = {each.word for each in declared_keys(RobotKeys)} | set(KINDS), EXAMPLE_VALUES[kind]
 
@@ -303,7 +311,10 @@ def _choose_other_parts(talk: Dialogue, table: DriverTable, parts: RobotParts) -
 
 
 def _add_needed_parts(talk: Dialogue, table: DriverTable, parts: RobotParts, driver: Driver) -> None:
-    """Add the parts without which a driver cannot work, if it has namesakes of their kinds: the arm of a neck."""
+    """Add the parts without which a driver cannot work, such as the arm whose joints move a neck.
+
+    A part is added only if there is a driver of the same name for it.
+    """
     for need in driver.needs:
         if need not in parts and driver.name in table.names(need):
             talk.print(f"{driver.kind}.{driver.name} needs an {need}: {need}.{driver.name} is added")

@@ -69,7 +69,10 @@ def _try_axes(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], nam
 def _apply_corrections(
     parts: Mapping[str, RobotPart], head: RobotPart, axis: str, *, turned: bool, trim: float
 ) -> None:
-    """Write the direction and trim of a head's axis into the section of the head, or of the arm's joint."""
+    """Write the direction and trim of a head's axis into the robot file's sections.
+
+    If a joint of the arm moves the axis, a reversed direction is written to this joint, otherwise to the head.
+    """
     section = dict(head.section[axis])
     if turned and "joint" in section:
         joints = parts["arm"].section["joints"]

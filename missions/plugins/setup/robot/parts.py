@@ -68,7 +68,7 @@ def flow_text(value: Any) -> str:
 def _quote_if_needed(text: str, within: str = "[{}]") -> str:
     """Return a text as it must be written in YAML: in quotes if YAML would read it as something else.
 
-    ``within`` is the YAML around it, by default a list.
+    ``within`` is the YAML in which the text will stand, with ``{}`` in its place: by default a list.
     """
     try:
         read = yaml.safe_load(within.format(text))

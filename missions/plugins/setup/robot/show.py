@@ -59,7 +59,7 @@ def _part_lines(config: RobotConfig, section: Section, machine: HostMachine) -> 
 
 
 def _head_joints(config: RobotConfig) -> dict[str, str]:
-    """Return for each joint of the arm that turns a head: which axis of which head, as text."""
+    """Return, for each joint of the arm that turns a head, a text such as "pan of the head"."""
     found = {}
     for part, section in config.sections.items():
         if isinstance(section.keys, HeadKeys) and "arm" in section.driver.needs:

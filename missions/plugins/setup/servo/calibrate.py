@@ -133,8 +133,8 @@ def _watch_joints(
 def make_limp(bench: OpenBus, joints: Iterable[Joint], *, yes: bool) -> None:
     """Switch the torque of ``joints`` off, after identifying each servo, and once a person holds the arm.
 
-    Nothing is switched off if one servo is not as expected. Raises DeviceFault, NoReply, NotConnected, BadRequest; else
-    as ``confirm_limp``.
+    Nothing is switched off if one servo is not as expected. Raises DeviceFault, NoReply, NotConnected, BadRequest, and
+    the exceptions of ``confirm_limp``, which waits for the person.
     """
     joints = tuple(joints)
     for joint in joints:
@@ -158,7 +158,10 @@ def _travel_degrees(travel: JointTravel) -> float:
 
 
 def _table(found: Iterable[JointTravel], ranges: Mapping[str, ServoRange | None]) -> str:
-    """Return a table of the ends to which each joint was moved, in degrees from its old zero."""
+    """Return a table of the ends to which each joint was moved, in degrees from its old zero.
+
+    A joint without a range in ``ranges`` gets the remark that it hardly moved.
+    """
     rows = []
     for each in found:
         ends = sorted(degrees(each.joint.angle(ticks)) for ticks in (each.lowest, each.highest))

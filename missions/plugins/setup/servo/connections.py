@@ -55,8 +55,8 @@ _ID = re.compile("[0-9]{1,3}")
 class OpenBus:
     """An open servo bus, with the joints and joint groups of the robot file; without a file it has none.
 
-    ``options`` are the command-line options that select the bus, each after a space, for a command in a hint.
-    ``simulated`` means that no real arm can fall.
+    ``options`` are the command-line options that select the bus, such as " --port /dev/ttyUSB0". They are appended to
+    suggested commands. ``simulated`` means that no real arm can fall.
     """
 
     bus: ServoBus
@@ -355,8 +355,8 @@ def wait_for_end(
 ) -> Iterator[Callable[[], bool]]:
     """Yield a function that waits ``POLL_INTERVAL``, and returns True once the work is to end.
 
-    It is to end when Enter is pressed or, with ``seconds``, when this time is over. ``wait`` is called instead of the
-    wait.
+    It is to end when Enter is pressed or, with ``seconds``, when this time is over. If ``wait`` is given, it is called
+    instead of waiting for ``POLL_INTERVAL``.
     """
     if seconds is not None:
         end = clock.now() + seconds

@@ -318,7 +318,7 @@ def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
 def _apply_changes(bench: OpenBus, plans: Mapping[Joint, Sequence[RegisterChange]], file: Path) -> None:
     """Write register changes to the servos' EEPROM, and print them.
 
-    Raises as ``apply``, after printing the servos that were not written.
+    If a write fails, print the servos that were not written, and raise the error of ``apply_changes``.
     """
     left = list(plans)
     try:

@@ -192,7 +192,7 @@ class _JointReader:
             yield KeyDiagnostic(message, ("motor",), about=(("motor",),))
 
     def _find_duplicates(self, controller: str, read: RosControllerKeys) -> Iterator[KeyDiagnostic]:
-        """Yield joints and IDs that another controller has."""
+        """Yield an error if another controller of the file has the same joint name, or the same servo ID."""
         for at, what in ((("joint_name",), f"joint '{read.joint_name}'"), (("motor", "id"), f"servo {read.motor.id}")):
             first = self._first_owners.setdefault(what, controller)
             if first != controller:

@@ -45,7 +45,10 @@ def with_range(joint: JointKeys, servo_range: ServoRange) -> JointKeys:
 
 
 def check_keepable(path: Path) -> None:
-    """Raise NotEditableError for a robot file that cannot be written; call it before the arm is moved."""
+    """Raise NotEditableError for a robot file that cannot be written.
+
+    Call it before the user moves the arm, so that the measured limits are not lost.
+    """
     require_own(path, RETRY_COMMAND)
 
 

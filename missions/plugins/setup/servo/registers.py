@@ -266,7 +266,10 @@ def set_register(target: ServoTarget, servo: str, register: str, value: int, yes
 
 
 def _encode_value(register: str, value: int, model: ServoModel) -> int:
-    """Return the raw register value. Raises click.UsageError for an invalid ID."""
+    """Return the raw value of a register for a typed ``value``, which is a rate for ``baud``.
+
+    Raises click.UsageError for an invalid ID.
+    """
     if register == "id" and not 0 <= value <= MAX_ID:
         raise click.UsageError(f"{value} is not an ID: they go from 0 to {MAX_ID}")
     return baud_code(value, model.protocol) if register == "baud" else value

@@ -101,7 +101,7 @@ def _rates_to_try(first: int, *, fixed: bool, all_bauds: bool) -> list[int]:
 
 
 def _servo_row(servo: ScannedServo, names: Mapping[int, str]) -> str:
-    """Return the table row of a servo that has replied."""
+    """Return the table row of a servo that has replied; ``names`` are the joint names by servo ID."""
     return ROW_FORMAT.format(
         servo.address.id,
         protocol_label(servo.address.protocol),
@@ -160,7 +160,10 @@ def _servo_json(servo: ScannedServo) -> str:
 def find_differences(
     all_servos: Sequence[ScannedServo], joints: Mapping[str, Joint], baud: int, *, searched_ids: Collection[int]
 ) -> list[str]:
-    """Return a line for each joint whose servo is missing, or differs from the robot file in model or baud rate."""
+    """Return a line for each joint whose servo is missing, or differs from the robot file in model or baud rate.
+
+    Joints with an ID that was not among ``searched_ids`` are left out.
+    """
     troubles = []
     for joint in joints.values():
         servos = [servo for servo in all_servos if servo.address.id == joint.spec.id]

@@ -35,7 +35,7 @@ from missions.plugins.tasks.task import TaskError
 from missions.plugins.tasks.task_server import TaskServer
 
 ORPHAN_TIMEOUT = 60.0
-"""Seconds to wait for the run of an ended server to come to rest; normally a few are enough."""
+"""Seconds to wait for the run of an ended task server to come to rest; normally a few are enough."""
 
 DISK_CHECK_INTERVAL = 2.0
 """Seconds between two checks whether a full disk has space again."""

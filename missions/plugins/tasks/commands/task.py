@@ -113,7 +113,9 @@ AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
 MAX_CLOCK_ERROR = 60.0
-"""Seconds by which the time of adding a task may be ahead of the clock before a warning; clocks are set by this much.
+"""Seconds by which a task may have been added in the future of this computer's clock before a warning.
+
+Smaller differences are normal, since setting the clock may move it back.
 """
 
 

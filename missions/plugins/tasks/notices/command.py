@@ -12,13 +12,13 @@ from drivers.clock import SystemClock
 from missions.plugins.tasks.notice import DeliveryError, Notice
 
 TIMEOUT = 30.0
-"""Maximum run time of the program in seconds."""
+"""Maximum run time of the user's program for one notice, in seconds."""
 
 POLL_INTERVAL = 0.05
 """Seconds between two checks whether the program has ended."""
 
 MAX_ERROR_BYTES = 200
-"""Maximum bytes of the program's standard error in an error message."""
+"""Maximum bytes of the user's program's standard error that an error message quotes."""
 
 
 class CommandChannel:

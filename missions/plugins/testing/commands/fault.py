@@ -36,7 +36,10 @@ def fault(words: tuple[str, ...], which: str | None) -> int:
 
 
 def _inject(found: FoundProcess, request: Mapping[str, object]) -> list[tuple[bool, str]]:
-    """Inject a fault into a run; return (success, text for the user) pairs. Empty if the run has ended."""
+    """Inject a fault into one run; return a list with one pair (success, text for the user).
+
+    The list is empty if the run has ended.
+    """
     why = ""
     for where in found.addresses:
         try:

@@ -96,7 +96,10 @@ def command(
 
 
 def _select_cases(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]:
-    """Return the cases to run; ``own`` are files of behaviours. Raises InvalidFileError with all errors."""
+    """Return the cases to run: those of the test files ``names`` that have ``words`` in their file name or title.
+
+    ``own`` are additional files of behaviours. Raises InvalidFileError with all errors.
+    """
     files = dict.fromkeys(path for name in names for path in find_tests(name)) if names else all_tests()
     cases: list[Case] = []
     faults: list[Diagnostic] = []

@@ -203,13 +203,17 @@ def _term_centre(full: float, until: float) -> float:
 
 
 DEFAULT_CONTROLLERS = ("course", "pd", "mamdani", "face")
-"""Controllers benchmarked by default: the course's tracker, a PD controller, and MissionTree's rules.
+"""Controllers benchmarked by default: the file `course`, a PD controller, and MissionTree's rules.
 
-The rules are tried with Mamdani's inference (`mamdani`), and with the inference that missions use (`face`).
+`course` has the three rules of a robotics course. MissionTree's rules are tried with Mamdani's inference (`mamdani`),
+and with the inference that missions use (`face`).
 """
 
 DELAY_CONTROLLERS = ("course", "pd", "pd_ahead", "face")
-"""Controllers benchmarked with unknown delays. ``NO_MOTION`` is added for comparison."""
+"""Controllers benchmarked with unknown delays: `pd_ahead` is a PD controller that also uses the prediction.
+
+``NO_MOTION`` is added for comparison.
+"""
 
 MAX_DELAY_ERROR = 0.015
 """Error in seconds within which a delay counts as known."""

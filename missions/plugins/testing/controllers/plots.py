@@ -139,7 +139,10 @@ def _draw_terms(
 def _draw_surface(
     axes: Axes, names: Sequence[str], corners: Sequence[Sequence[float]], surface: Callable[..., float]
 ) -> None:
-    """Draw a controller's output over its inputs: a curve for one input, a map for two; further inputs are 0."""
+    """Draw a controller's output over its inputs: a curve for one input, a map for two; further inputs are 0.
+
+    ``names`` are the inputs, ``corners`` the corners of each input's terms, and ``surface`` is the controller.
+    """
     spans = [
         np.linspace(*_padded_range(along), CURVE_POINTS if len(names) == 1 else SURFACE_POINTS) for along in corners
     ]

@@ -234,7 +234,7 @@ FACE_DISTANCE = 1.5
 """Distance of the face in metres."""
 
 LENS = Pinhole(640, 480, radians(60))
-"""Camera model."""
+"""Lens of the simulated camera: width and height in pixels, and field of view in radians."""
 
 
 FACE_TIMEOUT = 1.0
@@ -297,7 +297,11 @@ class FilteredSight(NewestView):
         self._view = View(looked=stamp, faces=tuple(faces))
 
     def _follow(self, stamp: float, box: Box, gaze: Gaze, *, alone: bool) -> None:
-        """Assign a face to the nearest predicted track, or begin a new one."""
+        """Assign a face to the nearest predicted track, or begin a new track.
+
+        ``gaze`` is the estimated direction of the camera. If the face is ``alone`` in the picture and near no track, it
+        has jumped, and all old tracks are dropped.
+        """
         bearing, elevation = LENS.pixel_to_angles(*box.centre)
         yaw = gaze.yaw + bearing
         offs = {

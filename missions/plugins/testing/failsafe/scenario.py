@@ -1,4 +1,7 @@
-"""Simulation of one scenario of the failsafe page: the real arbiter, reflexes and guard, on any base."""
+"""Simulation of one fault of a base for the studio's failsafe view, with the arbiter, reflexes and guard of real bases.
+
+It works on any base that has a ``BaseRig``.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
 # Choices of the failsafe page: command source, velocity, fault, battery, and reflexes.
 
 ROBOT = "turtlebot2"
-"""Name of the robot whose base, limits and reflexes are used."""
+"""Name of the robot whose base, limits and reflexes the failsafe view simulates."""
 
 LEFT, CENTRE, RIGHT, NOTHING = Sides(left=True), Sides(centre=True), Sides(right=True), Sides()
 
@@ -97,7 +100,10 @@ WHO: Mapping[str, frozenset[Source]] = {
     "both": frozenset({Source.MISSION, Source.TELEOP}),
     "nobody": frozenset(),
 }
-"""Choices of the sources that command the base, until their commands are refused."""
+"""Sources that may command the base in a scenario, by the words of the choice.
+
+Each source repeats its command until the base refuses it for good.
+"""
 
 WISHES: Mapping[str, Velocity] = {
     "ahead": Velocity(0.2, 0.0),
@@ -190,7 +196,7 @@ def _shipped_keys() -> BaseKeys:
 
 
 def keys_for(setting: FailsafeSetting) -> BaseKeys:
-    """Return the base keys of the robot file, with the reflexes of a setting."""
+    """Return the base keys in the robot file of ``ROBOT``, with the reflexes of a setting."""
     keys = _shipped_keys()
     reflexes: Reflexes = replace(keys.reflexes, **REFLEXES[setting.reflexes])
     return replace(keys, reflexes=reflexes)
@@ -203,7 +209,8 @@ TICK_INTERVAL, TICK_PHASE = 0.04, 0.015
 """Seconds between two commands of missions and of people, and from a base report to the next command."""
 
 LOOK_PHASE = 0.018
-"""Seconds from a report of the base until its state is recorded; later commands have an effect by then."""
+"""Seconds from a report of the base until its state is recorded, so that the commands after that report have an effect.
+"""
 
 WAITING = "waits"
 """Feedback to a source that commands an unplugged base."""

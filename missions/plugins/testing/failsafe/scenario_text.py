@@ -1,4 +1,4 @@
-"""Texts for the moments of the failsafe page."""
+"""Texts for the moments that the failsafe view of the studio shows."""
 
 from collections.abc import Sequence
 from math import degrees

@@ -1,4 +1,4 @@
-"""Range finder for the failsafe page: it sees open floor, or one object in front of the base."""
+"""Range finder for the failsafe view of the studio: it sees open floor, or one object in front of the base."""
 
 from math import atan2, cos, hypot, radians, sin
 from typing import cast

@@ -358,9 +358,9 @@ L = TypeVar("L", bound=Leaf)
 class LeafTestBench:
     """Test bench of a leaf: a run on a robot of recorders.
 
-    ``safe_stops`` lists the sets of parts that the run stopped for leaves, ``status_changes`` the name and new status
-    of nodes. The assignment to ``robot`` lets mypy check the recorders against the protocols. ``others`` are plain
-    spies for the parts without a recorder, by field of ``Robot``.
+    ``safe_stops`` lists each set of parts that the run stopped because a leaf did not stop them in time.
+    ``status_changes`` has the name and new status of nodes, in order. ``others`` are plain spies for the parts without
+    a recorder, by field of ``Robot``.
     """
 
     def __init__(self, clock: ManualClock | None = None) -> None:

@@ -158,7 +158,11 @@ class RecordedVoice(Spy):
 
 
 class RecordedSight:
-    """A ``perception.api.Sight``: the test sets ``seen``, ``searched`` and ``shown``."""
+    """A ``perception.api.Sight`` whose percepts are set by the test.
+
+    ``seen`` are the faces, ``found`` the objects and ``marked`` the markers. ``searched`` is the time of the last
+    searched picture, ``shown`` the scene.
+    """
 
     def __init__(self) -> None:
         self.seen: Sequence[Face] = ()

@@ -18,7 +18,7 @@ MAX_CHUNK_SEEDS = 8
 """Maximum number of seeds that a worker gets at a time: large to load the mission rarely, small for steady progress."""
 
 CHUNKS_PER_WORKER = 2
-"""Chunks in the pool for each worker: one running and one queued."""
+"""Number of chunks of seeds that are submitted at a time for each worker: one running and one queued."""
 
 WORKER_DIED = "the worker process died in this run"
 """Failure reason in the row of a run that killed its worker process."""

@@ -177,7 +177,7 @@ def run_seeds(sweep: SweepPlan, seeds: Sequence[int]) -> list[SweepRow]:
 # From what a user asks for to a sweep that is known to make sense, before the first run.
 
 MAX_CORNERS = 64
-"""Maximum number of combinations of range ends that are tried before the first run."""
+"""Maximum number of combinations of range ends whose worlds are checked before the first run of a sweep."""
 
 KINDS = (*UNITS, "number", "count")
 """Kinds of params that can be drawn from a range; other kinds are text, drawn from a list."""
