@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from py_trees.common import Status
 
-from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Condition, Leaf, argument
 from behaviours.run import log
 
 # The leaf that tells somebody who is not there.
@@ -41,6 +41,41 @@ class Wait(Leaf):
 
     def update(self) -> Status:
         return SUCCESS if self.elapsed >= self.duration else RUNNING
+
+
+class Check(Leaf):
+    """Check a condition, once.
+
+    Succeeds if it is true, and fails otherwise, with the values that it reads as the reason.
+    """
+
+    tag = "check"
+    example = "- check: battery.percent > 20"
+    instant = True
+    condition: Condition = argument("condition", "an expression that is true or false", principal=True)
+
+    def update(self) -> Status:
+        try:
+            return SUCCESS if self.condition.is_true() else self.fail(self.condition.false_reason())
+        except ValueError as error:
+            return self.fail(f"{self.label}: {error}")
+
+
+class WaitUntil(Leaf):
+    """Wait until a condition is true.
+
+    Running until then, and succeeds. Fails only if the condition cannot be calculated; add `timeout` for a limit.
+    """
+
+    tag = "wait_until"
+    example = "- wait_until: base.button == 1"
+    condition: Condition = argument("condition", "an expression that is true or false", principal=True)
+
+    def update(self) -> Status:
+        try:
+            return SUCCESS if self.condition.is_true() else self.wait(self.condition.false_reason())
+        except ValueError as error:
+            return self.fail(f"{self.label}: {error}")
 
 
 class Log(Leaf):

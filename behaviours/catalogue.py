@@ -78,6 +78,8 @@ LEAF_PATHS: Mapping[str, str] = {
     "publish": "ros2:Publish",
     "topic": "ros2:TopicLeaf",
     "wait": "basics:Wait",
+    "wait_until": "basics:WaitUntil",
+    "check": "basics:Check",
     "log": "basics:Log",
     "notify": "basics:Notify",
     "set": "basics:Set",

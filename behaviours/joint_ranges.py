@@ -4,7 +4,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
-from typing import Any
+from typing import Any, Protocol
 
 from drivers.api import JointLimits
 from drivers.api.fast_dataclass import dataclass
@@ -25,6 +25,7 @@ class Argument:
     - a dimension: "angle", "length", "duration"...
     - a plain value: "text", "number", "count", "flag", "value" (anything), "choice" (a word of ``choices``)
     - "outcomes": a list of statuses
+    - "condition": an expression; the leaf gets a ``Condition``, and evaluates it itself
     - "joint" (a name), or "joints" (a joint, a group, or a list of both)
     - a name in the library: "gesture", "move", "gait", "controller", "object"
     - "new move" (name of a recording to make), "file" (a path, relative to the mission's folder)
@@ -66,6 +67,20 @@ def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  #
     example.
     """
     return Argument(name=name, kind=kind, help=help, **options)
+
+
+class Condition(Protocol):
+    """Condition in a mission, bound to the variables of the mission."""
+
+    def is_true(self) -> bool:
+        """Evaluate the condition.
+
+        Raises ValueError if it cannot be calculated or rests on dead reckoning, and SensorSilent if a sensor has not
+        reported.
+        """
+
+    def false_reason(self) -> str:
+        """Return the reason of a failure: the condition, with the present values that it reads."""
 
 
 MIN_SIMILARITY = 0.75

@@ -53,7 +53,8 @@ class Node(Behaviour):
     ``key`` is its id within the tree ("1.2"), ``kind`` its tag in the mission language, ``line`` its line in ``file``.
     ``scope`` holds the variables of its mission. ``feedback_message`` (of py_trees) is the reason of a failure or a
     wait. ``visited_tick`` is the number of the last tick of the node. ``suspension`` is set if a silent sensor
-    prevented a result in that tick.
+    prevented a result in that tick. ``is_skipped`` is true for a node with the status SUCCESS whose behaviour did not
+    start because of an ``if``: its parent continues as if the node were not in the list.
 
     Each class lists the attributes that decide its next status: ``run_state`` while it runs, ``lasting_state`` at any
     time. ``mission verify`` treats nodes with equal values as the same state.
@@ -67,6 +68,7 @@ class Node(Behaviour):
     visited_tick = -1
     file = ""
     suspension: Suspension | None = None
+    is_skipped = False
     _silent_since: float | None = None
     run: RunState
     scope: dict[str, object]
@@ -80,11 +82,6 @@ class Node(Behaviour):
     def is_suspended(self) -> bool:
         """True while the node runs only because a sensor has not reported."""
         return self.status is RUNNING and self.suspension is not None
-
-    @property
-    def is_skipped(self) -> bool:
-        """True if the node succeeded because a condition skipped its behaviour."""
-        return False
 
     @property
     def claims(self) -> frozenset[str]:

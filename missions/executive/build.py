@@ -11,12 +11,14 @@ from config.diagnostics import Diagnostic, InvalidFileError
 from config.units import UNITS
 from missions.executive.composites import COMPOSITES
 from missions.executive.for_each import SWITCHES, ForEach
-from missions.executive.modifiers import MODIFIERS
+from missions.executive.modifiers import MODIFIERS, WaitFor
 from missions.executive.parent import Parent
+from missions.executive.state import BoundCondition
 from missions.executive.submission import Submission
+from missions.language.arguments import CONDITION_KIND
 from missions.language.expressions import Value, as_quantity
 from missions.language.kinds import kind_of_type
-from missions.language.nodes import FOR_EACH, MISSION
+from missions.language.nodes import FOR_EACH, MISSION, WAIT_FOR
 from missions.language.plan import Plan, Step
 
 RobotFor = Callable[[Node], Robot]
@@ -56,6 +58,7 @@ NODES: Mapping[str, type[Parent]] = {
     **SWITCHES,
     **MODIFIERS,
     FOR_EACH: ForEach,
+    WAIT_FOR: WaitFor,
     MISSION: Submission,
 }
 """Classes of all nodes with children, by their word in the mission language."""
@@ -113,13 +116,23 @@ def _set_arguments(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
         leaf.computed = {name: _resolver(value, scope) for name, value in step.arguments.items()}
         return leaf
     declared = {} if step.leaf is None else step.leaf.arguments
+    computed = {}
     for name, value in step.arguments.items():
-        if value.template is None:
-            setattr(leaf, declared[name].attribute if name in declared else name, value.constant)
-    leaf.computed = {
-        name: _resolver(value, scope) for name, value in step.arguments.items() if value.template is not None
-    }
+        attribute = declared[name].attribute if name in declared else name
+        if name in declared and declared[name].kind == CONDITION_KIND:
+            setattr(leaf, attribute, BoundCondition(value, _condition_text(step.arguments_as_written[name]), scope))
+        elif value.template is None:
+            setattr(leaf, attribute, value.constant)
+        else:
+            computed[name] = _resolver(value, scope)
+    leaf.computed = computed
     return leaf
+
+
+def _condition_text(text: str) -> str:
+    """Return a condition as written, without ``${}`` around it."""
+    text = text.strip()
+    return text[2:-1].strip() if text.startswith("${") and text.endswith("}") else text
 
 
 def _resolver(value: Value, scope: Scope) -> Callable[[], object]:

@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from behaviours.node import Node, Suspension, sensor_timeout_reason
 from missions.executive.parallel import Parallel, Race
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite, last_unskipped
 
 # Reactive composites: they tick their children from the first at every tick.
 
@@ -48,14 +48,25 @@ class _ReactiveComposite(Composite):
             status = child.execute_tick() if running is None else self._tick_before(child, running)
             if child.suspension is not None:
                 return self._suspend_with(child, running)
-            if status is not self.passes:
+            if not self._leads_on(child, status):
                 break
         if self._stood:
             self._halt_others(child)
         self._running = child if status is RUNNING else None
-        if status is RUNNING:
-            return RUNNING
+        return RUNNING if status is RUNNING else self._end_with(child, status)
+
+    def _end_with(self, child: Node, status: Status) -> Status:
+        """End after ``child`` ended with ``status``: the last child, or the one that decides."""
+        if status is SUCCESS and child.is_skipped:
+            last = last_unskipped(self.members, self.passes)
+            if last is None:
+                return self.end(self.skip(child.feedback_message))
+            child, status = last, self.passes
         return self.end(self.adopt_failure(child) if status is FAILURE else status)
+
+    def _leads_on(self, child: Node, status: Status) -> bool:
+        """Return whether the composite continues with the next child after this status of ``child``."""
+        return status is self.passes or (status is SUCCESS and child.is_skipped)
 
     def _suspend_with(self, child: Node, behind: Node | None) -> Status:
         """Wait for the suspended ``child``; return a failure once it has waited too long.
@@ -115,7 +126,7 @@ class _ReactiveComposite(Composite):
             status = child.on_tick()
         finally:
             preemptible.pop()
-        if child.suspension is None and status is not self.passes and not behind.halt():
+        if child.suspension is None and not self._leads_on(child, status) and not behind.halt():
             self._retiring = behind
         if status is not child.status:
             child.publish(status)
@@ -146,15 +157,17 @@ class OrderedComposite(Composite):
     ``passes`` is the status of a child after which the next child runs; ``order`` is the order of the children.
     """
 
-    run_state = ("_index", "order", "_lost")
+    run_state = ("_index", "order", "_lost", "_has_passed")
     passes: ClassVar[Status]
     order: tuple[Node, ...] = ()
     _index = 0
+    _has_passed = False  # a child has ended without being skipped
     _lost: Suspension | None = None  # suspension of a child that has failed since its part was disconnected
     current_child: Behaviour | None
 
     def begin(self) -> None:
         self._index = 0
+        self._has_passed = False
         self._lost = None
         self.order = self.members
 
@@ -166,8 +179,10 @@ class OrderedComposite(Composite):
             status = child.on_tick()
             if status is not child.status:  # `execute_tick` inlined, for speed
                 child.publish(status)
-            if status is not passes or index == last:
+            skipped = status is SUCCESS and child.is_skipped
+            if (status is not passes and not skipped) or index == last:
                 break
+            self._has_passed = self._has_passed or not skipped
             if child.suspension is not None:
                 self._lost = child.suspension
             index += 1
@@ -175,7 +190,17 @@ class OrderedComposite(Composite):
         self.current_child = child
         if status is RUNNING:
             self.suspension = child.suspension
+        if skipped:
+            return self._end_after_skip(child)
         return self._blame_last(child) if status is FAILURE else status
+
+    def _end_after_skip(self, child: Node) -> Status:
+        """Return the status after the last child was skipped: that of the last other one, or skipped as well."""
+        if not self._has_passed:
+            return self.skip(child.feedback_message)
+        if self.passes is SUCCESS:
+            return SUCCESS
+        return self._blame_last(next(child for child in reversed(self.order) if child.status is FAILURE))
 
     def _blame_last(self, child: Node) -> Status:
         """Return a failure with the reason of ``child``, the last one.
@@ -191,6 +216,7 @@ class OrderedComposite(Composite):
         if status is not self.passes or self._index == len(self.order) - 1:
             return super().member_ended(member, status)
         self._lost = self._lost or member.suspension
+        self._has_passed = True
         self._index += 1  # the next child starts at the next tick
         return RUNNING
 

@@ -23,7 +23,7 @@ SUSPENDED = "suspended"
 """Status of a node that runs but waits, because a sensor does not report."""
 
 SKIPPED = "skipped"
-"""Status of a node that succeeded without starting its behaviour because its ``if`` was false."""
+"""Status of a node whose behaviour did not start because an ``if`` was false."""
 
 
 def status_word(node: Node) -> str:

@@ -54,6 +54,8 @@ class Switch(Composite, composites.Selector):
         self.current_child = child
         status = child.execute_tick()
         self.suspension = child.suspension
+        if status is SUCCESS and child.is_skipped:
+            return self.skip(child.feedback_message)
         return self.adopt_failure(child) if status is FAILURE else status
 
     def select_child(self) -> Node | None:
@@ -107,13 +109,15 @@ class ForEach(Parent, Decorator):
     """Runs its child once for each member of a list, one after another. The list is evaluated at the start.
 
     ``among`` is the list. ``names`` are the variables for the member and, optionally, for its number. The node fails if
-    the child fails, with the member in the reason, and succeeds at once if the list is empty.
+    the child fails, with the member in the reason, and succeeds at once if the list is empty. If the child is skipped
+    for every member, the node is skipped as well.
     """
 
-    run_state = ("setting", "_place")
+    run_state = ("setting", "_place", "_has_run")
     child: Node
     setting = ListMembers(())
     _place = 0
+    _has_run = False  # for an earlier member, the child was not skipped
 
     def __init__(self, name: str, child: Node, among: Value, names: tuple[str, ...]) -> None:
         Decorator.__init__(self, name, child)
@@ -134,6 +138,7 @@ class ForEach(Parent, Decorator):
             return f"{self.kind}: {error}"
         self.setting = found if isinstance(found, ListMembers) else ListMembers(())
         self._place = 0
+        self._has_run = False
         self.child.reset()
         return ""
 
@@ -156,8 +161,11 @@ class ForEach(Parent, Decorator):
         if status is not SUCCESS:
             return status
         self._place += 1
+        self._has_run = self._has_run or not self.child.is_skipped
         if self._place != self.setting.count:
             return RUNNING
+        if not self._has_run:
+            return self.skip(self.child.feedback_message)
         self.feedback_message = ""
         return SUCCESS
 

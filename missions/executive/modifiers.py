@@ -1,6 +1,7 @@
 """Modifiers of the mission language, as py_trees decorators."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Self
 
 from py_trees.common import Status
 
@@ -8,7 +9,8 @@ from behaviours.node import Node
 from config.units import quantity_text
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
 from missions.executive.state import unmeasured_reason
-from missions.language.expressions import Expression
+from missions.language.expressions import Expression, Value
+from missions.language.plan import Step
 
 # Modifiers with times.
 
@@ -16,7 +18,29 @@ MAX_RETICK_INTERVAL = 1.5
 """Maximum seconds between two ticks of a ``timeout`` that count as successive; the slowest rate is 1 Hz."""
 
 
-class TimeoutModifier(Modifier):
+class ForModifier(Modifier):
+    """Halts the node once it has run for the time of the modifier, and succeeds.
+
+    If the node ends earlier, the modifier ends with the same status.
+    """
+
+    run_state: ClassVar[tuple[str, ...]] = ("setting", "since")
+
+    def on_running(self) -> Status:
+        return self.end(SUCCESS) if self._is_over() else self.tick_child()
+
+    def on_time_passed(self) -> Status:
+        if self.ending is None and not self.unstarted and self._is_over():
+            self.suspension = None
+            return self.end(SUCCESS)
+        return super().on_time_passed()
+
+    def _is_over(self) -> bool:
+        over: bool = self.run.now() - self.since >= self.setting
+        return over
+
+
+class TimeoutModifier(ForModifier):
     """Fails, and halts the node, if it still runs after the time of the modifier; then it is not ticked again.
 
     A reactive composite may tick the timeout again at once, after it failed while the node was suspended. If the node
@@ -24,7 +48,7 @@ class TimeoutModifier(Modifier):
     time (s) of its last failure while the node was suspended.
     """
 
-    run_state = ("setting", "since", "_waits")
+    run_state: ClassVar[tuple[str, ...]] = ("_waits",)
     lasting_state = ("gave_up",)
     gave_up: float | None = None
     _waits = False  # it waits for a node that is suspended
@@ -47,10 +71,6 @@ class TimeoutModifier(Modifier):
             if self._waits and self.run.now() - gave_up < MAX_RETICK_INTERVAL:
                 return self._fail()
         return status
-
-    def _is_over(self) -> bool:
-        over: bool = self.run.now() - self.since >= self.setting
-        return over
 
     def _fail(self) -> Status:
         waited = f"timed out after {quantity_text(self.setting, 'duration')}"
@@ -157,19 +177,12 @@ class ConditionModifier(Modifier):
 
 
 class IfModifier(ConditionModifier):
-    """Runs the node if a condition is true at the start; otherwise the node is skipped and succeeds."""
+    """Runs the node if a condition is true at the start; otherwise the node is skipped."""
 
     run_state = ("setting",)
 
-    @property
-    def is_skipped(self) -> bool:
-        return super().is_skipped if self.setting else self.status is SUCCESS
-
     def on_running(self) -> Status:
-        if self.setting:
-            return self.tick_child()
-        self.feedback_message = self.false_reason()
-        return SUCCESS
+        return self.tick_child() if self.setting else self.skip(self.false_reason())
 
 
 class WhileModifier(ConditionModifier):
@@ -198,10 +211,6 @@ class RetryModifier(Modifier):
     run_state = ("setting", "_attempts")
     _attempts = 0
 
-    @property
-    def is_skipped(self) -> bool:
-        return self._attempts == 1 and super().is_skipped
-
     def begin(self) -> None:
         self._attempts = 0
 
@@ -221,10 +230,6 @@ class RepeatModifier(Modifier):
     run_state = ("setting", "_runs")
     _runs = 0
 
-    @property
-    def is_skipped(self) -> bool:
-        return self._runs == 1 and super().is_skipped
-
     def begin(self) -> None:
         self._runs = 0
 
@@ -236,6 +241,26 @@ class RepeatModifier(Modifier):
 
     def conclude(self, status: Status) -> Status:
         return RUNNING if status is SUCCESS and self._runs != self.setting else status
+
+
+class WaitFor(Modifier):
+    """Ticks the node until it succeeds: a failure means "not yet", except after the sensor timeout.
+
+    It restarts the node at the next tick after a failure.
+    """
+
+    @classmethod
+    def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        del inner
+        return cls(step.name, children[0], Value())
+
+    def on_running(self) -> Status:
+        if self.child.status is not RUNNING:
+            self.child.reset()
+        return self.tick_child()
+
+    def conclude(self, status: Status) -> Status:
+        return RUNNING if status is FAILURE and self.suspension is None else status
 
 
 class InvertModifier(Modifier):
@@ -312,6 +337,7 @@ MODIFIERS: Mapping[str, type[Modifier]] = {
     "if": IfModifier,
     "while": WhileModifier,
     "until": UntilModifier,
+    "for": ForModifier,
     "timeout": TimeoutModifier,
     "retry": RetryModifier,
     "repeat": RepeatModifier,

@@ -19,7 +19,8 @@ class Parallel(Composite, composites.Parallel):
     Without ``counts``, it succeeds when all children have succeeded, and fails at the first failure.
     """
 
-    run_state = ("_decision", "_lost")
+    run_state = ("_settings", "_decision", "_lost")
+    _settings: tuple[tuple[str, object], ...] = ()
     _decision = ParallelDecision(1, 1)
     _lost: Suspension | None = None  # suspension of a child that has failed since its part was disconnected
 
@@ -42,6 +43,7 @@ class Parallel(Composite, composites.Parallel):
                 settings[word] = value.resolve(self.scope)
             except (ExpressionError, ValueError) as error:
                 return f"{word}: {error}"
+        self._settings = tuple(settings.items())
         self._decision = decide_parallel(len(self.members), settings)
         return ""
 
@@ -49,6 +51,7 @@ class Parallel(Composite, composites.Parallel):
         # Children that ended at earlier ticks are counted first, wherever they are in the list.
         statuses = [child.status for child in self.members]
         succeeded, failed = statuses.count(SUCCESS), statuses.count(FAILURE)
+        skipped = self._count_skipped() if succeeded else 0
         suspended = True  # until a running child is not suspended
         for child, before in zip(self.members, statuses, strict=True):
             if before is SUCCESS or before is FAILURE:
@@ -59,27 +62,38 @@ class Parallel(Composite, composites.Parallel):
                 continue
             succeeded += status is SUCCESS
             failed += status is FAILURE
+            skipped += status is SUCCESS and child.is_skipped
             self._lost = self._lost or child.suspension
-            result = self._result(succeeded, failed)
+            result = self._result(succeeded, failed, skipped)
             if result is not RUNNING:
                 return self.end(result)
         if suspended:
             self.suspension = shared_suspension(self.members)
         return RUNNING
 
-    def _result(self, succeeded: int, failed: int) -> Status:
-        """Return the status of the parallel after ``succeeded`` successes and ``failed`` failures of its children."""
-        if succeeded + failed == len(self.members) or not self._decision.waits_for_all:
-            if failed >= self._decision.failures:
-                return self._fail_with_all_reasons(failed)
-            if succeeded >= self._decision.successes:
+    def _count_skipped(self) -> int:
+        return sum(child.is_skipped for child in self.members if child.status is SUCCESS)
+
+    def _result(self, succeeded: int, failed: int, skipped: int) -> Status:
+        """Return the status for these numbers of children; the ``skipped`` ones are among the ``succeeded``."""
+        count = len(self.members) - skipped
+        if count == 0:
+            return self.skip(self.members[-1].feedback_message)
+        decision = decide_parallel(count, dict(self._settings)) if skipped else self._decision
+        if succeeded + failed == len(self.members) or not decision.waits_for_all:
+            if failed >= decision.failures:
+                return self._fail_with_all_reasons(failed, count, decision.successes)
+            if succeeded - skipped >= decision.successes:
                 return SUCCESS
         return RUNNING
 
-    def _fail_with_all_reasons(self, failed: int) -> Status:
+    def _fail_with_all_reasons(self, failed: int, count: int, needed: int) -> Status:
+        """Return a failure with the reasons of all failed children, or because too few were not skipped."""
         blamed = [child for child in self.members if child.status is FAILURE]
-        number = f"{failed} of {len(self.members)} failed: " if failed > 1 else ""
+        number = f"{failed} of {count} failed: " if failed > 1 else ""
         self.feedback_message = number + "; ".join(dict.fromkeys(child.feedback_message for child in blamed))
+        if not blamed:
+            self.feedback_message = f"{needed} must succeed, and only {count} of {len(self.members)} are not skipped"
         self.suspension = self._lost
         return FAILURE
 
@@ -90,7 +104,7 @@ class Parallel(Composite, composites.Parallel):
                 self._lost = self._lost if child.status is RUNNING else self._lost or child.suspension
         statuses = [child.status for child in self.members]
         self.suspension = None
-        result = self._result(statuses.count(SUCCESS), statuses.count(FAILURE))
+        result = self._result(statuses.count(SUCCESS), statuses.count(FAILURE), self._count_skipped())
         return RUNNING if result is RUNNING else self.end(result)
 
 
@@ -102,11 +116,20 @@ class Race(Composite, composites.Parallel):
 
     def on_running(self) -> Status:
         suspended = True  # until a child is not suspended
+        skipped = 0
         for child in self.members:
+            if child.status is SUCCESS:  # it was skipped at an earlier tick
+                skipped += 1
+                continue
             status = child.execute_tick()
-            if status is not RUNNING:
+            if status is SUCCESS and child.is_skipped:
+                skipped += 1
+            elif status is not RUNNING:
                 return self.end(self.adopt_failure(child) if status is FAILURE else status)
-            suspended = suspended and child.suspension is not None
+            else:
+                suspended = suspended and child.suspension is not None
+        if skipped == len(self.members):
+            return self.skip(child.feedback_message)
         if suspended:
             self.suspension = shared_suspension(self.members)
         return RUNNING

@@ -69,13 +69,17 @@ class Parent(Node):
 
     def _start_and_run(self) -> Status:
         self.feedback_message = ""
+        was_skipped, self.is_skipped = self.is_skipped, False
         self.unstarted = True
         problem = self.on_start()
         self.unstarted = False
         if problem:
             self.feedback_message = problem
             return FAILURE
-        return self.on_running()
+        status = self.on_running()
+        if self.is_skipped is not was_skipped and status is self.status:  # which nobody else publishes
+            self.publish(status)
+        return status
 
     def _suspend(self, reason: str) -> Status:
         """Wait because a sensor does not report (``reason``); return a failure once that lasts too long."""
@@ -144,6 +148,12 @@ class Parent(Node):
         self.suspension = member.suspension
         return FAILURE
 
+    def skip(self, reason: str) -> Status:
+        """Mark this node as skipped, with the reason, and return its status SUCCESS."""
+        self.is_skipped = True
+        self.feedback_message = reason
+        return SUCCESS
+
     def halt(self) -> bool:
         """Halt all running members; return True once they are at rest."""
         if self.status is not RUNNING:
@@ -158,6 +168,7 @@ class Parent(Node):
         if self.status is not IDLE:
             for member in self.members:
                 member.clear_results(cleared)
+            self.is_skipped = False
             super().clear_results(cleared)
 
     def abandon_halt(self) -> None:
@@ -184,6 +195,11 @@ class Composite(Parent):
         """Reset the progress of an earlier run."""
 
 
+def last_unskipped(members: Sequence[Node], passes: Status) -> Node | None:
+    """Return the last of ``members`` that ended with ``passes`` and was not skipped; None if all were skipped."""
+    return next((member for member in reversed(members) if member.status is passes and not member.is_skipped), None)
+
+
 def set_children(parent: Composite, children: Sequence[Node]) -> None:
     """Set the children of ``parent``: the list that py_trees uses, and the tuple that our nodes tick."""
     for child in children:
@@ -198,7 +214,8 @@ def set_children(parent: Composite, children: Sequence[Node]) -> None:
 class Modifier(Parent, Decorator):
     """A node around one child.
 
-    ``value`` is the modifier's value as in the mission, ``setting`` as evaluated when the node starts.
+    ``value`` is the modifier's value as in the mission, ``setting`` as evaluated when the node starts. If the child is
+    skipped, the modifier is skipped as well.
     """
 
     child: Node
@@ -225,10 +242,6 @@ class Modifier(Parent, Decorator):
         self.begin()
         return ""
 
-    @property
-    def is_skipped(self) -> bool:
-        return self.status is SUCCESS and self.child.is_skipped
-
     def begin(self) -> None:
         """Reset the progress of an earlier run."""
 
@@ -237,7 +250,10 @@ class Modifier(Parent, Decorator):
 
     def tick_child(self) -> Status:
         """Tick the child, and return the status of this node."""
-        return self.member_ended(self.child, self.child.execute_tick())
+        status = self.child.execute_tick()
+        if status is SUCCESS and self.child.is_skipped:
+            return self.skip(self.child.feedback_message)
+        return self.member_ended(self.child, status)
 
     def member_ended(self, member: Node, status: Status) -> Status:
         return self.conclude(super().member_ended(member, status))

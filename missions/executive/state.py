@@ -11,9 +11,9 @@ from typing import TypeVar
 from behaviours.robot import Robot
 from drivers.api import Base, BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
-from drivers.errors import SensorSilent
+from drivers.errors import NotConnected, SensorSilent
 from missions.executive.guard import BaseGuard
-from missions.language.expressions import Value
+from missions.language.expressions import ExpressionError, Value, format_value, parse
 from missions.language.robot_state import state_value
 from perception.api import Face
 
@@ -141,6 +141,39 @@ def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict
         "head": PartValues(_make_readers(pose, HEAD)),
         "range": PartValues(_make_readers(scan, RANGE)),
     }
+
+
+class BoundCondition:
+    """Condition of a mission with the ``scope`` of its variables; ``text`` is the condition as written."""
+
+    def __init__(self, value: Value, text: str, scope: Mapping[str, object]) -> None:
+        self._value = value
+        self._text = text
+        self._scope = scope
+
+    def is_true(self) -> bool:
+        """Evaluate the condition. Raises ValueError and SensorSilent."""
+        problem = unmeasured_reason(self._value, self._scope)
+        if problem:
+            raise ValueError(problem)
+        return bool(self._value.resolve(self._scope))
+
+    def false_reason(self) -> str:
+        """Return "not true: EXPRESSION (NAME is VALUE)" with the values of all names in it that are not the whole."""
+        reads = () if self._value.template is None else self._value.template.reads
+        values = {read.dotted: self._value_text(read.dotted) for read in reads if read.dotted != self._text}
+        listed = ", ".join(f"{name} is {value}" for name, value in values.items() if value)
+        return f"not true: {self._text}" + (f" ({listed})" if listed else "")
+
+    def _value_text(self, name: str) -> str:
+        """Return the present value of a name as text; empty for a value that is not plain or not reported."""
+        try:
+            value = parse(name).evaluate(self._scope)
+        except (ExpressionError, NotConnected):
+            return ""
+        if isinstance(value, bool):
+            return str(value).lower()
+        return format_value(value) if value is None or isinstance(value, str | int | float) else ""
 
 
 def unmeasured_reason(condition: Value, scope: Mapping[str, object]) -> str:

@@ -18,8 +18,8 @@ class Submission(Parent, Decorator):
 
     ``params`` are evaluated with the caller's variables at each start; ``inner`` holds the variables of the
     sub-mission, cleared at each start. ``returns`` are expressions, evaluated with ``inner`` at the end. Their values
-    are stored as variables of the caller: under their own names, or together under ``keep_as``. After a failure, those
-    that raise an error are left out.
+    are stored as variables of the caller: under their own names, or together under ``keep_as``. Unless the tree has
+    succeeded, those that raise an error are left out. If the tree is skipped, so is the sub-mission.
     """
 
     def __init__(
@@ -67,9 +67,11 @@ class Submission(Parent, Decorator):
         if status is RUNNING:
             self.suspension = member.suspension
             return RUNNING
-        problem = self._store_results(waits=status is SUCCESS)
+        problem = self._store_results(waits=status is SUCCESS and not member.is_skipped)
         if status is FAILURE:
             return self.adopt_failure(member)
+        if member.is_skipped:
+            return self.skip(member.feedback_message)
         if problem:
             self.feedback_message = f"returns: {problem}"
             return FAILURE

@@ -28,7 +28,7 @@ from missions.language.expressions import (
     is_calculation,
     parse,
 )
-from missions.language.modifiers import outdent_hint
+from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.nodes import MISSION
 from missions.language.operators import describe_value
 from missions.language.phrases import PHRASES_KIND as PHRASES
@@ -58,6 +58,11 @@ def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
         hint = f'write {name.text}: "${{{node.text}}}", or quotes around it for the text'
         context.fault(node.mark, message, hint)
 
+
+CONDITION_KIND = "condition"
+"""Kind of an argument that is an expression, evaluated by the leaf itself."""
+
+CONDITION_HINT = "such as battery.percent > 20"
 
 FACE_KIND = "face"
 """Kind of an argument whose value is a face."""
@@ -214,10 +219,11 @@ def read_argument(context: CheckContext, argument: Argument, node: Node, label: 
         return _read_span(context, argument, node, label)
     if argument.by_joint:
         return _read_by_joint(context, argument, node, label)
+    read = _READERS.get(argument.kind)
+    if read is not None and isinstance(node, Scalar):
+        return read(context, node, label)
     if argument.kind == PHRASES:
         return read_phrases(context, node, label)
-    if argument.kind == FACE_KIND and isinstance(node, Scalar):
-        return read_face(context, node, label)
     convert = converter(context, argument)
     if isinstance(node, Scalar):
         return context.read_value(_as_argument_value(context, argument, node), label, convert, argument.kind)
@@ -230,6 +236,21 @@ def read_argument(context: CheckContext, argument: Argument, node: Node, label: 
         return context.convert_constant(node, _plain_data(context, node), label, convert)
     context.fault(node.mark, f"{label} needs one value, not {_form_name(node)}")
     return INVALID_VALUE
+
+
+def _read_condition(context: CheckContext, node: Scalar, label: str) -> Value:
+    """Return the value of an argument that is an expression, which the leaf evaluates itself."""
+    if node.value is None:
+        context.fault(node.mark, f"{label} needs an expression", CONDITION_HINT)
+        return INVALID_VALUE
+    return read_expression(context, label, node, bool)
+
+
+_READERS: dict[str, Callable[[CheckContext, Scalar, str], Value]] = {
+    CONDITION_KIND: _read_condition,
+    FACE_KIND: read_face,
+}
+"""Functions that read an argument of their own form, by its kind."""
 
 
 def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) -> Scalar:

@@ -9,13 +9,23 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from behaviours.basics import Fail, Log, Set, Succeed
+from behaviours.basics import Check, Fail, Log, Set, Succeed, WaitUntil
 from drivers.api.fast_dataclass import dataclass
 from missions.language.check_context import CheckContext
 from missions.language.expressions import Value
 from missions.language.for_each import ListMembers
 from missions.language.kinds import STATE_KINDS
-from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.nodes import (
+    COMPOSITES,
+    FAILURE,
+    FOR_EACH,
+    MISSION,
+    MODIFIERS,
+    SKIPPED,
+    SUCCESS,
+    SWITCHES,
+    WAIT_FOR,
+)
 from missions.language.outcomes import early_ends
 from missions.language.outcomes import possible_ends as ends_of
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
@@ -54,13 +64,14 @@ NOTHING_UNSET = UnsetVariables(0, {})
 
 
 class UnsetAfter(NamedTuple):
-    """Variables that may be unset after a step: after its success, and after its failure.
+    """Variables that may be unset after a step: after its success, after its failure, and after it was skipped.
 
     Each is None if the step cannot end that way.
     """
 
     success: UnsetVariables | None
     failure: UnsetVariables | None
+    skipped: UnsetVariables | None = None
 
 
 def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None:
@@ -92,7 +103,9 @@ def _length(way: EventPath) -> int:
     return 0 if way is None else way.length
 
 
-CONDITION_KINDS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
+CONDITION_KINDS = frozenset(
+    {*SWITCHES, Check.tag, WaitUntil.tag, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")}
+)
 """Kinds of nodes that evaluate a condition."""
 
 MAX_TRACED_READS = 100
@@ -172,6 +185,9 @@ class _UnsetAnalysis:
             return self.follow_switch(step, unset, here)
         if step.kind == FOR_EACH:
             return self.follow_for_each(step, unset, here)
+        if step.kind == WAIT_FOR:
+            after = self.follow(step.children[0], unset, replace(here, is_failure_caught=True))
+            return after._replace(failure=None)
         if step.kind in MODIFIERS or step.kind == UNREAD_KIND:
             return self._follow_modifier(step, unset, here)
         kind = COMPOSITES[step.kind]
@@ -246,6 +262,7 @@ class _UnsetAnalysis:
             None
             if after.failure is None
             else add_event(f"{_step_label(step)} fails", self._with_set(remaining, unset)),
+            None if after.skipped is None else add_event(f"{_step_label(step)} is skipped", unset),
         )
 
     # --- composites -----------------------------------------------------------------------------------------------
@@ -256,18 +273,24 @@ class _UnsetAnalysis:
         ``passes`` is the end of a child after which the next child runs: success in a sequence, failure in a selector.
         """
         stops: list[UnsetVariables | None] = []
-        now: UnsetVariables | None = unset
+        passed: UnsetVariables | None = None  # on the paths on which a child has had the end ``passes``
+        skipped: UnsetVariables | None = unset  # on the paths on which all children so far were skipped
         for child in step.children:
+            now = merge_unset((passed, skipped))
             if now is None:
                 break
             after = self.follow(
                 child, now, replace(here, is_failure_caught=here.is_failure_caught or catches_failure(step, child))
             )
-            now, stopped = after if passes == SUCCESS else (after.failure, after.success)
+            onward, stopped, around = after if passes == SUCCESS else (after.failure, after.success, after.skipped)
             stops.append(stopped)
+            passed = merge_unset((onward, None if passed is None else around))
+            skipped = None if skipped is None else around
             if stopped is not None and _has_variable_condition(child):
                 here = replace(here, is_guarded=True)  # the condition has been checked
-        return UnsetAfter(now, merge_unset(stops)) if passes == SUCCESS else UnsetAfter(merge_unset(stops), now)
+        stops_merged = merge_unset(stops)
+        ends = (passed, stops_merged) if passes == SUCCESS else (stops_merged, passed)
+        return UnsetAfter(*ends, skipped)
 
     def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext, *, all_succeed: bool) -> UnsetAfter:
         """Return the variables that may be unset after a composite whose children run concurrently or in any order.
@@ -289,14 +312,15 @@ class _UnsetAnalysis:
             found.append(self.follow(child, unset, inner))
         if step.kind == "race":
             found = [
-                UnsetAfter(add_event(f"{_step_label(child)} ends first", after.success), after.failure)
+                after._replace(success=add_event(f"{_step_label(child)} ends first", after.success))
                 for child, after in zip(step.children, found, strict=True)
             ]
         success = merge_unset(after.success for after in found)
         if all_succeed and not step.arguments and success is not None:
             still = success.bits
             for each in found:
-                still &= -1 if each.success is None else each.success.bits
+                ended = each.success if each.skipped is None else merge_unset((each.success, each.skipped))
+                still &= -1 if ended is None else ended.bits
             success = UnsetVariables(
                 still, {name: success.paths[name] for name in self._with_bit(success.paths, still)}
             )
@@ -304,14 +328,18 @@ class _UnsetAnalysis:
             enough = PathEvent(f"{_step_label(step)} succeeds without it", None, 1)
             ways = {name: way or (enough if name in step.variables else way) for name, way in success.paths.items()}
             success = UnsetVariables(success.bits, ways)
-        return UnsetAfter(success, merge_unset(after.failure for after in found))
+        return UnsetAfter(
+            success,
+            merge_unset(after.failure for after in found),
+            merge_unset(after.skipped for after in found) if all(after.skipped for after in found) else None,
+        )
 
     def follow_switch(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
         """Return the variables that may be unset after a switch."""
         here = replace(here, is_guarded=here.is_guarded or _has_variable_condition(step))
         cases = [f"{_step_label(step)} takes the case '{_case_label(case)}'" for case in step.cases]
         found = [
-            UnsetAfter(add_event(case, child.success), add_event(case, child.failure))
+            UnsetAfter(*(add_event(case, end) for end in child))
             for case, child in zip(
                 [*cases, f"{_step_label(step)} takes the default"],
                 (self.follow(child, unset, here) for child in step.children),
@@ -324,7 +352,9 @@ class _UnsetAnalysis:
             else [add_event(f"{_step_label(step)} has no case for it", unset)]
         )
         return UnsetAfter(
-            merge_unset(each.success for each in found), merge_unset([*(each.failure for each in found), *none])
+            merge_unset(each.success for each in found),
+            merge_unset([*(each.failure for each in found), *none]),
+            merge_unset(each.skipped for each in found),
         )
 
     def follow_for_each(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
@@ -336,7 +366,8 @@ class _UnsetAnalysis:
         among = step.arguments["in"].constant
         has_member = isinstance(among, ListMembers) and among.count
         empty = None if has_member else add_event(f"{_step_label(step)} has no member", unset)
-        return UnsetAfter(merge_unset((after.success, empty)), after.failure)
+        success = merge_unset((after.success, empty, None if after.success is None else after.skipped))
+        return UnsetAfter(success, after.failure, after.skipped)
 
     # --- modifiers ------------------------------------------------------------------------------------------------
 
@@ -350,20 +381,21 @@ class _UnsetAnalysis:
         value = step.arguments["value"]
         known = value.template is None
         if step.kind == "if" and known and not value.constant:
-            return UnsetAfter(add_event(_early_end_event(step), unset), None)
+            return UnsetAfter(None, None, add_event(_early_end_event(step), unset))
         after = self.follow(step.children[0], unset, replace(here, is_guarded=guarded, is_failure_caught=caught))
         endless = known and value.constant is None
         ways = [
             (None if endless and kind.without_limit(end) else each, onward)
             for end, onward, each in ((SUCCESS, kind.success, after.success), (FAILURE, kind.failure, after.failure))
         ]
+        ways.append((after.skipped, frozenset({SKIPPED})))
         cut = add_event(_early_end_event(step), unset) if kind.early_end_text else after.success
         always = kind.value == "condition" and known and bool(value.constant) == (step.kind != "until")
         cut_to = frozenset[str]() if always else early_ends(step)
         return UnsetAfter(
             *(
                 merge_unset([*(each for each, onward in ways if end in onward), *([cut] if end in cut_to else ())])
-                for end in (SUCCESS, FAILURE)
+                for end in (SUCCESS, FAILURE, SKIPPED)
             )
         )
 
@@ -376,6 +408,8 @@ def catches_failure(step: Step, child: Step) -> bool:
     """Return True if ``step`` need not fail when ``child`` fails, as it tries another child or ends differently."""
     if step.kind in MODIFIERS:
         return FAILURE not in MODIFIERS[step.kind].failure
+    if step.kind == WAIT_FOR:
+        return True
     kind = COMPOSITES.get(step.kind)
     if kind is None:
         return False
@@ -405,6 +439,7 @@ REPEATING_KINDS = frozenset(
     {
         *(word for word, kind in COMPOSITES.items() if kind.at_once or kind.reactive),
         *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
+        WAIT_FOR,
     }
 )
 """Kinds of nodes below which any step may run after any other: when the children run again, or at the same time."""

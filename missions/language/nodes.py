@@ -9,7 +9,7 @@ from typing import Literal
 
 from drivers.api.fast_dataclass import dataclass
 
-SUCCESS, FAILURE = "success", "failure"
+SUCCESS, FAILURE, SKIPPED = "success", "failure", "skipped"
 
 RESTART = "again"
 """Value in ``ModifierKind.success`` and ``failure``: the modifier restarts its child after this end."""
@@ -164,7 +164,7 @@ SWITCHES: Mapping[str, SwitchKind] = {
 }
 """Composites that select a child."""
 
-FOR_EACH, MISSION = "for_each", "mission"
+FOR_EACH, MISSION, WAIT_FOR = "for_each", "mission", "wait_for"
 
 OTHER_PARENTS: Mapping[str, ParentKind] = {
     **SWITCHES,
@@ -173,6 +173,7 @@ OTHER_PARENTS: Mapping[str, ParentKind] = {
         "∀",
         "its list is always empty",
     ),
+    WAIT_FOR: ParentKind("ticks a behaviour until it succeeds; a failure of it means 'not yet'", "⧗"),
     MISSION: ParentKind("runs another mission", "▣"),
 }
 """Nodes with children that are not written as one list: switches, ``for_each`` and sub-missions."""
@@ -182,10 +183,10 @@ BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHER_PARENTS}
 
 MODIFIERS: Mapping[str, ModifierKind] = {
     "if": ModifierKind(
-        "evaluated once, at the start; if false, the node is skipped and succeeds; for 'else' use switch",
+        "evaluated once, at the start; if false, the node is skipped: its parent goes on without it",
         "an expression",
         "condition",
-        early_ends=frozenset({SUCCESS}),
+        early_ends=frozenset({SKIPPED}),
         early_end_text="is false",
         child_ticks="sometimes",
         unreached_reason="its condition is never true",
@@ -209,6 +210,14 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         every_tick=True,
         child_ticks="sometimes",
         unreached_reason="its condition is true from the start",
+    ),
+    "for": ModifierKind(
+        "halts the node after this time, and succeeds; an earlier end of the node counts",
+        "a duration",
+        "duration",
+        early_ends=frozenset({SUCCESS}),
+        early_end_text="is over",
+        child_ticks="sometimes",
     ),
     "timeout": ModifierKind(
         "fails, and halts the node, if it still runs after this time",

@@ -14,15 +14,15 @@ from missions.language.nodes import (
     FOR_EACH,
     MISSION,
     MODIFIERS,
+    RESTART,
+    SKIPPED,
     SUCCESS,
     SWITCHES,
+    WAIT_FOR,
     Ends,
 )
 from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel
 from missions.language.plan import UNREAD_KIND, Step
-
-PASS_SUCCESS_MODIFIERS = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
-"""Modifiers that succeed if their child does, except ``if``."""
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
@@ -33,17 +33,17 @@ def check_outcomes(context: CheckContext, tree: Step) -> None:
         kind = COMPOSITES.get(step.kind)
         if kind is not None and kind.order == "in order":
             _check_unreached(context, step, kind.passes)
-            if kind.passes == FAILURE:
-                _check_skipped_if(context, step)
         elif step.kind == "parallel":
             _check_counts(context, step)
         elif step.kind in MODIFIERS:
             _check_pointless(context, step, step.children[0])
+        elif step.kind == WAIT_FOR and FAILURE not in possible_ends(step.children[0]):
+            context.fault_at(step, f"'{WAIT_FOR}' has no effect here: '{step.children[0].name}' never fails")
 
 
 def _check_unreached(context: CheckContext, step: Step, passes: str) -> None:
     for child, after in zip(step.children, step.children[1:], strict=False):
-        if passes not in possible_ends(child):
+        if possible_ends(child).isdisjoint({passes, SKIPPED}):
             what = f"'{child.name}' (line {innermost_step(child).mark.line}) never {VERBS[passes]}"
             context.fault_at(innermost_step(after), f"'{after.name}' is never reached: {what}")
             return
@@ -73,31 +73,6 @@ def _check_counts(context: CheckContext, step: Step) -> None:
         context.fault_at(step, f"with '{WAIT_FOR_ALL}' it ends when all have, and {what}")
     elif decided.waits_for_all and not fail and decided.successes == len(below):
         context.fault_at(step, f"'{WAIT_FOR_ALL}' has no effect: none {of} can fail, so all are waited for anyway")
-
-
-def _check_skipped_if(context: CheckContext, step: Step) -> None:
-    """Report an ``if`` beside a child of a selector that is not the last one.
-
-    If the condition is false, the child counts as a success, so the later children are not tried.
-    """
-    for child in map(_first_changing_step, step.children[:-1]):
-        if child.kind == "if":
-            context.fault_at(
-                child,
-                f"'if' is not an 'else' in a {step.kind}: "
-                "a skipped node counts as success, so the others are not tried",
-                "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
-            )
-
-
-def _first_changing_step(step: Step) -> Step:
-    """Return ``step``, or the first step inside it whose success does not follow from the success of its child.
-
-    Modifiers that succeed whenever their child does are skipped.
-    """
-    while step.kind in PASS_SUCCESS_MODIFIERS:
-        step = step.children[0]
-    return step
 
 
 def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
@@ -160,7 +135,7 @@ def innermost_step(step: Step) -> Step:
 
 
 def possible_ends(step: Step) -> Ends:
-    """Return the results (success, failure) with which a step can end; empty if it never ends.
+    """Return the results (success, failure, skipped) with which a step can end; empty if it never ends.
 
     Any step can also be halted.
     """
@@ -175,6 +150,8 @@ def possible_ends(step: Step) -> Ends:
         return frozenset().union(*below) | (frozenset() if len(below) > len(step.cases) else {FAILURE})
     if step.kind == FOR_EACH:
         return _for_each_ends(step, below[0])
+    if step.kind == WAIT_FOR:
+        return below[0] - {FAILURE}
     return below[0] if step.kind == MISSION else _composite_ends(step, below)
 
 
@@ -187,8 +164,8 @@ def early_ends(step: Step) -> Ends:
 
 def _modifier_ends(step: Step, below: Ends) -> Ends:
     kind = MODIFIERS[step.kind]
-    ways = {SUCCESS: kind.success, FAILURE: kind.failure}
-    passed = (BOTH_ENDS & ways[end] for end in below if not (kind.without_limit(end) and _forever(step)))
+    ways = {SUCCESS: kind.success, FAILURE: kind.failure, SKIPPED: frozenset({SKIPPED})}
+    passed = (ways[end] - {RESTART} for end in below if not (kind.without_limit(end) and _forever(step)))
     return early_ends(step).union(*passed)
 
 
@@ -199,22 +176,30 @@ def _composite_ends(step: Step, below: list[Ends]) -> Ends:
         return _parallel_ends(step, below)
     passes = COMPOSITES[step.kind].passes
     if not passes:
-        return frozenset().union(*below)
+        return frozenset().union(*below) - {SKIPPED} | _skipped_with_all(below)
     return _all_or_one(below, passes, FAILURE if passes == SUCCESS else SUCCESS)
 
 
 def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
     """Return the possible results of a composite that ends with ``all_end`` if all its children do.
 
-    It ends with ``one_ends`` as soon as one child does. ``below`` are the possible results of each child.
+    It ends with ``one_ends`` as soon as one child does. ``below`` are the possible results of each child. Skipped
+    children do not count.
     """
     found = set()
     for each in below:
         if one_ends in each:
             found.add(one_ends)
-        if all_end not in each:
+        if each.isdisjoint({all_end, SKIPPED}):
             return frozenset(found)
-    return frozenset(found | {all_end})
+    if any(all_end in each for each in below):
+        found.add(all_end)
+    return frozenset(found) | _skipped_with_all(below)
+
+
+def _skipped_with_all(below: list[Ends]) -> Ends:
+    """Return the end SKIPPED if all children can have it, or else nothing."""
+    return frozenset({SKIPPED}) if all(SKIPPED in each for each in below) else frozenset()
 
 
 def _forever(step: Step) -> bool:
@@ -233,6 +218,10 @@ def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
     decided = decide_parallel(len(below), {word: value.constant for word, value in step.arguments.items()})
     if decided.waits_for_all and not all(below):
         return frozenset()
+    if any(SKIPPED in each for each in below):
+        if step.arguments:
+            return BOTH_ENDS | _skipped_with_all(below)
+        return _all_or_one(below, SUCCESS, FAILURE) | ({FAILURE} if fail else frozenset())
     found = {SUCCESS: succeed >= decided.successes, FAILURE: fail >= decided.failures}
     return frozenset(end for end, possible in found.items() if possible)
 
@@ -260,8 +249,8 @@ INSTANT_ACTIONS = frozenset(
 CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
 """Modifiers with which a node is not always ticked, or runs for at most one tick."""
 
-GUARD_MODIFIERS = frozenset({"if", "while", "until"})
-"""Modifiers with a condition that can end a node before the node starts."""
+GUARD_MODIFIERS = frozenset({"while", "until"})
+"""Modifiers with a condition that can end a node before it starts. ``once`` does not remember an end by ``if``."""
 
 RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
 """Modifiers that can be running while their child is not."""
@@ -301,7 +290,7 @@ def _find_running(step: Step) -> Step | None:
         return None if step.leaf.instant or step.kind in INSTANT_ACTIONS else step
     if step.kind in CONDITIONAL_MODIFIERS or step.kind in SWITCHES or not step.children:
         return None
-    if step.kind in RUNNING_MODIFIERS:
+    if step.kind in RUNNING_MODIFIERS or step.kind == WAIT_FOR:
         return step
     kind = COMPOSITES.get(step.kind)
     if step.kind in MODIFIERS or kind is None:
@@ -318,7 +307,7 @@ def _first_that_decides(children: Sequence[Step]) -> Step | None:
     """
     for child in children:
         cause = _find_running(child)
-        if cause is not None or possible_ends(child) != {SUCCESS}:
+        if cause is not None or possible_ends(child) - {SKIPPED} != {SUCCESS}:
             return cause
     return None
 

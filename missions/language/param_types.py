@@ -19,7 +19,7 @@ from missions.language.arguments import TEXT_KINDS, converter, default_value, re
 from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Convert, Value, format_value
 from missions.language.kinds import FLAG, TEXT, Kind, ListKind
-from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
+from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES, WAIT_FOR
 from missions.language.parallel_counts import COUNTS
 
 LIST_EXAMPLE = "such as [kitchen, hall]"
@@ -297,6 +297,9 @@ def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str |
 KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
 """Words that a node can contain, in addition to ``as`` and leaves: composites, modifiers, counts, name, with."""
 
+BRANCHES_WITH_KEYS = {*SWITCHES, FOR_EACH}
+"""Nodes whose value is a mapping with the nodes below at some of its keys."""
+
 Leaves = Named[str, type[Leaf]]
 
 
@@ -328,6 +331,14 @@ def _iter_setters(node: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] 
             yield from _iter_key_setters(node, key.text, value, leaves)
 
 
+def _branches(value: Mapping) -> Iterator[Node]:
+    """Yield the nodes below a switch or a ``for_each``."""
+    cases = value.get("cases")
+    if isinstance(cases, Mapping):
+        yield from (case for _, case in cases.entries)
+    yield from (node for node in (value.get("default"), value.get("do")) if node is not None)
+
+
 def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[tuple[str, type[Leaf] | None]]:
     """Yield the variables that the key ``word`` of a YAML node sets, and those that nodes below it set.
 
@@ -338,18 +349,13 @@ def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> 
         yield value.text, next((leaves[key.text] for key, _ in node.entries if key.text in leaves), None)
     elif isinstance(value, Mapping) and ((leaf is not None and leaf.open_ended) or _is_returns(node, word)):
         yield from ((name.text, None) for name, _ in value.entries)
-    elif word == FOR_EACH and isinstance(value, Mapping):
-        names = (value.get("as"), value.get("number"))
-        yield from ((name.text, None) for name in names if isinstance(name, Scalar))
-        do = value.get("do")
-        yield from () if do is None else _iter_setters(do, leaves)
-    elif word in SWITCHES and isinstance(value, Mapping):
-        cases = value.get("cases")
-        branches = [case for _, case in cases.entries] if isinstance(cases, Mapping) else []
-        for branch in (*branches, value.get("default")):
-            if branch is not None:
-                yield from _iter_setters(branch, leaves)
-    elif isinstance(value, Listing):
+    elif word in BRANCHES_WITH_KEYS and isinstance(value, Mapping):
+        if word == FOR_EACH:
+            names = (value.get("as"), value.get("number"))
+            yield from ((name.text, None) for name in names if isinstance(name, Scalar))
+        for branch in _branches(value):
+            yield from _iter_setters(branch, leaves)
+    elif isinstance(value, Listing) or word == WAIT_FOR:
         yield from _iter_setters(value, leaves)
     elif isinstance(value, Mapping) and leaf is None and word not in KNOWN_WORDS:
         # An unknown word: it may be a misspelt one that sets the variables below it.

@@ -18,7 +18,7 @@ from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import read_for_each
 from missions.language.mission_body import read_body, read_returns
 from missions.language.modifiers import outdent_hint, read_modifier
-from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
+from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES, WAIT_FOR
 from missions.language.parallel_counts import COUNTS, arguments_as_written, entries_as_written, read_counts, source_text
 from missions.language.param_types import Param, find_setters
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
@@ -341,12 +341,25 @@ def _read_by_kind(
         return read_switch(context, key, value, shown, read_step)
     if key.text == FOR_EACH:
         return read_for_each(context, key, value, shown, read_step)
+    if key.text == WAIT_FOR:
+        return _read_wait_for(context, key, value, shown)
     children = _read_children(context, key, value)
     if key.text != "parallel":
         return Step(key.text, shown, key.mark, context.source, children)
     counts = read_counts(context, beside, len(value.items) if isinstance(value, Listing) else 0)
     written = {word: text for word, text in entries_as_written(beside).items() if word in COUNTS}
     return Step(key.text, shown, key.mark, context.source, children, arguments=counts, arguments_as_written=written)
+
+
+def _read_wait_for(context: CheckContext, key: Scalar, value: Node | None, shown: str) -> Step | None:
+    """Return the step of a ``wait_for``; None without a behaviour to wait for."""
+    if value is None or (isinstance(value, Scalar) and value.value is None):
+        context.fault(
+            key.mark, f"'{WAIT_FOR}' needs a behaviour to tick until it succeeds", f"write {WAIT_FOR}: face_seen"
+        )
+        return None
+    child = read_step(context, value)
+    return Step(WAIT_FOR, shown, key.mark, context.source, (child,))
 
 
 def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:

@@ -16,7 +16,7 @@ from config.diagnostics import alternatives_text, did_you_mean, is_one_edit, key
 from drivers.api.kinds import ACTUATOR_KINDS
 
 SYNONYMS: Mapping[str, str] = {
-    "wait": "sleep pause sleep_for wait_for delay_for idle timer wait_seconds",
+    "wait": "sleep pause sleep_for delay_for idle timer wait_seconds",
     "drive: 1 m": "forward forwards move move_forward go_forward drive_forward drive_straight drive_distance "
     "drive_on_heading move_steps",
     "drive: -1 m": "back backward backwards move_back move_backward go_backward drive_backward back_up reverse",
@@ -56,7 +56,7 @@ SYNONYMS: Mapping[str, str] = {
     "mem_priority mem_selector",
     "reactive_sequence": "reactive_and",
     "reactive_selector": "reactive_or reactive_fallback reactive_priority priority",
-    "for_each": "foreach for each for_all map loop_over iterate for_in with_items",
+    "for_each": "foreach each for_all map loop_over iterate for_in with_items",
     "parallel": "simultaneously together concurrent concurrently at_once",
     "switch": "then else elif else_if otherwise case choose match select cond if_else if_then_else",
     "reactive_switch": "while_do_else",
@@ -66,7 +66,7 @@ SYNONYMS: Mapping[str, str] = {
     "repeat_until_failure",
     "retry": "retries attempts retry_until_successful retry_until_succesful retry_node tries max_attempts num_attempts "
     "num_failures",
-    "retry: forever": "wait_for retry_forever retry_until_success repeat_until_success failure_is_running",
+    "retry: forever": "retry_forever retry_until_success repeat_until_success failure_is_running",
     "if": "when only_if",
     "if: not (...)": "unless if_not not_if skip_if",
     "while": "as_long_as during eternal_guard guard",
@@ -98,12 +98,13 @@ used if it is the tag of an existing leaf. Behaviours that move are suggested on
 """
 
 PHRASE_SYNONYMS: Mapping[str, str] = {
-    "{succeed: , while: CONDITION}": "condition check check_condition script_condition check_blackboard_variable_value "
-    "check_blackboard_variable_exists check_blackboard "
-    "assert require verify",
-    "{sequence: [{succeed: , while: CONDITION}, BEHAVIOUR]}": "precondition",
-    "{succeed: , while: CONDITION, retry: forever}": "wait_until wait_for_condition wait_for_blackboard_variable "
-    "wait_for_blackboard_variable_value wait_template",
+    "{check: CONDITION}": "condition check_condition script_condition check_blackboard_variable_value "
+    "check_blackboard_variable_exists check_blackboard assert require verify",
+    "{sequence: [{check: CONDITION}, BEHAVIOUR]}": "precondition",
+    "{wait_until: CONDITION}": "wait_for_condition wait_for_blackboard_variable wait_for_blackboard_variable_value "
+    "wait_template",
+    "{wait_for: BEHAVIOUR}": "wait_for_success until_success",
+    "{BEHAVIOUR: , for: 10 s}": "run_for for_duration",
     "{parallel: [BEHAVIOUR, BEHAVIOUR], wait_for_all: true}": "parallel_all concurrence",
     "{reactive_switch: {on: EXPRESSION, cases: {VALUE: BEHAVIOUR}, default: BEHAVIOUR}}": "switch2 switch3 switch4 "
     "switch5 switch6",
@@ -127,7 +128,7 @@ EXPLAINED_SYNONYMS: Mapping[str, str] = {
 UNMATCHED_WORDS = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
     "speed_controller pipeline_sequence round_robin simple_parallel do_while do_until repeat_until until_fail "
-    "until_failure until_success probability_selector weighted_selector manual_selector status_to_blackboard "
+    "until_failure probability_selector weighted_selector manual_selector status_to_blackboard "
     "max_failures single_trigger pick_up_where_you_left_off"
 )
 """Words of other systems without an equivalent; the docs page lists the nearest form and the differences."""

@@ -12,6 +12,7 @@ EXAMPLE_VALUES: dict[str, object] = {
     "number": 1,
     "count": 3,
     "flag": True,
+    "condition": "battery.percent > 20",
     "value": 1,
     "outcomes": ["running", "success"],
     "object": "red ball",

@@ -5,7 +5,7 @@ from collections import Counter
 import pytest
 
 from config.diagnostics import InvalidFileError
-from missions.language.nodes import COMPOSITES, FOR_EACH, MODIFIERS, SWITCHES
+from missions.language.nodes import COMPOSITES, FOR_EACH, MODIFIERS, SWITCHES, WAIT_FOR
 from tests.conformance.harness import Case, all_cases, play, read_cases
 
 ALL = all_cases()
@@ -31,7 +31,7 @@ def test_every_title_stands_for_one_case() -> None:
     assert [title for title, count in Counter(map(str, ALL)).items() if count > 1] == []
 
 
-@pytest.mark.parametrize("word", [*COMPOSITES, *SWITCHES, FOR_EACH, *MODIFIERS])
+@pytest.mark.parametrize("word", [*COMPOSITES, *SWITCHES, FOR_EACH, WAIT_FOR, *MODIFIERS, "check"])
 def test_every_composite_and_modifier_has_its_cases(word: str) -> None:
     assert sum(word in {step.kind for step in case.plan().tree.walk()} for case in ALL if case.ticks) >= 3
 

@@ -308,12 +308,20 @@ UNITS = "(units: deg, rad)"
             "",
         ),
         (["- dance"], "dance", "unknown behaviour 'dance'", LIST_HINT),
-        # an if that is no else
+        # conditions without an expression, and what can never be waited for
+        (["- check:"], "check", "'check' needs 'condition': an expression that is true or false", ""),
+        (["- check: [n]"], "[", "'check' needs one value, not a list", ""),
         (
-            ["- selector:", "    - say: a", "      if: n > 1", "      timeout: 3 s", "    - say: b"],
-            "if",
-            "'if' is not an 'else' in a selector: a skipped node counts as success, so the others are not tried",
-            "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
+            ["- wait_for:"],
+            "wait_for",
+            "'wait_for' needs a behaviour to tick until it succeeds",
+            "write wait_for: face_seen",
+        ),
+        (
+            ["- wait_for: {wait: 1 s}"],
+            "wait_for",
+            "'wait_for' has no effect here: 'wait' never fails",
+            "",
         ),
         # what stands beside
         (["- sequence: [succeed]", "  as: it"], "it", "'sequence' has no result that 'as' could store", INDENT),

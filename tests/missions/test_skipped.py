@@ -54,15 +54,17 @@ def test_events_and_records_say_which_node_was_skipped(folder: Path, capsys: pyt
         ("{log: a, if: false}", SKIPPED),
         ("{log: a, if: true}", "success"),
         ("{log: a, if: false, timeout: 3 s, retry: 2}", SKIPPED),
-        ("{log: a, if: false, on_success: fail}", "failure"),
+        ("{log: a, if: false, on_success: fail}", SKIPPED),
+        ("{log: a, if: false, invert: true}", SKIPPED),
         ("{log: a, if: false, once: true}", SKIPPED),
         ("{pretend: [failure, success], if: true, retry: 2}", "success"),
-        ("{log: a, if: battery.percent < 50, repeat: 2}", "success"),
-        ("{sequence: [{log: a, if: false}]}", "success"),
+        ("{log: a, if: battery.percent < 50, repeat: 2}", SKIPPED),
+        ("{sequence: [{log: a, if: false}]}", SKIPPED),
+        ("{sequence: [{log: a, if: false}, {log: b}]}", "success"),
         ("{log: a, until: true}", "success"),
     ],
 )
-def test_modifiers_pass_it_on_and_composites_do_not(node: str, told: str) -> None:
+def test_a_parent_of_skipped_nodes_alone_is_skipped(node: str, told: str) -> None:
     text = f"mission: m\nparams: {{yes_: true}}\ntree: {node}\n"
     play = Play(check_plan(SourceText("m.yaml", text), LEAVES, {}), {"battery": {"percent": 20}})
     heard: list[Event] = []

@@ -430,10 +430,10 @@ def test_the_hint_for_a_recovery_node_does_what_nav2_says() -> None:
 
 IN_A_ROW = {
     "condition": ("S", "a"),
-    "check": ("S", "a"),
+    "check_condition": ("S", "a"),
     "assert": ("S", "a"),
     "require": ("S", "a"),
-    "wait_until": ("R", "a"),
+    "wait_template": ("R", "a"),
     "wait_for_condition": ("R", "a"),
 }
 """Words that stand before a step, and how that goes on while their condition is false: not at all, or not yet."""

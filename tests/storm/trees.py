@@ -58,6 +58,7 @@ COMPOSITES = (
     "random_selector",
 )
 MODIFIERS: Mapping[str, Draw] = {
+    "for": lambda it: _seconds(it, 0.3, 6.0),
     "timeout": lambda it: _seconds(it, 0.3, 6.0),
     "hold": lambda it: _seconds(it, 0.1, 0.5),
     "delay": lambda it: _seconds(it, 0.1, 1.0),

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
 from missions.language.modifiers import YES_NO_WORDS
-from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHER_PARENTS, SWITCHES
+from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHER_PARENTS, SWITCHES, WAIT_FOR
 from missions.language.parallel_counts import COUNTS
 from missions.language.steps import OWNER_OF_KEY
 from missions.library.catalogue import sentence, summary
@@ -112,7 +112,8 @@ def _composite_schemas(things: Things) -> dict[str, Schema]:
         word: {"description": f"{sentence(kind.help)} Fails where no case is.", **switch}
         for word, kind in SWITCHES.items()
     }
-    return {**lists, **switches, FOR_EACH: _for_each(), MISSION: mission}
+    wait_for = {"description": sentence(OTHER_PARENTS[WAIT_FOR].help), **NODE}
+    return {**lists, **switches, FOR_EACH: _for_each(), WAIT_FOR: wait_for, MISSION: mission}
 
 
 def _for_each() -> Schema:

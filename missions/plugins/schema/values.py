@@ -56,18 +56,19 @@ PHRASES: Schema = {
 }
 """Schema of the phrases that a leaf listens for."""
 
-_SPECIAL_KINDS: Mapping[str, Schema] = {
-    "phrases": PHRASES,
-    "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
-}
-"""Schemas for the kinds of arguments that have a form of their own, such as a list of phrases."""
-
 EXPRESSION: Schema = {
     "type": SCALAR,
     "pattern": r"\S",
     "errorMessage": "needs an expression, such as face.seen",
     "examples": ["face.seen", "battery.percent > 20"],
 }
+
+_SPECIAL_KINDS: Mapping[str, Schema] = {
+    "phrases": PHRASES,
+    "condition": EXPRESSION,
+    "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
+}
+"""Schemas for the kinds of arguments that have a form of their own, such as a list of phrases."""
 
 
 def quantity_schema(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:

@@ -8,7 +8,6 @@ from os.path import commonpath
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from missions.executive.events import plain_status
 from missions.library.shipped import MISSIONS_FOLDER
 from missions.plugins.testing.case_history import NodeRecord
 from missions.plugins.testing.case_verdict import CaseVerdict
@@ -39,7 +38,7 @@ class NodeCoverage:
     @property
     def missing_ends(self) -> list[str]:
         """Possible ends that were never observed."""
-        return sorted(self.ends - set(map(plain_status, self.statuses)))
+        return sorted(self.ends - set(self.statuses))
 
     @property
     def level(self) -> str:
@@ -52,7 +51,7 @@ class NodeCoverage:
         """Return a short text of the missing coverage; empty if it is complete."""
         if not self.was_ticked:
             return "never reached"
-        words = {"success": "succeeded", "failure": "failed"}
+        words = {"success": "succeeded", "failure": "failed", "skipped": "skipped"}
         return " or ".join(f"never {words[end]}" for end in self.missing_ends)
 
 

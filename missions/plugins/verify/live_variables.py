@@ -17,8 +17,10 @@ from missions.language.nodes import (
     MISSION,
     MODIFIERS,
     RESTART,
+    SKIPPED,
     SUCCESS,
     SWITCHES,
+    WAIT_FOR,
     CompositeKind,
 )
 from missions.language.plan import Step
@@ -34,6 +36,7 @@ class LiveAfter(NamedTuple):
 
     success: Names
     failure: Names
+    skipped: Names = NO_NAMES
 
 
 PASSIVE_MODIFIERS = frozenset(
@@ -74,14 +77,17 @@ class LivenessAnalysis:
         found, running = NO_NAMES, NO_NAMES
         if step.leaf is not None:
             found = running = reads | (live_after.success - _stored_names(step)) | live_after.failure
+        elif step.kind == WAIT_FOR:
+            found = running = children[0](live_after._replace(failure=again))
         elif step.kind == MISSION:
             results = names_read(step.returns.values())
-            children[0](LiveAfter(results, results))
-            running = (live_after.success - _stored_names(step)) | live_after.failure
+            children[0](LiveAfter(results, results, results))
+            running = (live_after.success - _stored_names(step)) | live_after.failure | live_after.skipped
             found = reads | running
         elif step.kind == FOR_EACH:
-            ended = live_after.success | live_after.failure
-            found = running = reads | ended | (children[0](LiveAfter(ended | again, ended)) - frozenset(step.binds))
+            ended = live_after.success | live_after.failure | live_after.skipped
+            after = LiveAfter(ended | again, ended, ended | again)
+            found = running = reads | ended | (children[0](after) - frozenset(step.binds))
         elif step.kind in SWITCHES:
             found = reads.union(live_after.failure, *(child(live_after) for child in children))
             running = found if SWITCHES[step.kind].reactive else NO_NAMES
@@ -90,7 +96,8 @@ class LivenessAnalysis:
             running = NO_NAMES if step.kind in PASSIVE_MODIFIERS else found
         else:
             # In a counting parallel, any end of a child may precede either end of the parallel.
-            ends = LiveAfter(*(live_after.success | live_after.failure,) * 2) if step.arguments else live_after
+            ended = live_after.success | live_after.failure
+            ends = LiveAfter(ended, ended, live_after.skipped) if step.arguments else live_after
             kind = COMPOSITES[step.kind]
             found = reads | _before_composite(kind, children, ends, again)
             running = found if kind.reactive else NO_NAMES
@@ -123,20 +130,26 @@ def _before_modifier(word: str, child: Child, live_after: LiveAfter, again: Name
     kind = MODIFIERS[word]
     known = {SUCCESS: live_after.success, FAILURE: live_after.failure, RESTART: again}
     success, failure = (NO_NAMES.union(*(known[way] for way in ways)) for ways in (kind.success, kind.failure))
-    skips = SUCCESS in kind.early_ends or kind.remembers  # it can succeed without an end of its child
-    return child(LiveAfter(success, failure)).union(live_after.failure, live_after.success if skips else NO_NAMES)
+    ends_early = SUCCESS in kind.early_ends or kind.remembers  # it can succeed without an end of its child
+    skips = SKIPPED in kind.early_ends
+    return child(LiveAfter(success, failure, live_after.skipped)).union(
+        live_after.failure,
+        live_after.success if ends_early else NO_NAMES,
+        live_after.skipped if skips else NO_NAMES,
+    )
 
 
 def _before_composite(kind: CompositeKind, children: tuple[Child, ...], live_after: LiveAfter, again: Names) -> Names:
     if kind.at_once:
         # A variable that a child stores before reading it is not live for that child, despite writes of others.
-        return NO_NAMES.union(*(child(live_after) for child in children))
+        around = live_after.success | live_after.failure | live_after.skipped
+        return NO_NAMES.union(*(child(live_after._replace(skipped=around)) for child in children))
     if kind.reactive or kind.order == "in any order":  # any child may follow any other
-        ends = live_after.success | live_after.failure | again
-        return ends.union(*(child(LiveAfter(ends, ends)) for child in children))
+        ends = live_after.success | live_after.failure | live_after.skipped | again
+        return ends.union(*(child(LiveAfter(ends, ends, ends)) for child in children))
     before = live_after.success if kind.passes == SUCCESS else live_after.failure
+    around = before | live_after.skipped
     for child in reversed(children):
-        before = child(
-            LiveAfter(before, live_after.failure) if kind.passes == SUCCESS else LiveAfter(live_after.success, before)
-        )
+        after = (before, live_after.failure) if kind.passes == SUCCESS else (live_after.success, before)
+        before = around = child(LiveAfter(*after, around))
     return before

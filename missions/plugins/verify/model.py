@@ -9,6 +9,7 @@ from typing import Any
 
 from py_trees.common import Status
 
+from behaviours.basics import Check, WaitUntil
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
@@ -87,6 +88,8 @@ def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: fro
     """
     if leaf.open_ended:
         return {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
+    if issubclass(leaf, Check | WaitUntil):
+        return {name: _nondet_value(value, oracle, True, False) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):
         relevant = {
             name: value

@@ -4,12 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from py_trees.common import Status
-
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import MAX_RETICK_INTERVAL, RepeatModifier, RetryModifier
+from missions.executive.parallel import Parallel
 from missions.executive.parent import Modifier
 from missions.plugins.verify.abstract_values import PLAIN_TYPES, UnboundedCount
 from missions.plugins.verify.stand_ins import StandIn
@@ -22,7 +21,10 @@ Rows = tuple[int, ...]
 A row has the node's status, as an index of STATUSES, and its relevant fields.
 """
 
-STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE)
+STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE, SUCCESS)
+
+SKIPPED_INDEX = 4
+"""Index in STATUSES of the status of a child of a parallel that was skipped."""
 
 
 class ZoneInstant(NamedTuple):
@@ -41,11 +43,12 @@ class NodeFields:
     """Fields of one node in a snapshot: their names, and their values at rest.
 
     ``resting_rows`` caches, by status index, the row numbers of a node without lasting fields. In most states, most
-    nodes have such a row.
+    nodes have such a row. ``is_counted`` is true for a child of a parallel, which counts its skipped children apart.
     """
 
     node: Node
     parent: int | None
+    is_counted: bool
     names: tuple[str, ...]
     at_rest: tuple[tuple[bool, object], ...]
     lasting: tuple[tuple[str, object], ...]
@@ -60,11 +63,12 @@ class NodeFields:
     @classmethod
     def of(cls, node: Node, parent: int | None) -> "NodeFields":
         """Return the fields of ``node``, with its present values as initial ones; ``parent`` is its parent's index."""
+        is_counted = isinstance(node.parent, Parallel)
         running, lasting = declared_state(type(node))
         names = tuple(name for name in sorted(running | lasting) if name != "result" or not _recomputes_result(node))
         at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
         lasts = tuple((name, getattr(node, name)) for name in names if name in lasting)
-        return cls(node, parent, names, at_rest, lasts)
+        return cls(node, parent, is_counted, names, at_rest, lasts)
 
 
 class Snapshots:
@@ -90,12 +94,11 @@ class Snapshots:
         running: list[bool] = []
         rows = []
         for part in self._parts:
-            status = part.node.status
-            runs = status is RUNNING
+            runs = part.node.status is RUNNING
             running.append(runs)
             # The end status of a node matters only while its parent runs.
             known = runs or part.parent is None or running[part.parent]
-            place = _status_index(status) if known else 0
+            place = _status_index(part) if known else 0
             if runs or not part.is_initial:
                 rows.append(self._row(part, place, instants, runs=runs))
                 continue
@@ -124,7 +127,8 @@ class Snapshots:
             named = dict(zip(names, row[1:], strict=True))
             instants = {name: value for name, value in named.items() if isinstance(value, ZoneInstant)}
             plain = {name: value for name, value in named.items() if name not in instants}
-            self._fields.append((plain | {"status": STATUSES[row[0]]}, instants))
+            status = {"status": STATUSES[row[0]], "is_skipped": row[0] == SKIPPED_INDEX}
+            self._fields.append((plain | status, instants))
         return number
 
     def restore(self, rows: Rows) -> None:
@@ -148,11 +152,14 @@ def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
     return running, lasting
 
 
-def _status_index(status: Status) -> int:
-    """Return the index of a status, by comparison: hashing an enum is slow."""
+def _status_index(part: NodeFields) -> int:
+    """Return the index of a node's status in STATUSES, by comparison: hashing an enum is slow."""
+    status = part.node.status
     if status is RUNNING:
         return 1
-    return 2 if status is SUCCESS else 3 if status is FAILURE else 0
+    if status is SUCCESS:
+        return SKIPPED_INDEX if part.is_counted and part.node.is_skipped else 2
+    return 3 if status is FAILURE else 0
 
 
 def _recomputes_result(node: Node) -> bool:

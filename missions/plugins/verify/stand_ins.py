@@ -8,8 +8,8 @@ from typing import ClassVar, NamedTuple
 
 from py_trees.common import Status
 
-from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
-from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
+from behaviours.basics import Check, Fail, Log, Pretend, Set, Succeed, Wait, WaitUntil
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Condition, Leaf
 from missions.language.plan import Step
 from missions.plugins.verify.abstract_values import UNKNOWN
 from missions.plugins.verify.choices import Oracle
@@ -111,6 +111,12 @@ class SetStandIn(StandIn):
         return SUCCESS
 
 
+class ConditionStandIn(StandIn):
+    """Stand-in for a leaf that evaluates a condition; its class has the ``update`` of the real leaf."""
+
+    condition: Condition
+
+
 class WaitStandIn(StandIn):
     """Stand-in for the leaf that waits: it ends at the first tick after its ``seconds``."""
 
@@ -153,6 +159,8 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
     }
     seconds = wait_seconds(step)
     kind = SetStandIn if issubclass(real, Set) else StandIn if seconds is None else WaitStandIn
+    if issubclass(real, Check | WaitUntil):
+        kind, declared = ConditionStandIn, declared | {"update": real.update}
     return type(
         f"{real.__name__}StandIn",
         (kind,),

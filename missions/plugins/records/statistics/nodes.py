@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from missions.executive.events import NodeChanged, plain_status
+from missions.executive.events import SKIPPED, NodeChanged, plain_status
 from missions.executive.tick_record import TickRecord
 from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
 from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel
@@ -29,6 +29,10 @@ ALWAYS_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.chil
 
 SOMETIMES_TICKING = frozenset(word for word, kind in MODIFIERS.items() if kind.child_ticks == "sometimes")
 """Modifiers (decorators) that, when ticked, either tick their node and return its status, or do not tick it."""
+
+
+ENDED = ("success", "failure", SKIPPED)
+"""Statuses of a node that has ended."""
 
 
 class _Node(NamedTuple):
@@ -52,7 +56,6 @@ class _Tally:
 
     def on_status(self, status: str, t: float) -> None:
         """Update the statistics for a new ``status`` of the node at time ``t`` (s)."""
-        status = plain_status(status)
         ran = self.status in ACTIVE
         if status in ACTIVE:
             self.since = self.since if ran else t
@@ -62,7 +65,7 @@ class _Tally:
 
     def end(self, status: str, seconds: float) -> None:
         """Count a run of the node that ended with ``status`` after ``seconds``."""
-        self.ends[status] += 1
+        self.ends[plain_status(status)] += 1
         self.durations.append(seconds)
 
     def figures(self, until: float) -> NodeFigures:
@@ -174,7 +177,7 @@ def _count_tick(tallies: Mapping[str, _Tally], touched: set[str], doubtful: Sequ
     for node in doubtful:
         key = node.place.key
         tally = tallies[key]
-        if key not in touched and tally.status in ("success", "failure") and _was_ticked_again(node, tallies, touched):
+        if key not in touched and tally.status in ENDED and _was_ticked_again(node, tallies, touched):
             tally.end(tally.status, 0.0)
             touched.add(key)
     for key in touched:
@@ -205,7 +208,6 @@ def _was_ticked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[s
         return False
     above = node.parent.place
     if above.kind in REACTIVE_COMPOSITES:
-        return all(
-            key in touched and tallies[key].status == REACTIVE_COMPOSITES[above.kind] for key in node.earlier_siblings
-        )
+        leads_on = (REACTIVE_COMPOSITES[above.kind], SKIPPED)
+        return all(key in touched and tallies[key].status in leads_on for key in node.earlier_siblings)
     return above.kind in ALWAYS_TICKING or tallies[above.key].status == tallies[node.place.key].status

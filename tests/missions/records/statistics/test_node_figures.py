@@ -100,6 +100,7 @@ def ticks_of(found: Mapping[str, NodeFigures]) -> dict[str, int]:
 MODIFIERS = [
     *("invert: true", "on_failure: succeed", "on_success: fail", "hold: 0.1 s", "once: true"),
     *("retry: 2", "repeat: 2", "timeout: 0.22 s", "delay: 0.1 s", "on_running: succeed", "on_running: fail"),
+    *("if: false", "for: 0.22 s"),
 ]
 COMPOSITES = ["sequence", "selector", "parallel", "race", "reactive_sequence", "reactive_selector", "random_sequence"]
 COUNTS = [["success_count: 1"], ["wait_for_all: true"], ["success_count: 1", "failure_count: all"]]
@@ -118,6 +119,9 @@ def trees() -> st.SearchStrategy[list[str]]:
     def looped(child: list[str]) -> list[str]:
         return ["for_each:", "  in: [1, 2]", "  as: m", "  do:", *(f"    {line}" for line in child)]
 
+    def awaited(child: list[str]) -> list[str]:
+        return ["wait_for:", *(f"  {line}" for line in child)]
+
     def modified(node: list[str], modifier: str) -> list[str]:
         name = modifier.partition(":")[0]
         return node if any(line.startswith(f"{name}:") for line in node) else [*node, modifier]
@@ -128,6 +132,7 @@ def trees() -> st.SearchStrategy[list[str]]:
             st.builds(composite, st.sampled_from(COMPOSITES), st.lists(inner, min_size=1, max_size=3))
             | st.builds(counted, st.lists(inner, min_size=2, max_size=3), st.sampled_from(COUNTS))
             | st.builds(looped, inner)
+            | st.builds(awaited, inner)
             | st.builds(modified, inner, st.sampled_from(MODIFIERS))
         ),
         max_leaves=8,
