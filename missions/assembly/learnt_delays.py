@@ -42,7 +42,7 @@ MAX_LAGS = {CAMERA: MAX_DELAY, BASE: lag.LAG_GRID[-1]}
 
 
 def delays_file(robot: str) -> Path:
-    """Return the file with the delays of a robot."""
+    """Return the file that stores the learnt delays of the robot with the name ``robot``."""
     return state_folder() / "lags" / f"{quote(robot, safe='')}.json"
 
 

@@ -13,8 +13,7 @@ from missions.library.plugins import find_command, load, plugins
 from missions.plugin import COMMAND_GROUPS, LOOK, RUN, SET_UP, CommandEntry
 
 OWN_PROCESS = "alone"
-"""Value of the root context's ``obj`` if the process runs only this command; the same as in `missions.control.holders`.
-"""
+"""Value of ``obj`` in click's root context if the process runs only this command; as in `missions.control.holders`."""
 
 
 def freeze_garbage_collector() -> None:

@@ -65,7 +65,7 @@ class TunableValue:
 
 
 class TunableValues:
-    """Tunable values of a robot by name, as in ``missions.library.tuning``. Not thread-safe."""
+    """Values of a robot that can be changed in a run, by names such as ``head.pan.trim``. Not thread-safe."""
 
     def __init__(self, robot: RobotConfig, devices: Mapping[str, Device]) -> None:
         self._file = "" if robot.path is None else str(robot.path.resolve())

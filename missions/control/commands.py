@@ -213,7 +213,10 @@ class DriveCommand(RunCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookCommand(RunCommand):
-    """Turn the head, under the conditions of `drive`, if the mission does not move the head."""
+    """Turn the head; refused while the mission moves it.
+
+    As for `drive`, the client must have control of the wheels, and the state of `stamp` must be at most 0.5 s old.
+    """
 
     word: ClassVar[str] = "look"
     n: CommandNumber

@@ -398,7 +398,7 @@ class ControlSocket:
                     self._selector.modify(client.connection, events, client)
 
     def _drain_waker(self) -> None:
-        """Empty the pipe by which other threads wake this one, and schedule a state message."""
+        """Empty the pipe by which other threads wake the control thread, and schedule a state message."""
         with suppress(OSError):
             while self._waker.recv(4096):
                 pass

@@ -16,7 +16,7 @@ WITHOUT_STOP = "MISSION_WITHOUT_STOP"
 
 
 OWN_PROCESS = "alone"
-"""Value of the root context's ``obj`` if the process runs only this command; the same as in `missions.cli.commands`."""
+"""Value of ``obj`` in click's root context if the process runs only this command; as in `missions.cli.commands`."""
 
 
 class NoStop(DriverError):

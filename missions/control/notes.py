@@ -69,9 +69,10 @@ def stamp_stop() -> str:
 
 
 def was_stopped_since(process: ProcessIdentity) -> bool:
-    """Return True if a stop came after ``process`` started, by the stamps in the run folders.
+    """Return True if a stop came after ``process`` started.
 
-    Damaged stamps, and stamps of other boots, are ignored.
+    Each stop writes its time into a stamp file in all run folders. Damaged stamps, and stamps of other boots, are
+    ignored.
     """
     stamps = call_all_with_timeout({place.folder: partial(_read_stamp, place) for place in run_folders()}).values()
     read = (stamp for stamp in stamps if not isinstance(stamp, OSError))
@@ -95,7 +96,10 @@ def _write_stamp(place: RunFolder, text: str) -> None:
 
 
 def _read_stamp(place: RunFolder) -> tuple[str, int | None]:
-    """Return boot id and clock tick of the last stop that is stamped in a folder; the tick is None without a stamp."""
+    """Return boot id and clock tick of the last stop, from the stamp file in a folder of runs.
+
+    The tick is None without a readable stamp file.
+    """
     try:
         values = parse_object(read_regular_text(place.folder / STAMP_FILE))
         return str(values["boot"]), int(values["ticks"])
@@ -124,10 +128,10 @@ POLL_INTERVAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class RobotHolder:
-    """A process that can move a robot, as its note describes it: a run, or a command such as teleop.
+    """A process that can move a robot, as its note file describes it: a run, or a command such as teleop.
 
     ``name`` is its mission or command, ``run`` the name of its run. ``identity`` is None if unknown; ``sockets`` are
-    the addresses of its control sockets, ``notes`` its note files.
+    the addresses of its control sockets, ``notes`` the paths of its note files.
     """
 
     process: int
@@ -178,7 +182,7 @@ class RobotHolder:
 
 
 class RunNotes:
-    """The notes of a run or a command, in all usable folders. Not thread-safe."""
+    """The note files that describe a run or a command to `mission stop`, one in each usable folder. Not thread-safe."""
 
     def __init__(self, run: str, name: str, robot: str, simulated: str, *, is_run: bool) -> None:
         self._run = run
@@ -196,9 +200,9 @@ class RunNotes:
         return [*self._files]
 
     def write(self, listening: Sequence[str] = (), seconds: float = FOLDER_TIMEOUT) -> None:
-        """Write the notes that are missing, or all of them if the addresses ``listening`` have changed.
+        """Write the note files that are missing, or all of them if the addresses ``listening`` have changed.
 
-        ``seconds`` is the timeout for each folder. Raises OSError if no note exists afterwards.
+        ``seconds`` is the timeout for each folder. Raises OSError if no note file exists afterwards.
         """
         self._folder_timeout = seconds
         changed = [*listening] != self._content["sockets"]
@@ -254,7 +258,7 @@ class RunNotes:
         return (found.st_dev, found.st_ino) == (own_stat.st_dev, own_stat.st_ino)
 
     def stop_requesters(self) -> list[str]:
-        """Return the names of the people who stopped this command; `mission stop` appends them to the note."""
+        """Return the names of the people who stopped this command; `mission stop` appends them to its note file."""
         found = list[str]()
         for path in self._files:
             with suppress(OSError):
@@ -262,7 +266,7 @@ class RunNotes:
         return list(dict.fromkeys(found))
 
     def close(self) -> None:
-        """Remove the notes."""
+        """Remove the note files."""
         while self._files:
             path = next(iter(self._files))
             with suppress(OSError):  # the folder is read-only now: the note has no lock
@@ -278,9 +282,9 @@ def _append_line(path: Path, line: str) -> None:
 
 
 def read_note(path: Path) -> RobotHolder | None:
-    """Return the process that a note describes; None if that process has ended, and then the note is removed.
+    """Return the process that a note file describes; None if the process has ended, and then the file is removed.
 
-    Raises OSError if the note cannot be read or parsed, or if it is unknown whether the process lives.
+    Raises OSError if the file cannot be read or parsed, or if it is unknown whether the process lives.
     """
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW), encoding="utf-8") as note:
@@ -309,7 +313,10 @@ def read_note(path: Path) -> RobotHolder | None:
 
 
 def _parse_note(data: Mapping[str, Any], path: Path, uid: int) -> tuple[RobotHolder, str]:
-    """Return the holder and the host name in a note. Raises ValueError, KeyError, TypeError, OverflowError."""
+    """Return the process that the content ``data`` of a note file describes, and the name of its computer.
+
+    Raises ValueError, KeyError, TypeError, OverflowError.
+    """
     process, identity = _pid_in(path), None
     if "process" in data:
         pid, start, boot, namespace = data["process"]
@@ -342,7 +349,7 @@ def _is_locked(note: IO[str]) -> bool:
 
 
 def _remove(path: Path) -> None:
-    """Remove the note of an ended process, if the folder belongs to this user."""
+    """Remove the note file of an ended process, if the folder belongs to this user."""
     if path.parent.stat().st_uid == os.geteuid():
         with suppress(OSError):  # it stays, and is checked again at the next search
             path.unlink(missing_ok=True)

@@ -110,7 +110,8 @@ class FoundProcess:
     def is_alive(self, peer: ProcessIdentity | None) -> bool:
         """Return True if the process still exists. Raises OSError if this is unknown.
 
-        ``peer`` is the process that listens at its socket; it is used if there is neither a note nor an abstract name.
+        ``peer`` is the process that listens at its socket; it is used if neither a note file nor an abstract socket was
+        found.
         """
         if self.abstract_name is not None and self.abstract_name.local_identity is not None:
             return self.abstract_name.local_identity.is_alive()
@@ -124,7 +125,8 @@ class FoundProcess:
     def terminate(self, peer: ProcessIdentity | None) -> None:
         """Send SIGTERM if the process still exists. Raises OSError if it is unknown which process it is.
 
-        ``peer`` is the process that listens at its socket; it is used if there is neither a note nor an abstract name.
+        ``peer`` is the process that listens at its socket; it is used if neither a note file nor an abstract socket was
+        found.
         """
         if self.abstract_name is not None and self.abstract_name.local_identity is not None:
             self.abstract_name.local_identity.terminate()
@@ -138,7 +140,7 @@ class FoundProcess:
             raise OSError("its process ID is unknown")
 
     def as_holder(self) -> RobotHolder:
-        """Return the description of a command as in its note, made from its abstract name if it has no note.
+        """Return the description of a command from its note file, or from the name of its abstract socket.
 
         Raises OSError if the process is unknown.
         """

@@ -64,7 +64,10 @@ def new_run_name() -> str:
 
 
 def _is_taken(run: str) -> bool:
-    """Return True if another run listens under this name: one in a container with the same folders and numbers."""
+    """Return True if another run listens under the name ``run``.
+
+    This can be a run in a container that shares the folders of this user and has the same process number.
+    """
     for place in run_folders():
         path = place.folder / f"{run}{SOCKET_SUFFIX}"
         try:

@@ -149,7 +149,10 @@ class StateFeed:
             self._update_pose()
 
     def update(self) -> None:
-        """Read the robot's state between ticks, while the mission is paused. For the tick thread, in simulated time."""
+        """Read the robot's state between ticks, while the mission is paused.
+
+        Called only in simulated time, on the thread that ticks.
+        """
         self._feed.poll_parts()
         self._update_pose()
 

@@ -18,7 +18,7 @@ STAMP_BITS = 53
 """Number of random bits in the stamp of a state message; JavaScript has no larger exact integers."""
 
 STAMP_LIFETIME = 10.0
-"""Seconds for which the time of issue of a stamp is remembered."""
+"""Seconds after which the stamp of a state message is forgotten, so that a command with it is refused."""
 
 MAX_KEPT_STAMPS = 1024
 
@@ -35,7 +35,7 @@ class StateStamps:
         self._issued: OrderedDict[int, float] = OrderedDict()
 
     def issue(self) -> int:
-        """Return the stamp for a state that is sent now."""
+        """Return a new random stamp for a state message that is sent now."""
         now = self._clock.now()
         while self._issued and (len(self._issued) >= MAX_KEPT_STAMPS or now - self._oldest > STAMP_LIFETIME):
             self._issued.popitem(last=False)
@@ -117,7 +117,7 @@ class WheelArbiter:
         return self._state_at + MAX_STATE_AGE if self._state is WheelState.MOVING else inf
 
     def stamp(self) -> int:
-        """Return the stamp for a state that is sent now."""
+        """Return a new random stamp for a state message that is sent now; commands of clients refer to it."""
         return self._stamps.issue()
 
     def check(self, now: float) -> None:

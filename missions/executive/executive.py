@@ -56,7 +56,7 @@ class VariableChanges:
         ]
 
     def emit(self) -> None:
-        """Report all changes if the stream has listeners."""
+        """Report all variables that have changed since the last call as events, if the stream has listeners."""
         if not self._stream.has_listeners:
             return
         time, tick = self._run.clock.now(), self._run.tick

@@ -15,7 +15,7 @@ from missions.language.plan import Step
 # Modifiers with times.
 
 MAX_RETICK_INTERVAL = 1.5
-"""Maximum seconds between two ticks of a ``timeout`` that count as successive; the slowest rate is 1 Hz."""
+"""Maximum seconds between two ticks of a ``timeout`` that count as successive; ticks are at most 1 s apart."""
 
 
 class ForModifier(Modifier):
@@ -264,7 +264,7 @@ class WaitFor(Modifier):
 
 
 class InvertModifier(Modifier):
-    """Exchanges success and failure; a failure because of a silent sensor stays a failure."""
+    """Exchanges success and failure; a failure because a sensor does not report stays a failure."""
 
     def conclude(self, status: Status) -> Status:
         if status is SUCCESS:

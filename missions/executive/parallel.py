@@ -141,7 +141,7 @@ class Race(Composite, composites.Parallel):
 def shared_suspension(members: Sequence[Node]) -> Suspension | None:
     """Return a suspension of one of the running ``members``, or None if none of them is suspended.
 
-    One whose sensor timeout has passed takes precedence.
+    A suspension whose sensor timeout has passed takes precedence.
     """
     found = [member.suspension for member in members if member.status is RUNNING and member.suspension is not None]
     return max(found, key=lambda suspension: suspension.timed_out, default=None)

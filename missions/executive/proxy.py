@@ -19,7 +19,7 @@ from drivers.errors import DriverError
 from missions.executive.tick_cache import PartCache, TickCache
 
 CommandValues = Mapping[str, object]
-"""Values of a command in an event."""
+"""Values of a command by name, as its event contains them, such as the speed of ``drive``."""
 
 CommandReport = Callable[[str, str, CommandValues], None]
 """Function that is called with each command of a leaf: name of the part, name of the leaf, values of the command."""

@@ -108,9 +108,10 @@ def _fresh_faces(robot: Robot, clock: Clock) -> list[Face]:
 
 
 def state_of(robot: Robot, clock: Clock, guard: BaseGuard | None = None) -> dict[str, PartValues]:
-    """Return the state of ``robot`` as ``missions.language.robot_state`` declares it.
+    """Return the state of ``robot`` by part, from which expressions such as ``battery.percent`` read.
 
-    The ``guard`` provides the battery levels.
+    The ``guard`` provides the battery levels ``low`` and ``critical``. The names are declared in
+    ``missions.language.robot_state``.
     """
 
     def report() -> BaseState | None:

@@ -79,7 +79,10 @@ class EventStream:
         return bool(self.listeners) or self._thread is not None
 
     def emit(self, event: Event) -> None:
-        """Queue an event for all listeners; does not block or raise. Ticks without other events are delayed."""
+        """Queue an event for all listeners; does not block or raise.
+
+        If nothing but ticks happens, the tick events are delivered late and together.
+        """
         if self._queue_event(event):
             if type(event) is Ticked and not self._has_node_changes and 0 <= event.t - self._woken_at < IDLE_TICK_DELAY:
                 return

@@ -45,7 +45,7 @@ def find_no_mission(name: str, beside: Path) -> Path:
 
 
 FLAG_WORDS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-"""Words of other languages for true and false."""
+"""Words that other systems use for true and false, each with the word that missions use."""
 
 
 _OTHER_SYNTAX = re.compile(
@@ -110,7 +110,10 @@ class CheckContext:
         return self.vocabulary.things
 
     def param_kinds_of(self, value: Value) -> Mapping[str, Kind]:
-        """Return the kinds of the params in the expression ``value``, without params that a step may change."""
+        """Return the kinds (static types) of the params in the expression ``value``, by name.
+
+        Params that a step of the mission may change are left out.
+        """
         names = () if value.template is None else {read.name for read in value.template.reads}
         known = (name for name in names if name in self.params and name not in self.variables)
         return {name: kind_of_value(self.params[name]) for name in known}
@@ -179,7 +182,7 @@ class CheckContext:
     ) -> Value:
         """Return the value of an expression after a check of the names in it; a constant if it reads only params.
 
-        ``label``, ``convert`` and ``wanted_kind`` are as in ``read_value``.
+        ``label`` begins an error message; ``convert`` converts the value; ``wanted_kind`` is the kind of the argument.
         """
         known = [self._check_name(node, read, label) for read in formula.reads]
         if not all(known):

@@ -144,7 +144,7 @@ def impossible_alternatives(tree: Step, robot: TargetRobot, things: Mapping[str,
 
 
 def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
-    """Yield, for each child of a selector except the last, the leaves that it ticks first."""
+    """Yield the leaves with which the alternatives of each selector start, except those of its last alternative."""
     for step in tree.walk():
         if step.kind == "selector":
             for child in step.children[:-1]:
@@ -152,7 +152,10 @@ def _first_leaves_of_alternatives(tree: Step) -> Iterator[Step]:
 
 
 def _first_leaves(step: Step) -> Iterator[Step]:
-    """Yield the leaves that are ticked when ``step`` starts, if a failure of one makes ``step`` fail."""
+    """Yield the leaves that are ticked first when ``step`` starts.
+
+    Leaves whose failure would not make ``step`` fail are left out.
+    """
     if step.leaf is not None:
         yield step
     elif step.kind in AT_ONCE or step.kind in MODIFIERS:

@@ -75,7 +75,10 @@ class UnsetAfter(NamedTuple):
 
 
 def add_event(event: str, unset: UnsetVariables | None) -> UnsetVariables | None:
-    """Return ``unset`` with ``event`` appended to its paths; None stays None (a place that is never reached)."""
+    """Return ``unset`` with ``event``, such as the failure of a step, appended to each of its paths.
+
+    None, for a place that is never reached, is returned as None.
+    """
     if unset is None or not unset.paths:
         return unset
     ways = {name: PathEvent(event, way, 1 if way is None else way.length + 1) for name, way in unset.paths.items()}
@@ -270,7 +273,8 @@ class _UnsetAnalysis:
     def follow_in_order(self, step: Step, unset: UnsetVariables, here: StepContext, *, passes: str) -> UnsetAfter:
         """Return the variables that may be unset after a composite that runs its children one after another.
 
-        ``passes`` is the end of a child after which the next child runs: success in a sequence, failure in a selector.
+        ``passes`` is the result of a child after which the next child runs: success in a sequence, failure in a
+        selector.
         """
         stops: list[UnsetVariables | None] = []
         passed: UnsetVariables | None = None  # on the paths on which a child has had the end ``passes``

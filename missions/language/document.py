@@ -140,7 +140,12 @@ def check_plan(
     complete: bool = False,
     robot: TargetRobot | None = None,
 ) -> Plan:
-    """Check the text of a mission. See ``load_plan``."""
+    """Check the text of a mission, and return its plan. Raises InvalidFileError with all errors.
+
+    ``leaves`` and ``things`` are the names that it can use; ``find_mission`` returns the file of a sub-mission.
+    ``params`` are texts of the caller; with ``complete``, a param without a value is an error. ``robot`` is the robot
+    to check for.
+    """
     words = Vocabulary(leaves, things, find_mission)
     return _check(source, words, (), params or {}, complete=complete, robot=robot)
 

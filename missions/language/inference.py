@@ -1,4 +1,4 @@
-"""Type inference of expressions: finds their kinds, and reports kinds that do not fit.
+"""Type inference of expressions: finds their kinds (static types), and reports kinds that do not fit.
 
 An error is a kind that does not fit its argument, or two operands of incompatible kinds.
 """
@@ -40,7 +40,10 @@ def ignore_report(node: ast.expr, message: str, hint: str) -> None:
 
 
 class TypeInference:
-    """Infers the kinds of expressions, given the kinds of variables; ``report`` is called with each type error."""
+    """Infers the kinds (static types) of expressions, given the ``kinds`` of variables.
+
+    ``report`` is called with each type error.
+    """
 
     def __init__(self, kinds: Mapping[str, Kind], report: Report = ignore_report) -> None:
         self._kinds = kinds
@@ -114,7 +117,10 @@ class TypeInference:
             return self._report_error(node, str(error), _fix_hint(left, right))
 
     def _require_numeric(self, node: ast.expr, kind: Kind) -> Kind:
-        """Return the kind of the operand ``node`` as a number; report an error for a text, a list or a record."""
+        """Return the kind (static type) of the operand ``node`` as a number.
+
+        Report an error for a text, a list or a record.
+        """
         if kind is None or kind == UNSETTLED or is_numeric(kind):
             return kind
         return NUMBER if kind == FLAG else self._report_error(node, f"cannot calculate with {describe_kind(kind)}")
@@ -149,7 +155,10 @@ class TypeInference:
         return join_kinds(one, other)
 
     def _common_kind(self, parts: list[ast.expr], rule: str) -> Kind:
-        """Return the common kind of all ``parts``; report an error with the text ``rule`` if two of them differ."""
+        """Return the kind (static type) that fits all ``parts``; report an error if two of them differ.
+
+        ``rule`` begins the text of the error.
+        """
         kinds = [self.kind(part) for part in parts]
         kind: Kind = UNSETTLED
         for part, other in zip(parts, kinds, strict=True):
@@ -188,7 +197,7 @@ def _fix_hint(left: Kind, right: Kind) -> str:
 
 
 def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
-    """Return the kind of ``value``, a constant or an expression, given the kinds of variables."""
+    """Return the kind (static type) of ``value``, a constant or an expression; ``kinds`` are those of variables."""
     match value.template:
         case None:
             return kind_of_value(value.constant)
@@ -225,7 +234,7 @@ class ExpressionLocation:
 def find_mismatches(
     formula: Template | Expression, where: ExpressionLocation, kinds: Mapping[str, Kind]
 ) -> list[Diagnostic]:
-    """Return the type errors of an expression or a template, given the kinds of variables."""
+    """Return the type errors of an expression or a template; ``kinds`` are the static types of variables."""
     faults: list[Diagnostic] = []
 
     def note(part: Expression, node: ast.expr, message: str, hint: str) -> None:
@@ -252,7 +261,7 @@ def find_mismatches(
 
 
 def _mismatch_alone(kind: Kind, wanted_kind: str) -> tuple[str, str] | None:
-    """Return error and hint for a value of ``kind`` in an argument of ``wanted_kind``; None if it fits."""
+    """Return error and hint if a value of ``kind`` (its static type) does not fit ``wanted_kind``, else None."""
     if wanted_kind in UNITS:
         if (
             (is_numeric(kind) and not _is_same_dimension(kind, wanted_kind))

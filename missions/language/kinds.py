@@ -142,9 +142,9 @@ class ListKind:
 
 @dataclass(frozen=True, slots=True)
 class RecordKind:
-    """Kind of a value with members: those of the class ``declared_type``, or ``members`` by name.
+    """Kind (static type) of a value with members: those of the class ``declared_type``, or ``members`` by name.
 
-    ``noun`` is its name in messages; ``other_kind`` is the kind of all other members.
+    ``noun`` is the kind's name in messages; ``other_kind`` is the kind of all other members.
     """
 
     noun: str
@@ -169,7 +169,7 @@ Kind = str | ListKind | RecordKind | None
 STATE_KINDS: Mapping[str, Mapping[str, Kind]] = {
     name: {member: value.kind for member, value in part.values.items()} for name, part in ROBOT_STATE.items()
 }
-"""Kinds of the robot's state: ``battery.percent``, ``face.seen``..."""
+"""Kinds (static types) of the robot's state by part and member, such as ``battery.percent``."""
 
 
 def is_numeric(kind: Kind) -> bool:

@@ -12,7 +12,8 @@ from drivers.api.fast_dataclass import dataclass
 SUCCESS, FAILURE, SKIPPED = "success", "failure", "skipped"
 
 RESTART = "again"
-"""Value in ``ModifierKind.success`` and ``failure``: the modifier restarts its child after this end."""
+"""Value in ``ModifierKind.success`` and ``failure``: after this result of its child, the modifier restarts the child.
+"""
 
 Ends = frozenset[str]
 BOTH_ENDS: Ends = frozenset({SUCCESS, FAILURE})
@@ -35,7 +36,7 @@ class ParentKind:
 class CompositeKind(ParentKind):
     """A kind of node with a list of children.
 
-    ``order`` is the order in which they are ticked. ``passes`` is the end of a child after which the other children
+    ``order`` is the order in which they are ticked. ``passes`` is the result of a child after which the other children
     still run: success in a sequence, failure in a selector, empty for a race. A ``reactive`` composite starts from the
     first child at every tick.
     """
@@ -61,13 +62,15 @@ class SwitchKind(ParentKind):
 class ModifierKind:
     """A kind of node around one child, written beside the child in a mission.
 
-    ``takes`` describes its value for people, and ``value`` is the type of the value; ``constants`` are all allowed
-    values if they are few. ``success`` and ``failure`` say what can follow that end of the child: an end of the
-    modifier, or ``RESTART``. ``early_ends`` are the ends of the modifier while its child has not ended (for
-    ``on_running``, its value selects one of them). ``early_end_text`` describes when this happens; empty if it needs an
-    earlier success. ``every_tick`` is true for a condition that is evaluated at each tick. ``child_ticks`` says whether
-    each tick of the modifier ticks the child: ``always``, ``sometimes``, or ``afresh`` (once the child has ended, only
-    after a restart). ``relevant_end`` is the end of the child without which the modifier has no effect.
+    - ``takes`` describes its value for people, and ``value`` is the type of the value; ``constants`` are all allowed
+      values if they are few.
+    - ``success`` and ``failure`` say what can follow that result of the child: one of the modifier, or ``RESTART``.
+    - ``early_ends`` are the results that the modifier can have while its child has none; for ``on_running``, its
+      value selects one of them. ``early_end_text`` describes when this happens; empty if it needs an earlier success.
+    - ``every_tick`` is true for a condition that is evaluated at each tick.
+    - ``child_ticks`` says whether each tick of the modifier ticks the child: ``always``, ``sometimes``, or ``afresh``
+      (once the child has a result, only after a restart).
+    - ``relevant_end`` is the result of the child without which the modifier has no effect.
     """
 
     help: str
@@ -85,16 +88,16 @@ class ModifierKind:
 
     @property
     def repeats(self) -> bool:
-        """True if it can start its child again after the child has ended."""
+        """True if the modifier can start its child again after the child has ended."""
         return RESTART in self.success | self.failure
 
     @property
     def remembers(self) -> bool:
-        """True if it returns an earlier result without ticking its child."""
+        """True if the modifier can return an earlier result without ticking its child."""
         return self.child_ticks == "afresh" and not self.repeats
 
     def without_limit(self, end: str) -> bool:
-        """Return True if it restarts its child after ``end`` for ever when its count is ``forever``."""
+        """Return True if, with the count ``forever``, the modifier restarts its child after each result ``end``."""
         return self.value == "count" and RESTART in (self.success if end == SUCCESS else self.failure)
 
 

@@ -1,4 +1,4 @@
-"""Possible ends of steps, to report unreachable steps and modifiers without effect."""
+"""Possible results (success, failure) of steps, to report unreachable steps and modifiers without effect."""
 
 from collections.abc import Sequence
 
@@ -97,13 +97,13 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
 
 
 def _waits(step: Step) -> bool:
-    """Return True if a leaf that ends at once can be suspended, as it or one of its arguments reads a sensor."""
+    """Return True if ``step`` is a leaf that may have to wait for a sensor, which it or one of its arguments reads."""
     reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
     return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE_KINDS for read in reads))
 
 
 def _order_hint(step: Step, child: Step, end: str) -> str:
-    """Return a hint to exchange two modifiers, if the inner one prevents the end that ``step`` reacts to.
+    """Return a hint to exchange two modifiers, if the inner one prevents the result ``end`` that ``step`` reacts to.
 
     Empty if that is not the cause.
     """

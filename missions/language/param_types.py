@@ -392,7 +392,7 @@ class Param:
 
     @property
     def required(self) -> bool:
-        """True if the caller must set it."""
+        """True if the caller must set the param, since it has no default."""
         return self.default is REQUIRED
 
     @property

@@ -1,4 +1,4 @@
-"""Kinds of the variables of a mission, and type errors in expressions with them."""
+"""Kinds (static types) of the variables of a mission, and type errors in expressions with them."""
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping
@@ -28,7 +28,7 @@ from missions.language.switches import impossible_cases
 Kinds = Mapping[str, Kind]
 
 MAX_ROUNDS = 8
-"""Maximum number of times that one step can change the kind of a variable during type inference."""
+"""Maximum number of times that one step can change the kind (static type) of a variable during type inference."""
 
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
@@ -81,7 +81,7 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
 
 
 def _names_read(what: object) -> set[str]:
-    """Return the variables that an expression reads, as their kinds determine the kind of its value."""
+    """Return the variables that the expression ``what`` reads; their kinds (static types) determine its kind."""
     value = what.args[0] if isinstance(what, partial) else what
     formula = value.template if isinstance(value, Value) else None
     return set() if formula is None else {read.name for read in formula.reads}
@@ -123,7 +123,7 @@ def _param_kinds(step: Step) -> Kinds:
 
 
 def _declared_kind(value: Value) -> Kind:
-    """Return the kind of a sub-mission's param from the value that it gets; None if unknown.
+    """Return the kind (static type) of a sub-mission's param from the value that it gets; None if unknown.
 
     If the value is an expression, it is the kind that the param declares.
     """

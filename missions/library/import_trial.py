@@ -134,7 +134,7 @@ def error_position(error: BaseException, path: str) -> tuple[int, int]:
 
 
 def main() -> None:
-    """Import the object that the arguments name, write the report, and end the process."""
+    """Import the object that the arguments name, write the problem found (or null) to a pipe, and end the process."""
     kind, value, number = sys.argv[1:]
     folder = Path.cwd()
     report: object = None

@@ -40,7 +40,7 @@ MISSION_NAME = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
 
 @cache
 def shipped_missions() -> dict[str, Path]:
-    """Return the files of MissionTree's missions by name; a name in a subfolder is "motions/square"."""
+    """Return the files of MissionTree's missions by name; names in a subfolder have the form "motions/square"."""
     return {
         str(path.relative_to(MISSIONS_FOLDER).with_suffix("")): path
         for path in mission_files(MISSIONS_FOLDER.rglob("*.yaml"))
@@ -55,8 +55,8 @@ def mission_files(files: Iterable[Path]) -> list[Path]:
 def find_mission(name: str, beside: Path = Path()) -> Path:
     """Return the file of a mission: one in the folder ``beside``, or a name of the library.
 
-    The suffix is optional. A library mission in a subfolder can be named without the folder if that is unique, and a
-    motion of the course by its number. Raises config.library.UnknownNameError with a suggestion.
+    The suffix is optional. A library mission in a subfolder can be named without the folder if that is unique, and an
+    exercise of the TurtleBot course by its number. Raises config.library.UnknownNameError with a suggestion.
     """
     for path in (beside / name, *(beside / f"{name}{suffix}" for suffix in SUFFIXES)):
         if path.suffix in SUFFIXES and is_file(path) and not wrong_kind_error("missions", path):

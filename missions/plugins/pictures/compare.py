@@ -143,7 +143,7 @@ def _longest_common(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iter
 
 
 def _subtree_facts(box: TreeBox) -> Hashable:
-    """Return the kind, facts and children of a node and its subtree; two subtrees are equal if these are."""
+    """Return what two subtrees must have in common to be equal: kinds, arguments and modifiers of all nodes."""
     return box.kind, tuple(_node_facts(box).items()), tuple(_subtree_facts(child) for child in box.children)
 
 
@@ -163,7 +163,7 @@ def _node_facts(box: TreeBox) -> dict[Fact, str]:
 
 
 def _differences(left: TreeBox, right: TreeBox) -> Iterator[str]:
-    """Yield the differences of two nodes themselves, one line each."""
+    """Yield the differences between two nodes, without those between their children, one line each."""
     old, new = _node_facts(left), _node_facts(right)
     if left.kind != right.kind:  # then the arguments have other meanings
         yield f"kind: {left.kind} -> {right.kind}"

@@ -122,7 +122,7 @@ class SvgCanvas:
         return ET.tostring(self._element, encoding="unicode") + "\n"
 
     def group(self, kind: str, x: int = 0, y: int = 0) -> "SvgCanvas":
-        """Return a group with its origin at ``x``, ``y``."""
+        """Add a group with the CSS class ``kind`` and its origin at ``x``, ``y``; return it as a canvas."""
         group = self._add("g")
         if kind:
             group.set("class", kind)
@@ -135,23 +135,23 @@ class SvgCanvas:
         self._add("title").text = _clean(text)
 
     def text(self, kind: str, text: str, x: int, y: int) -> None:
-        """Add ``text`` with its baseline at ``x``, ``y``; an empty text adds nothing."""
+        """Add ``text`` with the CSS class ``kind`` and its baseline at ``x``, ``y``; an empty text adds nothing."""
         if text:
             written = self._add("text", x=str(x), y=str(y))
             written.set("class", kind)
             written.text = _clean(text)
 
     def rect(self, kind: str, x: int, y: int, wide: int, high: int, *, radius: int = 8) -> None:
-        """Draw a rectangle with corners of the given radius."""
+        """Add a rectangle with the CSS class ``kind``; ``radius`` is that of its corners."""
         size = {"width": str(wide), "height": str(high), "rx": str(radius)}
         self._add("rect", x=str(x), y=str(y), **size).set("class", kind)
 
     def path(self, kind: str, path: str) -> None:
-        """Draw a path, in SVG notation."""
+        """Add a path in SVG notation, with the CSS class ``kind``."""
         self._add("path", d=path).set("class", kind)
 
     def disc(self, kind: str, x: int, y: int, radius: int) -> None:
-        """Draw a disc."""
+        """Add a disc with the CSS class ``kind``."""
         self._add("circle", cx=str(x), cy=str(y), r=str(radius)).set("class", kind)
 
     def _add(self, tag: str, **attributes: str) -> ET.Element:

@@ -87,7 +87,10 @@ class RunComparison:
 
 
 def compare_runs(one: RunRecord, other: RunRecord) -> RunComparison:
-    """Compare two runs. Raises IncomparableError for other missions or robots, InvalidRecordError."""
+    """Compare two runs. Raises IncomparableError if they are of different missions or robots.
+
+    Raises InvalidRecordError for an unreadable record.
+    """
     for field in ("mission", "robot"):
         names = getattr(one.header, field), getattr(other.header, field)
         if names[0] != names[1]:

@@ -151,7 +151,7 @@ _IMPORTABLE_MODULES = (
 
 
 class _Unpickler(pickle.Unpickler):
-    """Unpickler that imports only the allowed modules."""
+    """Unpickler that imports only drivers, perception and a few modules; other classes become ``OpaqueValue``."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module in _IMPORTABLE_MODULES or any(

@@ -25,7 +25,10 @@ MIN_OVERLAP = 0.5
 """Minimum intersection over union at which the boxes of two searches show the same object."""
 
 MIN_FOUND_SHARE = 0.5
-"""Minimum share of a track's pictures in which the other search must find it for the track to count as found."""
+"""Minimum share of the pictures of a track, found by one search, in which the other search must find it too.
+
+With less, the track counts as missed by the other search.
+"""
 
 
 @dataclass(slots=True)

@@ -141,7 +141,7 @@ class ReplayedVoice(ReplayedPart):
         )
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """Play nothing; return an utterance as ``say`` does."""
+        """Play nothing; return an utterance with the recorded duration, or an estimated one if there is none."""
         _, otherwise = non_default_manner(DEFAULT_STYLE, priority)
         return self._utterance(self._command("play", reply_none, str(path), otherwise), SOUND_DURATION)
 
@@ -348,7 +348,10 @@ class _Rerun:
         return self.result.difference is not None or bool(self.result.unanswered)
 
     def repeat_tick(self, tick_records: Sequence[TickRecord]) -> None:
-        """Repeat one tick with its recorded inputs, and compare the statuses; most ticks have one tick record."""
+        """Repeat one tick with its recorded inputs, and compare the statuses.
+
+        A tick usually has one tick record; checks of the base while the mission was paused add more.
+        """
         for moment in tick_records:
             self._clock.advance_to(moment.t)
             self._answers.begin_tick(moment.answers)

@@ -132,7 +132,7 @@ class RerunFiles:
         return self._code or [self._unpacked_path(name) for name in recorded]
 
     def _path_of(self, name: str) -> Path:
-        """Return the path to read a recorded file from: today's path, or the unpacked file."""
+        """Return the path to read a recorded file from: the original file if it still exists, else the unpacked one."""
         today = Path(self._header.paths.get(name, ""))
         return self._unpacked_path(name) if self._recorded or not is_file(today) else today
 

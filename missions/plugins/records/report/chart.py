@@ -21,7 +21,10 @@ VIEW_SIZE = 1000
 
 
 def round_numbers(low: float, high: float, count: int) -> list[float]:
-    """Return about ``count`` evenly spaced round numbers from ``low`` to ``high``; at least two if they differ."""
+    """Return about ``count`` evenly spaced round numbers from ``low`` to ``high``; at least two if these differ.
+
+    The distance between them is 1, 2 or 5 times a power of ten.
+    """
     span = high - low
     if span <= 0:
         return [low]
@@ -129,7 +132,7 @@ def route_markup(route: BaseRoute, radius: float, min_distance: float = 0.01) ->
 
 
 def _round_below(value: float) -> float:
-    """Return the largest round number up to ``value``."""
+    """Return the largest number up to ``value`` that is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** floor(log10(value))
     return max(each * power for each in GRID_STEPS if each * power <= value)
 

@@ -26,7 +26,7 @@ from missions.trees.value_text import seconds_text
 JOINT_TOPIC = "/state/arm"
 
 PHYSICS_OPTION = "--physics"
-"""Option that simulates the load of servos; without it, the loads that simulated servos report are invented."""
+"""Option that simulates the load of servos; without it, the loads in a simulated run have no meaning."""
 
 MAX_JOINTS = 100
 """Maximum number of joints read from a record: more than any robot has, but a damaged file may claim more."""

@@ -1,6 +1,7 @@
 """Positions of the report's time slider, and the data of its script.
 
-Every event has a position on the slider, counted from 0. So a tick is shown completely or not at all.
+Positions are counted from 0. All changes of one tick have the same position, so a tick is shown completely or not at
+all.
 """
 
 from bisect import bisect_left
