@@ -17,19 +17,26 @@ GIVEN_HINT = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 
 SCRIPT_HINT = "such as 'fails twice, then succeeds'"
 
 Eyes = Literal["pixels", "truth"]
-Result = Literal["success", "failure", "error", "interrupted"]
+Result = Literal["success", "failure", "error", "interrupted", "running"]
 Texts = str | tuple[str, ...]
 Count = Annotated[int, inside(low=0, wrong="how often '{}' has to start needs a whole number")]
 
 
 @keys
-class MockKeys:
-    """Keys of a mock of a leaf in a test file, if the mock has a result."""
+class MockTurnKeys:
+    """Keys of an entry of ``then``, if it has an outcome of its own."""
 
-    does: str = key(help="Outcomes of the mock.")
+    does: str = key(default="", help="Outcomes of the mock; `succeeds` if only a `result` is given.")
     result: object = key(
         default=None, help="Output: the value that `as` stores, the results of a mission, or a phrase."
     )
+
+
+@keys
+class MockKeys(MockTurnKeys):
+    """Keys of a mock of a leaf in a test file, if the mock has a result."""
+
+    then: object = key(default=None, help="Results of the later starts, one after another; the last one is repeated.")
 
 
 Script = Annotated[str, inside(wrong="what '{}' does instead is missing", hint=SCRIPT_HINT)]
@@ -51,7 +58,9 @@ class PoseKeys:
 class ExpectKeys:
     """Keys of the section ``expect`` of a test case."""
 
-    result: Result | None = key(default=None, help="Result of the run.")
+    result: Result | None = key(
+        default=None, help="Result of the run; `running` if it still goes on after the `timeout` of the case."
+    )
     reason: str | None = key(default=None, help="Text that the reason contains.")
     within: float | None = key("duration", default=None, low=0.0, help="Maximum duration.")
     after: float | None = key("duration", default=None, low=0.0, help="Minimum duration.")
@@ -113,9 +122,7 @@ class CommonKeys:
         help="Simulate the robot as a body with masses by MuJoCo; `mission test --physics` does so for all cases.",
     )
     seed: int = key(default=0, low=0, help="Random seed.")
-    timeout: float = key(
-        "duration", default=CASE_TIMEOUT, low=0.1, help="Simulated time after which the run has failed."
-    )
+    timeout: float = key("duration", default=CASE_TIMEOUT, low=0.1, help="Simulated time after which the run is ended.")
     given: tuple[Given, ...] = key(default=(), help="Mocks and faults.")
     expect: ExpectKeys | None = key(default=None, help="Expectations.")
 

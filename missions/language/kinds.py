@@ -22,8 +22,8 @@ from missions.language.robot_state import ROBOT_STATE
 
 def members_of(kind: type) -> list[str]:
     """Return the names of public fields and properties of a class."""
-    public = (name for name in dir(kind) if not name.startswith("_"))
-    return [name for name in public if not callable(getattr(kind, name, None))]
+    public = (name for name in {*dir(kind), *_hints(kind)} if not name.startswith("_"))
+    return sorted(name for name in public if not callable(getattr(kind, name, None)))
 
 
 def members_in(value: object) -> list[str]:

@@ -80,6 +80,12 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
     return kinds
 
 
+def return_kinds(step: Step) -> Kinds:
+    """Return the kinds of the results of a sub-mission by name."""
+    inner = variable_kinds(step.children[0], _param_kinds(step)) if step.returns else {}
+    return {name: kind_of_result(value, inner) for name, value in step.returns.items()}
+
+
 def _names_read(what: object) -> set[str]:
     """Return the variables that the expression ``what`` reads; their kinds (static types) determine its kind."""
     value = what.args[0] if isinstance(what, partial) else what
@@ -90,8 +96,7 @@ def _names_read(what: object) -> set[str]:
 def _setters(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], Kind]]]:
     """Yield the variables that a step sets, each with its value, its kind, or a function that returns the kind."""
     if step.kind == MISSION:
-        inner = variable_kinds(step.children[0], _param_kinds(step)) if step.returns else {}
-        results = {name: kind_of_result(value, inner) for name, value in step.returns.items()}
+        results = return_kinds(step)
         if step.output_variable is None:
             yield from results.items()
         else:

@@ -208,6 +208,10 @@ def test_each_world_of_the_docs_loads(block: Block) -> None:
 
 @pytest.mark.parametrize("block", of_kind("tests:"), ids=str)
 def test_each_test_file_of_the_docs_passes(block: Block, tmp_path: Path) -> None:
+    for mission in of_kind("mission:"):
+        if mission.page == block.page:
+            name = re.findall(r"^mission: (.*)", mission.text, re.MULTILINE)[0]
+            (tmp_path / f"{name}.yaml").write_text(mission.text, encoding="utf-8")
     file = tmp_path / "docs.test.yaml"
     file.write_text(block.text, encoding="utf-8")
     for case in load_suite(file):

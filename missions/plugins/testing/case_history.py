@@ -59,7 +59,7 @@ class CaseHistory:
     the last tick, ``pose`` is its final pose in the world frame, and ``joints`` the final arm angles (radians).
     ``said`` are the robot's utterances, ``heard_by`` those that each person heard, ``showed`` and ``moods`` the
     contents of its screen (an empty text if cleared), and ``notified`` its notices, in order. ``result`` and
-    ``returns`` are the mission's, after its end.
+    ``returns`` are the mission's, after its end; the result is "running" if the case's timeout has ended it.
     """
 
     events: list[Event] = field(default_factory=list)
@@ -149,7 +149,7 @@ class CaseHistory:
         if event.kind in MODIFIERS:  # modifiers have the name of their node
             return
         names = (event.kind, event.name)
-        if not ran and event.status != "idle":
+        if not ran and event.status not in ("idle", "skipped"):
             self._add_event(ObservedEvent(event.t, names, "starts", key=event.node))
         if event.status in END_VERBS:
             reason = event.reason if event.status == "failure" else ""

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from drivers.api import HeadPose, Pose2D, Velocity
 from drivers.api.joints import qualified_joint_name
@@ -45,6 +46,7 @@ class CaseRunner:
         self.violations: list[str] = []
         self._case = case
         self._limits = limits
+        self._timeout_reason = ""
 
     def run(self) -> Runner:
         """Run the test case to its end, and let the robot come to rest.
@@ -76,15 +78,23 @@ class CaseRunner:
             history.result = _result_from_events(history.events)
         if runner.stream.failed_listeners:  # a listener that raises gets no more events
             raise RuntimeError(f"some events were lost: {', '.join(runner.stream.failed_listeners)}")
+        self._mark_running()
         history.returns = _mission_returns(runner)
         history.heard_by = _heard_by_person(twins)
         self._come_to_rest(twins)
         return runner
 
     def _stop(self, runner: Runner) -> None:
-        late = f"still running after {self._case.timeout:g} s of simulated time"
-        self.violations.append(late)
-        runner.executive.stop(late)
+        self._timeout_reason = f"still running after {self._case.timeout:g} s of simulated time"
+        runner.executive.stop(self._timeout_reason)
+
+    def _mark_running(self) -> None:
+        """Set the result to "running" if the timeout has ended the run; a violation if the case expects no result."""
+        result, case = self.history.result, self._case
+        if result is not None and self._timeout_reason and result.reason == self._timeout_reason:
+            self.history.result = replace(result, result="running")
+            if all(each.key != "result" for each in case.expectations):
+                self.violations.append(self._timeout_reason)
 
     def _come_to_rest(self, twins: Twins) -> None:
         """Advance time until the robot is at rest; add a violation if it is not."""

@@ -1,20 +1,21 @@
 """Mocks: stand-ins for leaves, missions and composites that follow a script, independent of robot and world."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from missions.language.expressions import as_quantity
-from missions.language.kinds import member_dimensions
+from missions.language.kinds import RecordKind, kind_of_type
 from missions.language.nodes import MISSION, MODIFIERS
 from missions.language.plan import Step
+from missions.language.variables import return_kinds
+from missions.plugins.testing.mock_results import make_result
 from missions.plugins.testing.phrases import Phrase
-from perception.api import Box, Face
+from perception.api import Percept
 
 # Script of a mock in a test file: ``fails twice, then succeeds``, ``runs for 2 s, then fails``.
 #
@@ -41,6 +42,7 @@ class MockTurn:
     seconds: float = 0.0
     ticks: float = 0.0
     reason: str = ""
+    result: object = None
 
 
 Script = tuple[MockTurn, ...]
@@ -114,21 +116,13 @@ def _read_times(phrase: Phrase) -> int:
 WILDCARDS = frozenset("*?")
 """Wildcard characters in the target of a mock."""
 
-FACE_FIELDS = tuple(field.name for field in fields(Face) if field.name not in {"box", "stamp"})
-"""Fields of a mocked face that a test file can set; the others have default values."""
-
 
 @dataclass(frozen=True, slots=True)
 class MockSpec:
-    """A mock in a test file: its target (see ``matches_step``) and its script.
-
-    ``result`` holds the values that a mocked leaf stores with ``as`` or that a mocked mission returns, by name and in
-    SI units. For a leaf that listens it is the phrase heard. It is None if the file gives none.
-    """
+    """A mock in a test file: its target (see ``matches_step``) and its script."""
 
     target: str
     script: Script
-    result: Mapping[str, object] | str | None = None
 
 
 class TurnSequence:
@@ -150,16 +144,18 @@ class Mock(Leaf):
 
     _turns: TurnSequence
     _turn: MockTurn
-    _outcome: Callable[[], object]
+    _output: Callable[[object], object]
     _keeps_failed = False
     _ticks = 0
 
-    def set_script(self, turns: TurnSequence, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
-        """Set the script of the mock, and ``outcome``, the function that makes its result on success.
+    def set_script(
+        self, turns: TurnSequence, output: Callable[[object], object], *, keeps_failed: bool = False
+    ) -> None:
+        """Set the script, and the function that makes the output of a turn from its result.
 
-        With ``keeps_failed``, ``outcome`` is also called on failure.
+        It is called on success, and with ``keeps_failed`` also on failure.
         """
-        self._turns, self._outcome, self._keeps_failed = turns, outcome, keeps_failed
+        self._turns, self._output, self._keeps_failed = turns, output, keeps_failed
 
     def initialise(self) -> None:
         self._turn, self._ticks = self._turns.take(), 0
@@ -174,9 +170,9 @@ class Mock(Leaf):
         if turn.end == "failure":
             self.feedback_message = turn.reason
             if self._keeps_failed:
-                self._outcome()
+                self._output(turn.result)
             return FAILURE
-        self.result = self._outcome()
+        self.result = self._output(turn.result)
         return SUCCESS
 
 
@@ -207,48 +203,40 @@ class MockSubstitution:
         """Return the mock that replaces a step; without one, return ``leaf`` (None if the step is not a leaf)."""
         for spec, turns in self._mocks:
             if matches_step(spec.target, step):
-                return _mock_step(step, turns, spec.result) if leaf is None else _mock_leaf(leaf, turns, spec.result)
+                return _mock_step(step, turns) if leaf is None else _mock_leaf(leaf, turns)
         return leaf
 
 
-def _mock_leaf(leaf: Leaf, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
+def _mock_leaf(leaf: Leaf, turns: TurnSequence) -> Mock:
     # A class of its own, since the claims of a leaf are class attributes.
     own = {"tag": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "output_doc": leaf.output_doc,
            "arguments": leaf.arguments}  # fmt: skip
     mock_class: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
     mock: Mock = mock_class(leaf.name)
-    mock.set_script(turns, lambda: _make_result(mock, leaf, result))
+    kind = kind_of_type(leaf.output_type)
+    is_percept = isinstance(leaf.output_type, type) and issubclass(leaf.output_type, Percept)
+    without_result: object = {} if is_percept else None
+
+    def output(result: object) -> object:
+        return make_result(kind, without_result if result is None else result, mock.run.now())
+
+    mock.set_script(turns, output)
     return mock
 
 
-def _mock_step(step: Step, turns: TurnSequence, result: Mapping[str, object] | str | None) -> Mock:
+def _mock_step(step: Step, turns: TurnSequence) -> Mock:
     """Return a mock in place of a mission or a composite, and of all nodes below it."""
     mock_class: Any = type("MockTree", (Mock,), {"tag": step.kind, "drives": step.claims})
     mock: Mock = mock_class(step.name)
-    returned = result if isinstance(result, Mapping) else {}
+    kind = RecordKind("the results of a mission", members=return_kinds(step) if step.kind == MISSION else {})
 
-    def outcome() -> object:
-        results = {
-            name: _make_face(mock, value) if isinstance(value, dict) else value for name, value in returned.items()
-        }
+    def output(result: object) -> object:
+        made = make_result(kind, result, mock.run.now())
+        given = made if isinstance(made, dict) else {}
+        results = {name: value for name, value in given.items() if name in kind.members}
         mock.scope.update(results if step.output_variable is None else {step.output_variable: results})
         mock.run.variables_changed = True
         return results
 
-    mock.set_script(turns, outcome, keeps_failed=step.kind == MISSION)
+    mock.set_script(turns, output, keeps_failed=step.kind == MISSION)
     return mock
-
-
-def _make_result(mock: Mock, leaf: Leaf, result: Mapping[str, object] | str | None) -> object:
-    if isinstance(result, Mapping) and isinstance(leaf.output_type, type):
-        result = {
-            name: as_quantity(value, member_dimensions(leaf.output_type).get(name)) for name, value in result.items()
-        }
-    return result if leaf.output_type is not Face or isinstance(result, str) else _make_face(mock, result or {})
-
-
-def _make_face(mock: Mock, known: Mapping[str, object]) -> Face:
-    """Return a face seen now with the fields ``known``; its other fields have default values."""
-    made_up = {**dict.fromkeys(FACE_FIELDS, 0.0), "id": 1, "distance": 1.5, "name": ""}
-    values: dict[str, Any] = {**made_up, **known}
-    return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

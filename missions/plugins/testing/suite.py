@@ -1,31 +1,25 @@
 """Test files: ``greet.test.yaml`` beside ``greet.yaml`` names the mission under test, its cases and expectations."""
 
-import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from collections.abc import Mapping as Named
 from dataclasses import dataclass
 from pathlib import Path
 
-from behaviours.hearing import HearingLeaf
 from config.cases import GIVEN_HINT, CommonKeys, Eyes, JudgedSuiteKeys, SuiteKeys
-from config.diagnostics import InvalidFileError, Mark, SourceText, did_you_mean, suggest_from
+from config.diagnostics import InvalidFileError, Mark, SourceText, suggest_from
 from config.fields import Fields, read_fields
 from config.library import UnknownNameError
 from config.section_reader import KeyPath as Place
 from config.section_reader import read_keys
 from config.units import quoted_value, with_article
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
-from missions.language.arguments import default_value
-from missions.language.nodes import MODIFIERS
-from missions.language.phrases import step_phrases
-from missions.language.plan import Step
 from missions.library.shipped import TEST_SUFFIX, find_mission, shipped_missions
 from missions.plugins.testing.expectations import Expectation, read_expectations
 from missions.plugins.testing.fault_specs import RUN, FaultSpec, read_fault
-from missions.plugins.testing.mocks import FACE_FIELDS, MockSpec, matches_step, read_script
+from missions.plugins.testing.mock_reader import read_mock
+from missions.plugins.testing.mocks import MockSpec
 from missions.plugins.testing.phrases import Phrase
 from missions.plugins.testing.suite_context import CaseSetting, SuiteContext
-from perception.api import Face
 
 # What a case is given: leaves that are mocked, and what goes wrong with the robot.
 
@@ -40,7 +34,7 @@ def read_given(fields: Fields, setting: CaseSetting) -> tuple[tuple[MockSpec, ..
             continue
         if isinstance(node, Mapping) and len(node.entries) == 1:
             key, value = node.entries[0]
-            mocks.append(_read_mock(fields, key, value, setting))
+            mocks.append(read_mock(fields, key, value, setting))
         elif isinstance(node, Scalar):
             mishaps.append(_read_fault(fields, node, setting))
         else:
@@ -63,112 +57,6 @@ def _read_fault(fields: Fields, node: Scalar, setting: CaseSetting) -> FaultSpec
             message = f"the {mishap.part} of '{setting.config.name}' has no joint {quoted_value(mishap.detail)}"
             fields.add_error(node.mark, message, hint)
     return mishap
-
-
-def _read_mock(fields: Fields, key: Scalar, value: Node, setting: CaseSetting) -> MockSpec:
-    _check_target(fields, key, setting)
-    script, outcome, phrase = value, None, ""
-    if isinstance(value, Mapping):
-        long = Fields(fields.source, value, fields.diagnostics, subject="a mock")
-        script, result = value.get("does") or key, value.get("result")
-        if _is_listening_mock(key, setting):
-            phrase = "" if result is None else _read_phrase(long, result, key, setting)
-        elif result is not None:
-            outcome = Fields(fields.source, result, fields.diagnostics, subject="'result'")
-    if not isinstance(script, Scalar):
-        return MockSpec(key.text, ())
-    if (with_it := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
-        hint = f"write {key.text}: {{does: succeeds, result: {with_it[1]}}}"
-        fields.add_error(script.mark, "the script of a mock and its result are separate keys", hint)
-        return MockSpec(key.text, ())
-    turns = read_script(Phrase(fields.source, script, fields.diagnostics)) if script is not key else ()
-    return MockSpec(key.text, turns, phrase or None if outcome is None else _read_result(outcome, key, setting))
-
-
-def _is_listening_mock(key: Scalar, setting: CaseSetting) -> bool:
-    """Return whether a mock replaces a leaf that listens for phrases."""
-    return any(step.leaf is not None and issubclass(step.leaf, HearingLeaf) for step in _mocked_steps(key, setting))
-
-
-def _read_phrase(fields: Fields, node: Node, key: Scalar, setting: CaseSetting) -> str:
-    """Return the phrase that a mock hears: one of those for which the mission listens in the mocked step."""
-    text = node.text if isinstance(node, Scalar) else ""
-    if not text.strip():
-        fields.add_error(node.mark, "'result' needs a text")
-    known = [phrase for step in _mocked_steps(key, setting) for phrase in step_phrases(step).values()]
-    if text and text not in known:
-        hint = did_you_mean(text, known) or f"it listens for {', '.join(known)}"
-        fields.add_error(node.mark, f"'{key.text}' cannot hear {quoted_value(text)}", hint)
-    return text
-
-
-def _mocked_steps(key: Scalar, setting: CaseSetting) -> list[Step]:
-    return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if matches_step(key.text, step)]
-
-
-def _check_target(fields: Fields, key: Scalar, setting: CaseSetting) -> None:
-    """Add an error if nothing in the mission that can be mocked has this name."""
-    if setting.plan is None or _mocked_steps(key, setting):
-        return
-    steps = [step for step in setting.plan.tree.walk() if step.kind not in MODIFIERS]
-    known = {name for step in steps for name in (step.kind, step.name, step.text) if name and matches_step(name, step)}
-    message = f"mission '{setting.plan.mission}' has no behaviour {quoted_value(key.text)}"
-    hint = did_you_mean(key.text, known) or f"these can be mocked: {', '.join(sorted(known))}"
-    if setting.steps(key.text):
-        message = f"{quoted_value(key.text)} is not the name of one behaviour"
-        hint = f"give it a name of its own in the mission (name: ...), and mock it; {hint}"
-    fields.add_error(key.mark, message, hint)
-
-
-def _read_result(fields: Fields, key: Scalar, setting: CaseSetting) -> Named[str, object]:
-    """Return the values of a mock's result by name: fields of a face, or results of a mission."""
-    steps = _mocked_steps(key, setting)
-    if steps and all(step.leaf is None for step in steps):
-        return _read_returns(fields, key, {name for step in steps for name in step.returns})
-    if any(step.leaf is not None and step.leaf.output_type is Face for step in steps):
-        return _read_face(fields)
-    return {name.text: _read_value(fields, name, value) for name, value in fields.entries()}
-
-
-def _read_returns(fields: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
-    """Return the results of a mocked mission by name; a mapping as a value stands for a face."""
-    found: dict[str, object] = {}
-    for name, value in fields.entries():
-        if name.text not in returns:
-            hint = suggest_from(name.text, returns) or "it has no results"
-            fields.add_error(name.mark, f"'{key.text}' returns no {quoted_value(name.text)}", hint)
-        elif isinstance(value, Mapping):
-            found[name.text] = _read_face(Fields(fields.source, value, fields.diagnostics, subject="a face"))
-        else:
-            found[name.text] = _read_value(fields, name, value)
-    return found
-
-
-def _read_face(fields: Fields) -> dict[str, object]:
-    """Return the fields of a mocked face by name, such as its bearing; unknown fields are errors."""
-    found: dict[str, object] = {}
-    for name, value in fields.entries():
-        if name.text not in FACE_FIELDS:
-            fields.add_error(
-                name.mark, f"a face has no {quoted_value(name.text)}", suggest_from(name.text, FACE_FIELDS)
-            )
-        elif isinstance(value, Scalar) and name.text == "name":
-            found[name.text] = value.text
-        elif isinstance(value, Scalar) and (
-            not isinstance(default_value(value), int | float) or isinstance(value.value, bool)
-        ):
-            fields.add_error(value.mark, f"'{name.text}' of a face needs a number, got {quoted_value(value.text)}")
-        else:
-            found[name.text] = _read_value(fields, name, value)
-    return found
-
-
-def _read_value(fields: Fields, name: Scalar, value: Node) -> object:
-    """Return one value of a mock's result; a list or a mapping is an error."""
-    if isinstance(value, Scalar):
-        return default_value(value)
-    fields.add_error(value.mark, f"'{name.text}' needs one value")
-    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +132,7 @@ def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], 
     fields.diagnostics, fields.wrong_places = suite.diagnostics, wrong
     setting = context.read_setting(fields, keys)
     mocks, mishaps = read_given(fields, setting)
+    _check_time_limit(fields, keys)
     return Case(
         keys.case,
         suite.source,
@@ -261,6 +150,16 @@ def _read_case(suite: Fields, node: Node, keys: CommonKeys, wrong: list[Place], 
         mishaps,
         read_expectations(fields, keys.expect, setting.names),
     )
+
+
+def _check_time_limit(fields: Fields, keys: CommonKeys) -> None:
+    """Add an error if a case expects a mission that still runs, and does not say when the run is ended."""
+    expect = fields.node_of("expect")
+    result = expect.get("result") if isinstance(expect, Mapping) else None
+    is_endless = keys.expect is not None and keys.expect.result == "running"
+    if is_endless and result is not None and fields.node_of("timeout") is None:
+        hint = "write 'timeout: 30 s' beside 'expect'"
+        fields.add_error(result.mark, "'running' needs the time after which the run is ended", hint)
 
 
 def _merge_shared(top: Node) -> Node:

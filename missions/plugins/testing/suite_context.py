@@ -59,18 +59,20 @@ class CaseSetting:
             self.node_error, tuple(self.plan.returns) if self.plan is not None else (), joints, self.people
         )
 
+    @property
+    def nodes(self) -> list[Step]:
+        """Steps of the mission, without its modifiers."""
+        return [step for step in (() if self.plan is None else self.plan.tree.walk()) if step.kind not in MODIFIERS]
+
     def steps(self, name: str) -> list[Step]:
         """Return the steps of the mission that have ``name`` as their name or word, such as ``drive``; no modifiers."""
-        tree = () if self.plan is None else self.plan.tree.walk()
-        return [step for step in tree if name in (step.kind, step.name) and step.kind not in MODIFIERS]
+        return [step for step in self.nodes if name in (step.kind, step.name)]
 
     def node_error(self, name: str) -> str:
         """Return the error for a node name; empty if the mission has such a node."""
         if self.plan is None or self.steps(name):
             return ""
-        known = {
-            word for step in self.plan.tree.walk() if step.kind not in MODIFIERS for word in (step.kind, step.name)
-        }
+        known = {word for step in self.nodes for word in (step.kind, step.name)}
         return f"mission '{self.plan.mission}' has no {quoted_value(name)}; {suggest_from(name, known)}"
 
 

@@ -78,7 +78,7 @@ def test_missions_and_composites_are_mocked_as_a_whole(
     text = FETCH["fetch.test.yaml"].replace("found: 7", "fnd: 7").replace("bring it: fails", "sequence: fails")
     write(tmp_path, {"fetch.test.yaml": text})
     wrong = command(capsys, "test", "fetch.test.yaml").err
-    assert "'look' returns no 'fnd'" in wrong
+    assert "'result' has no 'fnd'" in wrong
     assert "'sequence' is not the name of one behaviour" in wrong
     assert "these can be mocked: bring it, drive, find_face, look, say, turn" in wrong
 

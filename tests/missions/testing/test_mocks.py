@@ -1,5 +1,7 @@
 """Mocks, ticked by hand: they follow their scripts, claim what they stand for, and keep what they are told to."""
 
+from dataclasses import replace
+
 import pytest
 from py_trees.common import Status
 
@@ -9,6 +11,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.sight import FindFace
 from config.diagnostics import Diagnostic, Mark, SourceText
 from config.yaml_nodes import Scalar
+from missions.language.expressions import Value
 from missions.language.plan import Step
 from missions.plugins.testing.mocks import MockSpec, MockSubstitution, matches_step, read_script
 from missions.plugins.testing.phrases import Phrase
@@ -25,7 +28,7 @@ def spec(target: str, text: str, result: dict[str, object] | None = None) -> Moc
     faults: list[Diagnostic] = []
     script = read_script(Phrase(SourceText("a", text), Scalar(Mark(), text, text), faults))
     assert not faults
-    return MockSpec(target, script, result)
+    return MockSpec(target, tuple(replace(turn, result=result) for turn in script))
 
 
 def step(leaf: type[Leaf], name: str = "") -> Step:
@@ -112,8 +115,9 @@ def test_what_another_mock_keeps_is_what_it_was_told(bench: LeafTestBench) -> No
 
 def test_a_mocked_mission_that_fails_hands_its_results_back_as_one_that_is_run(bench: LeafTestBench) -> None:
     for keep_as, kept in ((None, {"gone": 2.0}), ("way", {"way": {"gone": 2.0}})):
-        mission = Step("mission", "go", Mark(), SourceText("a", ""), text="go", output_variable=keep_as)
-        stand_in = MockSubstitution([spec("go", "fails", {"gone": 2.0})])(mission, None)
+        mission = Step("mission", "go", Mark(), SourceText("a", ""), (step(Wait),), text="go", output_variable=keep_as,
+                       returns={"gone": Value(1.0)})  # fmt: skip
+        stand_in = MockSubstitution([spec("go", "fails", {"gone": 2.0, "left": 3.0})])(mission, None)
         assert stand_in is not None
         leaf = bench.put(stand_in)
         leaf.scope.clear()

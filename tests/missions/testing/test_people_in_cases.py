@@ -89,7 +89,7 @@ def test_a_screen_that_is_only_wiped_has_shown_nothing(room: Path) -> None:
 @pytest.mark.parametrize(
     ("mock", "said"),
     [
-        ("succeeds with no", "write listen: {does: succeeds, result: no}"),
+        ("succeeds with no", "write listen: {result: no}"),
         ("{does: succeeds, result: nope}", "'listen' cannot hear 'nope'"),
         ("{does: succeeds, result: No}", "did you mean 'no'?"),
     ],

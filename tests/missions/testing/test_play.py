@@ -67,10 +67,36 @@ def test_a_verdict_shows_the_line_and_what_happened_last(tmp_path: Path) -> None
     assert any('says "Two"' in line for line in verdict.last_events)
 
 
-def test_a_run_that_goes_on_is_ended_by_its_timeout(tmp_path: Path) -> None:
-    verdict = played(tmp_path, WAITS, "given: [{wait: runs}], timeout: 5 s, expect: {result: interrupted}")
-    assert seen(verdict) == ["still running after 5 s of simulated time"]
+@pytest.mark.parametrize(
+    ("expect", "told"),
+    [
+        ("result: running", []),
+        ("result: running, ran: {wait: 1}, after: 5 s, within: 5.1 s, never_ran: say, base: stopped", []),
+        ("result: success", ["the result was running: still running after 5 s of simulated time"]),
+        ("result: interrupted", ["the result was running: still running after 5 s of simulated time"]),
+        ("ran: wait", ["still running after 5 s of simulated time"]),
+    ],
+)
+def test_run_without_an_end_is_ended_by_the_timeout_of_the_case(expect: str, told: list[str], tmp_path: Path) -> None:
+    mission = "mission: m\ntree: {sequence: [{wait: 1 s}, {say: Hello}]}\n"
+    verdict = played(tmp_path, mission, f"given: [{{wait: runs}}], timeout: 5 s, expect: {{{expect}}}")
+    assert seen(verdict) == told
+    assert verdict.result == "running"
     assert verdict.seconds == pytest.approx(5.0, abs=0.1)
+
+
+def test_run_that_ends_is_not_running(tmp_path: Path) -> None:
+    verdict = played(tmp_path, WAITS, "timeout: 5 s, expect: {result: running}")
+    assert seen(verdict) == ["the result was success"]
+    verdict = played(tmp_path, WAITS, "timeout: 1.5 s, expect: {ran: wait}")  # over while the robot comes to rest
+    assert seen(verdict) == []
+
+
+def test_a_base_that_drives_for_ever_is_brought_to_rest(tmp_path: Path) -> None:
+    mission = "mission: m\ntree: {drive: 10 cm, repeat: forever}\n"
+    expect = "{result: running, order: [base moves, drive succeeds, drive halts], base: stopped, faults: []}"
+    verdict = played(tmp_path, mission, f"timeout: 4 s, expect: {expect}")
+    assert seen(verdict) == []
 
 
 def test_the_same_case_is_the_same_run_and_another_seed_is_another(tmp_path: Path) -> None:
